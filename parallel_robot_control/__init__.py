@@ -1,0 +1,1 @@
+"""Control laws, the control cycle around them, and the controller node."""

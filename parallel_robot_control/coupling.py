@@ -1,0 +1,41 @@
+"""Synchronisation errors of joints that stand in a ring, eqs. (8)-(9), and sig(x)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_model.kernel import kernel
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def synchronisation_error(error: Array) -> Array:
+    """e_s,i = e_i - e_(i+1) around the ring, shape (n,); its unit is that of `error`."""
+    n = len(error)
+    result = np.empty(n)
+    for i in range(n):
+        result[i] = error[i] - error[(i + 1) % n]
+    return result
+
+
+@kernel
+def coupling(error: Array) -> Array:
+    """De_i = e_s,i - e_s,(i-1) = 2 e_i - e_(i-1) - e_(i+1), shape (n,)."""
+    n = len(error)
+    result = np.empty(n)
+    for i in range(n):
+        result[i] = 2.0 * error[i] - error[i - 1] - error[(i + 1) % n]
+    return result
+
+
+@kernel
+def sig(x: Array, exponent: float) -> Array:
+    """|x|^exponent sgn(x), element-wise, shape (n,)."""
+    result = np.empty(len(x))
+    for i in range(len(x)):
+        result[i] = math.copysign(abs(x[i]) ** exponent, x[i])
+    return result

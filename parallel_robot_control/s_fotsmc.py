@@ -1,0 +1,107 @@
+"""Synchronization Full-Order Terminal Sliding Mode Control (S-FOTSMC)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import coupling, sig
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains of Table 2."""
+
+    lambda_: Annotated[float, Field('1/s', 'weight of the synchronisation errors', 0.0)]
+    G: Annotated[float, Field('rad/s^3', 'bound of the rate of the lumped uncertainty', 0.0)]
+    g: Annotated[float, Field('rad/s^3', 'margin above the bound', 0.0)]
+    Gamma1: Annotated[float, Field('rad^(1-gamma1)/s^2', 'weight of the coupled error', 0.0)]
+    Gamma2: Annotated[float, Field('(rad/s)^(1-gamma2)/s', 'weight of its rate', 0.0)]
+    gamma1: Annotated[float, Field('', 'exponent of the coupled error', 0.0, 1.0)]
+    gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
+
+
+class Memory(NamedTuple):
+    """Integrals and the last sample of v, each shape (n,).
+
+    Attributes:
+        coupling: int De dt [rad s].
+        surface: int Gamma2 sig(e_c') + Gamma1 sig(e_c) dt [rad/s].
+        switching: tau_sw [rad/s^2].
+        v: The integral form of S at the last sample [rad/s].
+        started: 0 before the first update, then 1.
+    """
+
+    coupling: Array
+    surface: Array
+    switching: Array
+    v: Array
+    started: float
+
+
+def initial_memory(joints: int) -> Memory:
+    """All integrals zero; tau_sw(0) = 0."""
+    return Memory(np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(joints), 0.0)
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Memory,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle.
+
+        S   = e_c'' + w,   w = Gamma2 sig(e_c', gamma2) + Gamma1 sig(e_c, gamma1)
+        tau = M (thdd_d + M^-1 Q thd + lambda De' + w + tau_sw),   tau_sw' = (G + g) sgn(S)
+
+    S needs the acceleration, which no joint state carries; its integral v = e_c' + int w dt needs
+    velocities alone, and sgn(S_k) = sgn(v_k - v_(k-1)). The first update has no v before it and
+    takes S = 0. Integrals advance by forward Euler after the torque is computed.
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: See Memory.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s^2] as the difference quotient of v, new memory.
+
+    Source:
+        Doan, Le, Vo (2019), eqs. (12)-(17); Feng, Han, Yu (2014), Automatica 50(4), for sgn(S)
+        from velocities.
+    """
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    e_c = e + gains.lambda_ * memory.coupling
+    e_c_dot = e_dot + gains.lambda_ * coupling(e)
+    w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
+    v = e_c_dot + memory.surface
+    S = memory.started * (v - memory.v) / dt
+    acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + memory.switching
+    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    return ControlOutput(
+        torque,
+        S,
+        Memory(
+            memory.coupling + dt * coupling(e),
+            memory.surface + dt * w,
+            memory.switching + dt * (gains.G + gains.g) * np.sign(S),
+            v,
+            1.0,
+        ),
+    )

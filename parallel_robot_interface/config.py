@@ -1,0 +1,129 @@
+"""Configuration: every number of the suite, from ``config/``, as one flat dotted dictionary."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from parallel_robot_interface.errors import InputError, UnknownNameError
+from parallel_robot_interface.fields import build, parameters
+
+Group = TypeVar('Group', bound=tuple)  # type: ignore[type-arg]
+
+PACKAGE = 'parallel_robot'
+
+
+def directory() -> Path:
+    """Find ``config/``: beside the packages (source tree) or in a share folder (installed).
+
+    Raises:
+        InputError: the package is not installed completely.
+    """
+    here = Path(__file__).resolve()
+    candidates = [parent / 'share' / PACKAGE / 'config' for parent in here.parents]
+    candidates.insert(0, here.parents[1] / 'config')
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    candidates += [Path(prefix) / 'share' / PACKAGE / 'config' for prefix in prefixes if prefix]
+    for candidate in candidates:
+        if (candidate / 'defaults.yaml').is_file():
+            return candidate
+    raise InputError(f'the configuration of {PACKAGE} is not installed beside {here.parent}')
+
+
+def scenarios() -> list[str]:
+    """Names of the scenarios that exist."""
+    return sorted(path.stem for path in (directory() / 'scenarios').glob('*.yaml'))
+
+
+def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Merge defaults, a scenario and overrides.
+
+    Later wins: ``defaults.yaml``, ``robot.yaml``, ``laws/*.yaml``, the scenario's ``base``, the
+    scenario, `overrides`. A ``true_robot`` key that nobody sets equals its ``robot`` key.
+
+    Args:
+        scenario: Name of a file in ``config/scenarios``.
+        overrides: Dotted key to value.
+
+    Returns:
+        Every key of the suite with its value.
+
+    Raises:
+        UnknownNameError: no such scenario, or a key that the defaults do not have.
+    """
+    root = directory()
+    files = [root / 'defaults.yaml', root / 'robot.yaml', *sorted((root / 'laws').glob('*.yaml'))]
+    config: dict[str, Any] = {}
+    for path in files:
+        config.update(_flatten(_read(path)))
+    known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
+    chosen = [_scenario(scenario), {'scenario': scenario}, dict(overrides or {})]
+    for values in chosen:
+        for key in values:
+            if key not in known:
+                raise UnknownNameError('parameter', key, known)
+        config.update(values)
+    for key in [key for key in config if key.startswith('robot.')]:
+        config.setdefault(f'true_{key}', config[key])
+    return config
+
+
+def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
+    """Build one typed group, e.g. all keys ``friction.*``; prefix '' takes top-level keys."""
+    start = f'{prefix}.' if prefix else ''
+    if prefix:
+        values = {k.removeprefix(start): v for k, v in config.items() if k.startswith(start)}
+    else:
+        values = {p.key: config[p.key] for p in parameters(kind)}  # type: ignore[arg-type]
+    return build(kind, values, start)  # type: ignore[type-var]
+
+
+def parse_overrides(assignments: list[str]) -> dict[str, Any]:
+    """Read ``key=value`` words of a command line; values as in YAML.
+
+    Raises:
+        InputError: a word without '=' or with a value that YAML cannot read.
+    """
+    overrides = {}
+    for word in assignments:
+        key, equals, value = word.partition('=')
+        if not equals or not key:
+            raise InputError(f'--set takes KEY=VALUE, not {word!r}')
+        try:
+            overrides[key.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise InputError(f'--set {key}: {value!r} is not a YAML value') from None
+    return overrides
+
+
+def _scenario(name: str) -> dict[str, Any]:
+    path = directory() / 'scenarios' / f'{name}.yaml'
+    if name not in scenarios():
+        raise UnknownNameError('scenario', name, scenarios())
+    values = _flatten(_read(path))
+    base = values.pop('base', None)
+    return {**(_scenario(base) if base else {}), **values}
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text())
+    except yaml.YAMLError as error:
+        raise InputError(f'{path} is not valid YAML: {error}') from None
+    if not isinstance(content, dict):
+        raise InputError(f'{path} must hold keys and values')
+    return content
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            flat.update(_flatten(value, f'{prefix}{key}.'))
+        else:
+            flat[f'{prefix}{key}'] = value
+    return flat

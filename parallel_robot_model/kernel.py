@@ -1,0 +1,88 @@
+"""How numerical functions are compiled, and handed to one another."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba import types
+
+Function = TypeVar('Function', bound=Callable[..., Any])
+
+
+def _cache_directory() -> str:
+    """Directory for the machine code of exactly these sources.
+
+    Numba notices a change of the file of a kernel, but not of the kernels that it calls; a
+    directory named after all of them cannot hold stale code.
+    """
+    digest = hashlib.sha256()
+    packages = Path(__file__).resolve().parents[1]
+    for path in sorted(
+        [*packages.glob('parallel_robot_*/*.py'), *packages.glob('trajectory_gen/*.py')]
+    ):
+        content = path.read_bytes()
+        if b'@kernel' in content or b'@inlined' in content:
+            digest.update(content)
+    home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
+    for root in (Path(home), Path(tempfile.gettempdir())):
+        directory = root / 'parallel_robot' / digest.hexdigest()[:16]
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(directory, os.W_OK):
+            return str(directory)
+    return ''
+
+
+if not numba.config.CACHE_DIR:
+    numba.config.CACHE_DIR = _cache_directory()
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function with Numba, cached on disk.
+
+    ``fastmath`` stays off and division by zero gives inf as in IEEE 754: the same input gives the
+    same bits wherever a kernel is called from.
+    """
+    return cast(Function, numba.njit(cache=True, error_model='numpy')(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function that takes other kernels; it becomes part of the kernel that calls it."""
+    return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
+
+
+class FirstClass(types.WrapperAddressProtocol):  # type: ignore[misc]
+    """A kernel as a value: its machine code, by address, for kernels that take a function.
+
+    A kernel that takes one is compiled once for the signature, not again for every function, and
+    calls the very code that a direct call runs.
+    """
+
+    def __init__(self, function: Callable[..., Any], *example: Any) -> None:
+        """Compile `function` for the types of the `example` arguments."""
+        dispatcher = cast(Any, function)
+        arguments = tuple(numba.typeof(argument) for argument in example)
+        dispatcher.compile(arguments)
+        compiled = dispatcher.overloads[arguments]
+        self.function = function
+        self._signature = compiled.signature
+        self._address = int(
+            compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+        )
+        self._numba_type_ = types.FunctionType(self._signature)  # spares a search at every call
+
+    def __wrapper_address__(self) -> int:
+        """Address of the machine code (Numba's protocol)."""
+        return self._address
+
+    def signature(self) -> Any:
+        """Signature of the machine code (Numba's protocol)."""
+        return self._signature

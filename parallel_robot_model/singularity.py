@@ -1,0 +1,56 @@
+"""How far the robot is from its singularities."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import Legs, determinant, jacobian_x
+from parallel_robot_model.parameters import RobotParameters
+
+Array = NDArray[np.float64]
+
+
+class Singularity(NamedTuple):
+    """Distance measures, both without unit, both zero in the singularity.
+
+    Attributes:
+        type_1: Smallest |sin psi_i|: a leg stretched or folded.
+        leg: 0-based index of that leg.
+        type_2: |det Jx| / l3: the platform yields although all motors are locked.
+    """
+
+    type_1: float
+    leg: int
+    type_2: float
+
+
+@kernel
+def measures(robot: RobotParameters, phi: float, theta: Array, beta: Array) -> Singularity:
+    """Distance to both singularities.
+
+    Args:
+        robot: The robot.
+        phi: Platform angle [rad].
+        theta: Actuated angles [rad], shape (3,).
+        beta: Distal angles [rad], shape (3,).
+    """
+    smallest = np.inf
+    leg = 0
+    for i in range(3):
+        sine = abs(math.sin(beta[i] - theta[i]))
+        if sine < smallest:
+            smallest = sine
+            leg = i
+    type_2 = abs(determinant(jacobian_x(robot, phi, beta))) / robot.l3
+    return Singularity(smallest, leg, type_2)
+
+
+def condition_number(robot: RobotParameters, pose: Array, legs: Legs) -> float:
+    """Condition number of Jx with its angle column divided by l3, so that it has no unit."""
+    jacobian = jacobian_x(robot, float(pose[2]), legs.beta)
+    return float(np.linalg.cond(jacobian / np.array([1.0, 1.0, robot.l3])))

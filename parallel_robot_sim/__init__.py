@@ -1,0 +1,1 @@
+"""The simulated plant, the plant node, and the closed loop without ROS."""

@@ -1,0 +1,139 @@
+"""The closed loop without ROS: trajectory, law and plant in one compiled loop."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.cycle import run_cycle
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import FOUND
+from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_sim.friction import FrictionParameters
+from parallel_robot_sim.plant import PlantState, Stepping, measure, step
+from trajectory_gen.trajectory import Reference
+
+Array = NDArray[np.float64]
+
+
+class ClosedLoopRun(NamedTuple):
+    """Everything that happened, one row a state, each shape (N, 3) unless said otherwise.
+
+    Attributes:
+        pose: True pose [m, m, rad].
+        theta: Actuated angles [rad].
+        theta_dot: Actuated rates [rad/s].
+        psi: Passive angles [rad].
+        psi_dot: Passive rates [rad/s].
+        effort: Torque applied during the step that ended at the state [N m].
+        command: Torque computed from the state [N m].
+        sliding_variable: In the law's unit.
+        integral: int De dt before the state [rad s].
+        status: FOUND, or why the controller could not answer the last state.
+        steps: Number of rows that were computed; fewer than N when `status` is not FOUND or the
+            plant left its workspace.
+    """
+
+    pose: Array
+    theta: Array
+    theta_dot: Array
+    psi: Array
+    psi_dot: Array
+    effort: Array
+    command: Array
+    sliding_variable: Array
+    integral: Array
+    status: int
+    steps: int
+
+
+@kernel
+def run(
+    update: Any,
+    gains: Any,
+    memory: Any,
+    nominal: RobotParameters,
+    guess: Array,
+    reference: Reference,
+    plant: Stepping,
+    robot: RobotParameters,
+    friction: FrictionParameters,
+    state: PlantState,
+    period: float,
+) -> ClosedLoopRun:
+    """Run the loop over all samples of a reference.
+
+    Args:
+        update: The law, as FirstClass.
+        gains: Its gains.
+        memory: Its initial memory.
+        nominal: Robot as the controller believes it to be.
+        guess: First guess of the controller's forward kinematics, shape (3,).
+        reference: Desired motion, one sample a period.
+        plant: Integration and motors.
+        robot: True robot.
+        friction: Friction of the true robot.
+        state: State 0.
+        period: [s].
+
+    Returns:
+        The run.
+    """
+    count = len(reference.position)
+    pose = np.empty((count, 3))
+    theta = np.empty((count, 3))
+    theta_dot = np.empty((count, 3))
+    psi = np.empty((count, 3))
+    psi_dot = np.empty((count, 3))
+    effort = np.empty((count, 3))
+    command = np.empty((count, 3))
+    sliding_variable = np.empty((count, 3))
+    integrals = np.empty((count, 3))
+    integral = np.zeros(3)
+    status = FOUND
+    steps = count
+    for k in range(count):
+        measurement = measure(robot, state)
+        if not np.all(np.isfinite(measurement.theta_dot)):
+            steps = k
+            break
+        desired = JointReference(
+            reference.position[k], reference.velocity[k], reference.acceleration[k]
+        )
+        feedback = Feedback(measurement.theta, measurement.theta_dot)
+        integrals[k] = integral
+        cycle = run_cycle(
+            update, gains, nominal, desired, feedback, guess, integral, memory, period
+        )
+        pose[k] = state.pose
+        theta[k] = measurement.theta
+        theta_dot[k] = measurement.theta_dot
+        psi[k] = measurement.psi
+        psi_dot[k] = measurement.psi_dot
+        effort[k] = state.torque
+        command[k] = cycle.torque
+        sliding_variable[k] = cycle.sliding_variable
+        guess = cycle.pose
+        integral = cycle.integral
+        memory = cycle.memory
+        if cycle.status != FOUND:
+            status = cycle.status
+            steps = k + 1
+            break
+        state = step(plant, robot, friction, state, cycle.torque, period)
+    return ClosedLoopRun(
+        pose,
+        theta,
+        theta_dot,
+        psi,
+        psi_dot,
+        effort,
+        command,
+        sliding_variable,
+        integrals,
+        status,
+        steps,
+    )

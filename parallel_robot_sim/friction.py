@@ -1,0 +1,40 @@
+"""Viscous and Coulomb friction of the actuated joints."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.kernel import kernel
+
+Array = NDArray[np.float64]
+
+
+class FrictionParameters(NamedTuple):
+    """fr_i = viscous_i thd_i + coulomb_i sgn(thd_i).
+
+    Source:
+        Doan, Le, Vo (2019), section 4, with thd_2 for the misprinted thd_1 of the second joint.
+    """
+
+    viscous: Annotated[
+        tuple[float, float, float], Field('N m s/rad', 'viscous friction per joint', 0.0)
+    ]
+    coulomb: Annotated[tuple[float, float, float], Field('N m', 'dry friction per joint', 0.0)]
+    smoothing: Annotated[float, Field('rad/s', 'half width of a linear sgn; 0: exact', 0.0)]
+
+
+@kernel
+def friction_torque(friction: FrictionParameters, velocity: Array) -> Array:
+    """Torque against the motion [N m], shape (3,); `velocity` [rad/s], shape (3,)."""
+    torque = np.empty(3)
+    for i in range(3):
+        if friction.smoothing > 0.0:
+            sign = min(max(velocity[i] / friction.smoothing, -1.0), 1.0)
+        else:
+            sign = np.sign(velocity[i])
+        torque[i] = friction.viscous[i] * velocity[i] + friction.coulomb[i] * sign
+    return torque
