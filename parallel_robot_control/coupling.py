@@ -12,14 +12,9 @@ from parallel_robot_model.kernel import kernel
 Array = NDArray[np.float64]
 
 
-@kernel
 def synchronisation_error(error: Array) -> Array:
-    """e_s,i = e_i - e_(i+1) around the ring, shape (n,); its unit is that of `error`."""
-    n = len(error)
-    result = np.empty(n)
-    for i in range(n):
-        result[i] = error[i] - error[(i + 1) % n]
-    return result
+    """e_s,i = e_i - e_(i+1) around the ring, shape (..., n); its unit is that of `error`."""
+    return error - np.roll(error, -1, axis=-1)
 
 
 @kernel

@@ -1,8 +1,65 @@
 """The laws by name. A new law is one module and one line here, and one file in config/laws."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from parallel_robot_control import s_fotsmc
-from parallel_robot_control.contract import Law
+from parallel_robot_control.contract import Feedback, JointReference, Law
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import UnknownNameError
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import FirstClass
 
 LAWS: dict[str, Law] = {
     's_fotsmc': s_fotsmc,  # type: ignore[dict-item]
 }
+
+
+class PreparedLaw(NamedTuple):
+    """A law ready to run.
+
+    Attributes:
+        name: Key of LAWS.
+        gains: Its gains.
+        memory: Its memory before the first update.
+        update: Its compiled update.
+    """
+
+    name: str
+    gains: Any
+    memory: Any
+    update: FirstClass
+
+    @property
+    def coupling_gain(self) -> float:
+        """Lambda of the cross-coupling error [1/s]; 0 for a law without coupling."""
+        return float(getattr(self.gains, 'lambda_', 0.0))
+
+
+def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLaw:
+    """Take the gains of a law from a resolved configuration and compile the law.
+
+    Raises:
+        UnknownNameError: no such law.
+        InputError: a gain is wrong.
+    """
+    if name not in LAWS:
+        raise UnknownNameError('law', name, LAWS)
+    law = LAWS[name]
+    gains = config.group(values, law.Gains, name)
+    memory = law.initial_memory(joints)
+    row, matrix = np.zeros(joints), np.eye(joints)
+    update = FirstClass(
+        law.update,
+        gains,
+        Model(matrix, matrix),
+        JointReference(row, row, row),
+        Feedback(row, row),
+        memory,
+        1e-3,
+    )
+    return PreparedLaw(name, gains, memory, update)

@@ -7,6 +7,7 @@ zero, which the generated serialisers do not promise (they leave what was in mem
 
 from __future__ import annotations
 
+import functools
 import struct
 from collections.abc import Sequence
 from typing import Any
@@ -22,19 +23,18 @@ class Layout:
 
     Attributes:
         type_name: ROS name of the type, e.g. ``'sensor_msgs/msg/JointState'``.
-        dtype: The numbers that vary, at their offsets; ``itemsize`` is the message length.
-        stamped: Whether the message begins with a header, i.e. has ``sec`` and ``nanosec``.
     """
 
     def __init__(self, type_name: str) -> None:
         self.type_name = type_name
         self._bytes = bytearray(ENCAPSULATION)
+        self._constants = list(range(len(ENCAPSULATION)))
         self._fields: dict[str, tuple[str, int]] = {}
 
     def constant(self, code: str, value: int) -> Layout:
         """Append a number that never varies, e.g. the length of a sequence."""
         self._align(struct.calcsize(code))
-        self._bytes += struct.pack('<' + code, value)
+        self._append(struct.pack('<' + code, value))
         return self
 
     def number(self, name: str, code: str) -> Layout:
@@ -49,7 +49,7 @@ class Layout:
         """Append a string that never varies."""
         encoded = value.encode() + b'\0'
         self.constant('I', len(encoded))
-        self._bytes += encoded
+        self._append(encoded)
         return self
 
     def numbers(self, name: str, count: int) -> Layout:
@@ -76,10 +76,24 @@ class Layout:
             self.text(value)
         return self
 
+    def _append(self, constant: bytes) -> None:
+        self._constants += range(len(self._bytes), len(self._bytes) + len(constant))
+        self._bytes += constant
+
     def _align(self, size: int) -> None:
         self._bytes += bytes(-(len(self._bytes) - len(ENCAPSULATION)) % size)
 
-    @property
+    @functools.cached_property
+    def template(self) -> np.ndarray:
+        """Bytes of a message whose numbers are zero."""
+        return np.frombuffer(bytes(self._bytes), dtype=np.uint8)
+
+    @functools.cached_property
+    def constants(self) -> np.ndarray:
+        """Indices of the bytes that never vary, but for padding, whose content means nothing."""
+        return np.array(self._constants)
+
+    @functools.cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Structured type of one message; the constant bytes lie between its fields."""
         return np.dtype(
@@ -96,72 +110,76 @@ class Layout:
         """Whether the message carries a stamp."""
         return 'sec' in self._fields
 
-    def blank(self, count: int) -> np.ndarray:
-        """Make `count` records with every constant in place and every number zero."""
+    def records(self, count: int, stamps: Any = None, **values: Any) -> np.ndarray:
+        """Make messages, constants in place and numbers filled in.
+
+        Args:
+            count: Number of messages N.
+            stamps: Nanoseconds, a number or shape (N,); None for types without a stamp.
+            values: Field name to numbers, shape (n,) or (N, n); fields not named stay zero.
+
+        Returns:
+            Structured array, shape (N,); ``records[k].tobytes()`` is message k.
+        """
         raw = np.frombuffer(bytes(self._bytes) * count, dtype=np.uint8).copy()
+        records = raw.view(self.dtype)
+        if stamps is not None:
+            records['sec'], records['nanosec'] = divmod(stamps, NANOSECONDS)
+        for name, value in values.items():
+            records[name] = value
+        return records
+
+    def encode(self, stamp: int | None = None, **values: Any) -> bytes:
+        """Serialise one message."""
+        return self.records(1, stamp, **values).tobytes()
+
+    def decode(self, data: bytes) -> np.ndarray | None:
+        """Read one or more messages that lie end to end.
+
+        Args:
+            data: Serialised messages.
+
+        Returns:
+            Structured array, shape (N,); None when a fixed part (names, lengths) is not this
+            layout's.
+        """
+        raw = np.frombuffer(data, dtype=np.uint8)
+        if len(raw) % len(self._bytes):
+            return None
+        rows = raw.reshape(-1, len(self._bytes))
+        if not (rows[:, self.constants] == self.template[self.constants]).all():
+            return None
         return raw.view(self.dtype)
 
 
-def pack(records: np.ndarray, stamps: Any = None, **values: Any) -> np.ndarray:
-    """Fill records in place.
-
-    Args:
-        records: Shape (N,), from :meth:`Layout.blank`.
-        stamps: Nanoseconds, a number or shape (N,); None for types without a stamp.
-        values: Field name to numbers, shape (n,) or (N, n).
-
-    Returns:
-        The same records.
-    """
-    if stamps is not None:
-        records['sec'], records['nanosec'] = divmod(stamps, NANOSECONDS)
-    for name, value in values.items():
-        records[name] = value
-    return records
+def header_stamp(data: bytes) -> int:
+    """Stamp of a serialised message that begins with a header [ns]."""
+    sec, nanosec = struct.unpack_from('<iI', data, len(ENCAPSULATION))
+    return int(sec) * NANOSECONDS + int(nanosec)
 
 
-class Codec:
-    """Packs and unpacks single messages of one layout."""
-
-    def __init__(self, layout: Layout) -> None:
-        self.layout = layout
-        self._dtype = layout.dtype
-        self._record = layout.blank(1)
-        self._size = self._record.nbytes
-        self._constant = np.ones(self._size, dtype=bool)
-        for format_, offset in layout._fields.values():
-            self._constant[offset : offset + np.dtype(format_).itemsize] = False
-        self._constants = self._record.view(np.uint8)[self._constant].tobytes()
-
-    def encode(self, stamp: int | None = None, **values: Any) -> bytes:
-        """Serialise one message; `stamp` in nanoseconds."""
-        return pack(self._record, stamp, **values).tobytes()
-
-    def decode(self, data: bytes) -> np.void | None:
-        """Read one message; None when its fixed part (names, lengths) is not this layout's."""
-        if len(data) != self._size:
-            return None
-        raw = np.frombuffer(data, dtype=np.uint8)
-        if raw[self._constant].tobytes() != self._constants:
-            return None
-        record: np.void = raw.view(self._dtype)[0]
-        return record
+def stamps_of(records: np.ndarray) -> np.ndarray:
+    """Stamps of messages [ns], shape (N,), int64."""
+    return records['sec'].astype(np.int64) * NANOSECONDS + records['nanosec']
 
 
-def joint_state(joints: Sequence[str]) -> Layout:
-    """sensor_msgs/JointState with position, velocity and effort for every name."""
-    layout = Layout('sensor_msgs/msg/JointState').header().texts(joints)
-    return (
-        layout.numbers('position', len(joints))
-        .numbers('velocity', len(joints))
-        .numbers('effort', len(joints))
-    )
+def joint_state(
+    joints: Sequence[str],
+    fields: Sequence[str] = ('position', 'velocity', 'effort'),
+    frame: str = '',
+) -> Layout:
+    """sensor_msgs/JointState with one number for every name in each of `fields`, else empty."""
+    layout = Layout('sensor_msgs/msg/JointState').header(frame).texts(joints)
+    for name in ('position', 'velocity', 'effort'):
+        layout.numbers(name, len(joints) if name in fields else 0)
+    return layout
 
 
-def joint_trajectory(joints: Sequence[str]) -> Layout:
+def joint_trajectory(joints: Sequence[str], frame: str = '') -> Layout:
     """trajectory_msgs/JointTrajectory with one point, meant for its header's stamp."""
     count = len(joints)
-    layout = Layout('trajectory_msgs/msg/JointTrajectory').header().texts(joints).constant('I', 1)
+    layout = Layout('trajectory_msgs/msg/JointTrajectory').header(frame).texts(joints)
+    layout.constant('I', 1)
     layout.numbers('position', count).numbers('velocity', count).numbers('acceleration', count)
     return layout.numbers('effort', 0).constant('i', 0).constant('I', 0)
 

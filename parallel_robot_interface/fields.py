@@ -84,10 +84,10 @@ def check(name: str, kind: Any, field: Field, value: Any) -> Any:
     if get_origin(kind) is tuple:
         items = get_args(kind)
         length = None if items[-1] is Ellipsis else len(items)
-        wanted = f'a list of {length or "one or more"} {_noun(items[0])}s'
+        wanted = f'a list of {f"{length} " if length else ""}{_noun(items[0])}s'
         if isinstance(value, str) or not isinstance(value, Sequence):
             raise InputError(f'{name} must be {wanted}, not {value!r}')
-        if (length is None and not value) or (length is not None and len(value) != length):
+        if length is not None and len(value) != length:
             raise InputError(f'{name} must be {wanted}, not {len(value)}')
         return tuple(check(f'{name}[{i}]', items[0], field, item) for i, item in enumerate(value))
     if get_origin(kind) is Literal:

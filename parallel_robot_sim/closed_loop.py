@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.cycle import run_cycle
+from parallel_robot_control.controller import first_guess
+from parallel_robot_control.cycle import CYCLE_TEXT, run_cycle
+from parallel_robot_control.laws import PreparedLaw, prepare
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import InputError, RunError
+from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_interface.loop import validate as validate_loop
 from parallel_robot_model.kernel import kernel
 from parallel_robot_model.kinematics import FOUND
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.parameters import RobotParameters, validate
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantState, Stepping, measure, step
-from trajectory_gen.trajectory import Reference
+from parallel_robot_sim.simulator import Simulator
+from trajectory_gen import preflight
+from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
 
 Array = NDArray[np.float64]
 
@@ -137,3 +147,92 @@ def run(
         status,
         steps,
     )
+
+
+class Assembly(NamedTuple):
+    """The parts of a loop, checked.
+
+    Attributes:
+        loop: Period, joints and the like.
+        law: The law, compiled.
+        nominal: Robot as the controller believes it to be.
+        guess: First guess of the controller's forward kinematics, shape (3,).
+        trajectory: Desired motion.
+        simulator: True robot at its initial pose.
+    """
+
+    loop: LoopParameters
+    law: PreparedLaw
+    nominal: RobotParameters
+    guess: Array
+    trajectory: Trajectory
+    simulator: Simulator
+
+
+class Simulation(NamedTuple):
+    """A run with what it was made of.
+
+    Attributes:
+        loop: Period, joints and the like.
+        law: The law that ran.
+        reference: Desired motion, one row a state.
+        run: What happened.
+        loop_time: Time spent in the loop [s].
+    """
+
+    loop: LoopParameters
+    law: PreparedLaw
+    reference: Reference
+    run: ClosedLoopRun
+    loop_time: float
+
+
+def assemble(values: Mapping[str, Any]) -> Assembly:
+    """Build and check all parts of the loop of a resolved configuration.
+
+    Raises:
+        InputError: a value is wrong, the duration is zero, or the robot cannot do the motion.
+    """
+    loop = validate_loop(config.group(values, LoopParameters, ''))
+    if loop.samples is None:
+        raise InputError('duration must be positive: a run needs an end')
+    nominal = validate(config.group(values, RobotParameters, 'robot'))
+    law = prepare(loop.law, values)
+    simulator = Simulator(values)
+    trajectory = Trajectory.of(values)
+    limits = config.group(values, TrajectoryParameters, 'trajectory')
+    preflight.check(trajectory, limits, loop.period)
+    return Assembly(loop, law, nominal, np.array(first_guess(values)), trajectory, simulator)
+
+
+def simulate(values: Mapping[str, Any]) -> Simulation:
+    """Run the closed loop of a resolved configuration for its ``duration``.
+
+    Raises:
+        InputError: a value is wrong, the duration is zero, or the robot cannot do the motion.
+        RunError: the robot left its workspace, or the controller had no answer.
+    """
+    loop, law, nominal, guess, trajectory, simulator = assemble(values)
+    samples = loop.samples or 0
+    reference = trajectory.sample(np.arange(samples + 1) * loop.period)
+    begun = time.perf_counter()
+    result = run(
+        law.update,
+        law.gains,
+        law.memory,
+        nominal,
+        guess,
+        reference,
+        simulator.stepping,
+        simulator.robot,
+        simulator.friction,
+        simulator.state,
+        loop.period,
+    )
+    loop_time = time.perf_counter() - begun
+    last = (result.steps - 1) * loop.period
+    if result.status != FOUND:
+        raise RunError(f'stopped at t = {last:.3f} s: {CYCLE_TEXT[result.status]}')
+    if result.steps <= samples:
+        raise RunError(f'the robot was driven out of its workspace after t = {last:.3f} s')
+    return Simulation(loop, law, reference, result, loop_time)

@@ -1,0 +1,62 @@
+# One environment, .venv, with everything: ROS 2 from wheels, the suite, the tools of the tests.
+
+PYTHON ?= python3
+BIN := .venv/bin
+SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
+  launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py trajectory_gen/*.py))
+hash = $(firstword $(shell sha256sum $(1) | sha256sum))
+DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
+INSTALLED := .venv/installed-$(call hash,$(SOURCES))
+
+# Of a ROS that is installed, or of a Python that was started before: they would mix with .venv.
+unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+
+.PHONY: help setup demo test clean
+.DELETE_ON_ERROR:
+
+help: ## what can be made (this)
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
+
+setup: $(INSTALLED) ## create or update .venv; PYTHON=python3.12 chooses its Python
+	@echo 'Ready: $(BIN)/parallel_robot --help'
+
+demo: setup ## run the paper's circle in real time over ROS 2, then analyse it
+	@run=runs/demo_$$(date +%Y%m%d_%H%M%S) && \
+	$(BIN)/parallel_robot run paper_circle --law s_fotsmc --time-mode wall --duration 12 --out $$run && \
+	$(BIN)/parallel_robot analyze $$run
+
+test: setup ## check style, types and layers, then run the tests
+	$(BIN)/ruff check --quiet
+	$(BIN)/ruff format --quiet --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/python -m pytest -n 2
+
+clean: ## remove .venv and everything built; runs/ stays
+	@rm -rf .venv build install log *.egg-info .*_cache .hypothesis
+	@find . -name __pycache__ -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || \
+	{ echo 'error: "$(PYTHON)" is not a Python 3.10 to 3.13; name one: make PYTHON=python3.12' >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null || \
+	{ echo 'error: "$(PYTHON)" cannot make environments; on Debian: apt install python3-venv' >&2; exit 1; }
+	@echo "Creating .venv with $$($(PYTHON) --version) ..."
+	@$(PYTHON) -m venv --clear .venv
+
+$(DEPENDENCIES): | $(BIN)/python
+	@echo 'Installing dependencies (some minutes the first time) ...'
+	@rm -f .venv/dependencies-*
+	@$(BIN)/python -m pip install --quiet '.[ros,test]'
+	@touch $@
+
+$(INSTALLED): $(DEPENDENCIES)
+	@echo 'Installing parallel_robot and compiling its kernels ...'
+	@rm -rf .venv/installed-* build/lib build/bdist.*
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --force-reinstall .
+	@rm -rf build/lib build/bdist.* parallel_robot.egg-info
+	@warm=$$(mktemp -d) && trap 'rm -rf "$$warm"' EXIT && \
+	$(BIN)/parallel_robot simulate paper_circle --duration 0.1 --out "$$warm/run" > /dev/null
+	@touch $@

@@ -1,0 +1,74 @@
+"""The command ``analyze``: figures of merit and a picture of one bag."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_analysis import figures, metrics, run_log
+from parallel_robot_interface.errors import InputError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
+    parser.add_argument(
+        '--figure', type=Path, metavar='FILE', help='picture, default: BAG/run.png; png, pdf, svg'
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    log = run_log.read(arguments.bag)
+    poses = metrics.poses(log)
+    result = summarise(log, metrics.evaluate(log, poses))
+    directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
+    figure = arguments.figure or directory / 'run.png'
+    try:
+        if arguments.json:
+            arguments.json.write_text(json.dumps(result, indent=2) + '\n')
+        figures.draw_run(log, poses, figure)
+    except OSError as error:
+        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+    print(table(result))
+    print(f'bag     {arguments.bag}\nfigure  {figure}')
+    return 0
+
+
+def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[str, Any]:
+    """Figures of merit as plain data, for JSON."""
+    return {
+        'scenario': log.scenario,
+        'law': log.law,
+        'duration_s': figures_of_merit.duration_s,
+        'steady': figures_of_merit.steady._asdict(),
+        'torque': figures_of_merit.torque._asdict(),
+        'messages': {name: count._asdict() for name, count in log.messages.items()},
+    }
+
+
+def table(result: dict[str, Any]) -> str:
+    """Figures of merit as lines of text for people."""
+    steady, torque = result['steady'], result['torque']
+    rows = [
+        ('platform error, rms', steady['xy_rms_m'] * 1e6, 'um'),
+        ('platform error, max', steady['xy_max_m'] * 1e6, 'um'),
+        ('joint error, rms', steady['joint_rms_rad'] * 1e6, 'urad'),
+        ('synchronisation error, rms', steady['sync_rms_rad'] * 1e6, 'urad'),
+        ('torque, max (whole run)', torque['max_nm'], 'N m'),
+        ('torque, total variation', torque['total_variation_nm_per_s'], 'N m/s'),
+    ]
+    lines = [
+        f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s; '
+        'errors over the second half'
+    ]
+    lines += [f'  {name:<28}{value:>12.3f} {unit}' for name, value, unit in rows]
+    lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
+    lines += [
+        f'    {name:<32}{count["count"]:>8}{count["missing"]:>9}'
+        for name, count in result['messages'].items()
+    ]
+    return '\n'.join(lines)

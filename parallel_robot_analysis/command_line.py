@@ -1,0 +1,44 @@
+"""The command line ``parallel_robot``: one module a subcommand."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+
+from parallel_robot_analysis import analyze, run, simulate
+from parallel_robot_interface.errors import InputError, ParallelRobotError
+
+COMMANDS: dict[str, tuple[ModuleType, str]] = {
+    'run': (run, 'run the nodes in processes of their own and record them'),
+    'simulate': (simulate, 'run the same closed loop without ROS and record it'),
+    'analyze': (analyze, 'figures of merit and a picture of a bag'),
+}
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
+    """
+    parser = argparse.ArgumentParser(
+        prog='parallel_robot', description='Sliding-mode control of a 3-RRR parallel robot.'
+    )
+    subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    for name, (module, text) in COMMANDS.items():
+        module.add_arguments(subparsers.add_parser(name, help=text, description=text))
+    arguments = parser.parse_args(words)
+    try:
+        code: int = COMMANDS[arguments.command][0].execute(arguments)
+    except ParallelRobotError as error:
+        print(f'parallel_robot {arguments.command}: {error}', file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
+    except KeyboardInterrupt:
+        return 130
+    return code
+
+
+if __name__ == '__main__':
+    sys.exit(main())

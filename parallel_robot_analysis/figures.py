@@ -1,0 +1,61 @@
+"""Figures of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from parallel_robot_analysis.metrics import Poses
+from parallel_robot_analysis.run_log import RunLog
+
+REFERENCE = {'color': '0.6', 'linewidth': 2.5, 'label': 'reference'}
+COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
+
+
+def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
+    """Draw path, errors and torques of a run to a PNG or vector file.
+
+    Args:
+        log: The run.
+        pose: Its poses.
+        path: File to write; its suffix chooses the format.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 6.6), layout='constrained')
+    FigureCanvasAgg(figure)
+    figure.suptitle(f'{log.scenario}, {log.law}', fontweight='bold')
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
+
+    xy = figure.add_subplot(grid[:, 0])
+    xy.plot(*(1e3 * pose.reference[:, :2].T), **REFERENCE)
+    xy.plot(*(1e3 * pose.actual[:, :2].T), color=COLORS[0], linewidth=1.2, label='platform')
+    xy.plot(*(1e3 * pose.actual[0, :2]), 'o', color=COLORS[1], label='start')
+    xy.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
+    xy.margins(0.12)
+    xy.legend(loc='upper right')
+
+    error = 1e6 * np.abs((pose.actual - pose.reference)[:, :2])
+    distance = figure.add_subplot(grid[0, 1])
+    for axis, name, color in zip(error.T, 'xy', COLORS, strict=False):
+        distance.semilogy(log.time, np.maximum(axis, 1e-4), color=color, lw=0.8, label=name)
+    distance.set(ylabel='|error| [µm]', title='Platform error', ylim=(1e-3, None))
+
+    joints = figure.add_subplot(grid[1, 1], sharex=distance)
+    error = 1e6 * np.abs(log.reference_position - log.position)
+    for column, name, color in zip(error.T, log.joints, COLORS, strict=True):
+        joints.semilogy(log.time, np.maximum(column, 1e-4), color=color, lw=0.8, label=name)
+    joints.set(ylabel='|error| [µrad]', title='Joint errors', ylim=(1e-3, None))
+
+    torque = figure.add_subplot(grid[2, 1], sharex=distance)
+    for column, name, color in zip(log.effort.T, log.joints, COLORS, strict=True):
+        torque.plot(log.time, column, color=color, lw=0.8, label=name)
+    torque.set(xlabel='t [s]', ylabel='[N m]', title='Torques')
+
+    for axes in (distance, joints, torque):
+        axes.legend(loc='upper right', ncols=3, fontsize='small')
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=130)

@@ -1,0 +1,117 @@
+"""Node processes: started together, watched, stopped in order, never left behind."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from typing import IO, Any
+
+from parallel_robot_interface.errors import RunError
+
+MODULES = {
+    'trajectory': 'trajectory_gen.trajectory_node',
+    'plant': 'parallel_robot_sim.plant_node',
+    'controller': 'parallel_robot_control.controller_node',
+    'recorder': 'parallel_robot_analysis.recorder_node',
+}
+STOP_ORDER = ('controller', 'recorder', 'plant', 'trajectory')  # zero torque first
+GRACE = 10.0  # s, from SIGINT to SIGKILL
+PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
+
+
+class NodeProcesses:
+    """The processes of one run; use as a context manager."""
+
+    def __init__(self, parameters: Mapping[str, Mapping[str, Any]]) -> None:
+        """Prepare to start the nodes named by the keys, each with its parameters."""
+        self._parameters = parameters
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._logs: dict[str, IO[bytes]] = {}
+
+    def __enter__(self) -> NodeProcesses:
+        """Start all processes."""
+        environment = dict(os.environ)
+        environment.setdefault('AMENT_PREFIX_PATH', sys.prefix)
+        try:
+            for name, parameters in self._parameters.items():
+                self._logs[name] = tempfile.TemporaryFile()
+                command = [sys.executable, '-m', MODULES[name], '--ros-args']
+                for key, value in parameters.items():
+                    command += ['-p', f'{key}:={_as_yaml(value)}']
+                self._processes[name] = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=self._logs[name],
+                    stderr=subprocess.STDOUT,
+                    env=environment,
+                    start_new_session=True,
+                    preexec_fn=_die_with_parent,
+                )
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop all processes."""
+        self.stop()
+        for log in self._logs.values():
+            log.close()
+
+    def running(self, name: str) -> bool:
+        """Whether a process still runs."""
+        return self._processes[name].poll() is None
+
+    def check(self) -> None:
+        """Look after all processes.
+
+        Raises:
+            RunError: one has ended with an error, or although it should run on; with its reason.
+        """
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code is None or (code == 0 and name == 'recorder'):
+                continue
+            how = f'signal {signal.Signals(-code).name}' if code < 0 else f'exit code {code}'
+            reason = self._last_line(name)
+            raise RunError(f'{name} ended with {how}' + (f': {reason}' if reason else ''))
+
+    def stop(self) -> None:
+        """End all processes that still run, in order, waiting for each."""
+        for name in STOP_ORDER:
+            process = self._processes.get(name)
+            if process is None or process.poll() is not None:
+                continue
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(GRACE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def _last_line(self, name: str) -> str:
+        log = self._logs[name]
+        log.seek(0)
+        lines = [line.strip() for line in log.read().decode(errors='replace').splitlines()]
+        return next((line for line in reversed(lines) if line), '')
+
+
+def _die_with_parent() -> None:
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _as_yaml(value: Any) -> str:
+    """A value as the YAML that ``-p key:=value`` takes, e.g. floats always with a point."""
+    if isinstance(value, (list, tuple)):
+        return '[' + ', '.join(_as_yaml(item) for item in value) + ']'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        text = repr(value)
+        return text if any(mark in text for mark in '.ni') else text.replace('e', '.0e')
+    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -1,0 +1,153 @@
+"""The recorder without ROS: messages come in from any thread, one thread writes the bag."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_analysis.experiment import describe
+from parallel_robot_interface.cdr import header_stamp
+from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_interface.topics import JOINT_STATES, RECORDED, Topic
+
+DRAIN = 0.05  # s, between two rounds of writing
+STRAGGLERS = 2.0  # s, how long a finished motion waits for messages that are still missing
+UNSTAMPED = ('std_msgs/msg/Float64MultiArray', 'std_msgs/msg/String')
+
+
+class Recorder:
+    """Writes what it is given, from the start stamp to the end of the motion.
+
+    In lockstep the log time is the time of the simulation: the stamp of a message, or for types
+    without one the stamp of the state that the k-th message answers. In wall time it is the time
+    of reception.
+
+    Attributes:
+        received: Messages taken, by topic.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        loop: LoopParameters,
+        values: Mapping[str, Any],
+        failed: Callable[[Exception], None],
+    ) -> None:
+        """Prepare; the bag is created by :meth:`open`.
+
+        Args:
+            directory: Where the bag will be.
+            loop: Period, duration, mode.
+            values: The resolved configuration, for the bag's metadata.
+            failed: Called with the error when the bag cannot be written any more.
+        """
+        self._directory = directory
+        self._loop = loop
+        self._values = values
+        self._failed = failed
+        self._start = 0
+        self._end: int | None = None
+        self._over = False  # whether the last state of the motion is here
+        self._last_heard = time.monotonic()
+        self._early: list[tuple[Topic, bytes]] = []  # latched messages from before the start
+        self._queue: queue.SimpleQueue[tuple[Topic, int, bytes]] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._writer: BagWriter | None = None
+        self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
+        self.received: Counter[Topic] = Counter()
+
+    def open(self, start_stamp: int = 0) -> None:
+        """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
+
+        Raises:
+            BagError: the directory exists or cannot be created.
+        """
+        self._start = start_stamp
+        if self._loop.samples is not None and start_stamp:
+            self._end = start_stamp + self._loop.samples * self._loop.period_ns
+        metadata = describe(self._loop, self._values, start_stamp)
+        self._writer = BagWriter(self._directory, RECORDED, metadata)
+        self._thread.start()
+        for topic, data in self._early:
+            self.take(topic, data)
+
+    def take(self, topic: Topic, data: bytes) -> None:
+        """Take one serialised message."""
+        if self._writer is None:
+            if topic.latched:
+                self._early.append((topic, data))
+            return
+        if topic.type in UNSTAMPED:
+            stamp = self._start + self.received[topic] * self._loop.period_ns
+        else:
+            stamp = header_stamp(data)
+            if stamp < self._start or (self._end is not None and stamp > self._end):
+                return
+        log_time = stamp if self._loop.lockstep else max(time.time_ns(), self._start)
+        self.received[topic] += 1
+        self._over = self._over or (topic == JOINT_STATES and stamp == self._end)
+        self._last_heard = time.monotonic()
+        self._queue.put((topic, log_time, data))
+
+    def expected(self, topic: Topic) -> int | None:
+        """How many messages of a topic the whole motion has; None when it has no end."""
+        if self._loop.samples is None:
+            return None
+        return self._loop.samples // topic.every + 1 if topic.every else 1
+
+    def complete(self) -> bool:
+        """Whether the motion is over and all its messages are here, or will not come any more."""
+        if not self._over:
+            return False
+        silent = time.monotonic() - self._last_heard > STRAGGLERS
+        return silent or all(
+            self.received[topic] >= (self.expected(topic) or 0) for topic in RECORDED
+        )
+
+    def close(self) -> list[str]:
+        """Write what is left and complete the bag.
+
+        Returns:
+            The report: one line a topic with received, written and lost messages.
+        """
+        self._stop.set()
+        if self._writer is None:
+            return []
+        self._thread.join()
+        written = self._writer.written
+        try:
+            self._writer.close()
+        except OSError as error:
+            self._failed(self._broken(error))
+        lines = []
+        for topic in RECORDED:
+            received = self.received[topic]
+            expected = self.expected(topic)
+            lost = str(max(0, expected - received)) if expected is not None else 'unknown'
+            lines.append(
+                f'{topic.name}: received {received}, written {written[topic.name]}, lost {lost}'
+            )
+        return lines
+
+    def _write(self) -> None:
+        assert self._writer is not None
+        try:
+            while True:
+                last = self._stop.wait(DRAIN)
+                while not self._queue.empty():
+                    topic, log_time, data = self._queue.get()
+                    self._writer.write(topic.name, log_time, data)
+                if last:
+                    return
+        except OSError as error:
+            self._failed(self._broken(error))
+
+    def _broken(self, error: OSError) -> RunError:
+        return RunError(f'cannot write {self._directory}: {error.strerror}')

@@ -1,0 +1,120 @@
+"""The supervisor's own node: asks whether the others are ready, and gives them their start."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
+
+from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
+
+PATIENCE = 0.2  # s, for one answer
+
+
+class Session:
+    """Talks to the nodes of a run; use as a context manager."""
+
+    def __init__(self, nodes: Iterable[str], watch: Callable[[], None]) -> None:
+        """Prepare.
+
+        Args:
+            nodes: Names of the nodes.
+            watch: Called again and again while waiting; raises to give up.
+        """
+        self._watch = watch
+        self._names = list(nodes)
+        self.state = -1  # last state that the plant reported, -1 before the first report
+
+    def __enter__(self) -> Session:
+        """Create the node."""
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node('parallel_robot_run')
+        self._ready = {
+            name: self._node.create_client(Trigger, f'{name}/ready') for name in self._names
+        }
+        self._set = {
+            name: self._node.create_client(SetParameters, f'{name}/set_parameters')
+            for name in self._names
+        }
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Destroy the node."""
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, seconds: float) -> None:
+        """Process what arrives within a time, then look after the run."""
+        rclpy.spin_once(self._node, timeout_sec=seconds)
+        self._watch()
+
+    def wait_until_ready(self, seconds: float) -> None:
+        """Wait until every node says that it is ready.
+
+        Raises:
+            RunError: one is not ready in time, or another suite runs on the same ROS domain.
+        """
+        deadline = time.monotonic() + seconds
+        waiting = {name: 'it does not answer' for name in self._names}
+        while waiting:
+            for name in list(waiting):
+                answer = self._call(self._ready[name], Trigger.Request())
+                if answer is not None and answer.success:
+                    del waiting[name]
+                elif answer is not None:
+                    waiting[name] = answer.message
+            if waiting and time.monotonic() > deadline:
+                name, reason = next(iter(waiting.items()))
+                raise RunError(f'{name} is not ready after {seconds:g} s: {reason}')
+        for topic in (JOINT_STATES, REFERENCE, COMMANDS):
+            count = self._node.count_publishers(topic.name)
+            if count > 1:
+                raise RunError(
+                    f'{topic.name} has {count} publishers: another suite runs on this ROS domain; '
+                    'set ROS_DOMAIN_ID to a number of your own'
+                )
+
+    def start(self, name: str, stamp: int) -> None:
+        """Give a node the stamp of t = 0 [ns].
+
+        Raises:
+            RunError: the node does not take it.
+        """
+        parameter = Parameter('start_stamp', Parameter.Type.INTEGER, stamp).to_parameter_msg()
+        answer = None
+        for _ in range(20):
+            answer = self._call(self._set[name], SetParameters.Request(parameters=[parameter]))
+            if answer is not None:
+                break
+        if answer is None or not answer.results[0].successful:
+            reason = answer.results[0].reason if answer else 'it does not answer'
+            raise RunError(f'{name} does not start: {reason}')
+
+    def _call(self, client: Any, request: Any) -> Any:
+        self._watch()
+        if not client.wait_for_service(PATIENCE):
+            return None
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
+        return future.result() if future.done() else None
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            for item in status.values:
+                if item.key == 'state' and item.value.isdigit():
+                    self.state = int(item.value)

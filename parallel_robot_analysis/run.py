@@ -1,0 +1,132 @@
+"""The command ``run``: the nodes in processes of their own, recorded, from one common start."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from parallel_robot_analysis import bag_writer, simulate
+from parallel_robot_analysis.processes import MODULES, NodeProcesses
+from parallel_robot_interface import config
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_interface.errors import InputError, RunError
+from parallel_robot_interface.loop import STEP_START, WAIT
+from parallel_robot_sim.closed_loop import assemble
+
+READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled
+LEAD = NANOSECONDS  # ns, from the common start being set to t = 0
+START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
+STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
+LOOK = 0.1  # s, between two looks at the processes
+
+
+class Interrupted(RunError):
+    """The run was stopped by a signal."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    simulate.add_arguments(parser)
+    parser.add_argument(
+        '--time-mode',
+        choices=['wall', 'lockstep'],
+        default='wall',
+        help='wall: real time; lockstep: the plant waits for each command',
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    changed = simulate.overrides(arguments) | {'time_mode': arguments.time_mode}
+    values = config.resolve(arguments.scenario, changed)
+    loop = assemble(values).loop
+    bag_writer.check(arguments.out)
+    parent = arguments.out.absolute().parent
+    nearest = next(path for path in (parent, *parent.parents) if path.exists())
+    if not os.access(nearest, os.W_OK):
+        raise InputError(f'cannot write to {arguments.out}: permission denied')
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+
+    common = {'scenario': arguments.scenario, **changed, 'start_stamp': WAIT}
+    subscribers = {
+        'plant': 3 if loop.lockstep else 2,  # controller, recorder and, in lockstep, trajectory
+        'trajectory': 2,  # controller and recorder
+        'controller': 2,  # plant and recorder
+        'recorder': 1,
+    }
+    parameters: dict[str, dict[str, Any]] = {
+        name: {**common, 'subscribers': subscribers[name]} for name in MODULES
+    }
+    parameters['recorder']['recorder.out'] = str(arguments.out)
+    _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration)
+    print(f'bag     {arguments.out}')
+    return 0
+
+
+def _supervise(
+    parameters: dict[str, dict[str, Any]], lockstep: bool, samples: int, duration: float
+) -> None:
+    """Start the nodes, give them their start, and see them to the end of the motion."""
+    from parallel_robot_analysis.ros_session import Session  # only this command needs ROS
+
+    caught: list[int] = []
+    handlers = {
+        number: signal.signal(number, lambda number, _: caught.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        with NodeProcesses(parameters) as processes:
+
+            def watch() -> None:
+                if caught:
+                    raise Interrupted(f'stopped by {signal.Signals(caught[0]).name}')
+                processes.check()
+
+            with Session(MODULES, watch) as session:
+                session.wait_until_ready(READY)
+                now = time.time_ns()
+                start = STEP_START if lockstep else (now + LEAD) // START_GRID * START_GRID
+                for name in ('recorder', 'trajectory', 'plant'):
+                    session.start(name, start)
+                _follow(processes, session, samples, _progress(duration))
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _follow(
+    processes: NodeProcesses, session: Any, samples: int, progress: Callable[[float], None]
+) -> None:
+    """Wait until the recorder has all of the motion.
+
+    Raises:
+        RunError: the plant stands still.
+    """
+    seen, since = session.state, time.monotonic()
+    while processes.running('recorder'):
+        session.spin(LOOK)
+        if session.state != seen:
+            seen, since = session.state, time.monotonic()
+            progress(min(1.0, seen / samples))
+        elif time.monotonic() - since > STANDSTILL:
+            raise RunError(f'the plant stands still at state {seen} of {samples}')
+    processes.check()
+    progress(1.0)
+
+
+def _progress(duration: float) -> Callable[[float], None]:
+    """Show progress on a terminal; stay silent in a pipe."""
+    if not sys.stderr.isatty():
+        return lambda share: None
+
+    def show(share: float) -> None:
+        bar = '#' * round(30 * share)
+        end = '\n' if share == 1.0 else ''
+        print(f'\r[{bar:<30}] {share * duration:.1f} of {duration:g} s', end=end, file=sys.stderr)
+
+    return show

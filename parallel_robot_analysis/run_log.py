@@ -1,0 +1,185 @@
+"""A bag as time-aligned arrays."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from rosbags.typesys import Stores, get_typestore
+
+from parallel_robot_analysis.bag_writer import METADATA
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.errors import BagError
+from parallel_robot_interface.topics import RECORDED, Topic
+
+
+class TopicCount(NamedTuple):
+    """Messages of a topic.
+
+    Attributes:
+        count: How many the bag holds.
+        missing: How many its rhythm lacks, from the first to the last of the motion.
+    """
+
+    count: int
+    missing: int
+
+
+class RunLog(NamedTuple):
+    """A recorded run, one row a state, the reference at the state's own stamp.
+
+    Attributes:
+        scenario: Name of the scenario.
+        law: Name of the law.
+        joints: Names of the actuated joints.
+        config: The resolved configuration.
+        start_stamp: Stamp of t = 0 [ns].
+        stamps: Stamps of the states [ns], shape (N,).
+        time: Stamps since t = 0 [s], shape (N,).
+        position: Measured actuated angles [rad], shape (N, n).
+        velocity: Measured actuated rates [rad/s], shape (N, n).
+        effort: Torques applied during the step that ended at the stamp [N m], shape (N, n).
+        reference_position: Desired angles [rad], shape (N, n).
+        reference_velocity: Desired rates [rad/s], shape (N, n).
+        reference_acceleration: Desired accelerations [rad/s^2], shape (N, n).
+        command: Commanded torques in the order of the messages [N m], shape (M, n).
+        messages: Counts per topic, by name without leading slash.
+    """
+
+    scenario: str
+    law: str
+    joints: tuple[str, ...]
+    config: dict[str, Any]
+    start_stamp: int
+    stamps: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    reference_position: np.ndarray
+    reference_velocity: np.ndarray
+    reference_acceleration: np.ndarray
+    command: np.ndarray
+    messages: dict[str, TopicCount]
+
+
+def read(bag: Path) -> RunLog:
+    """Read a bag of the nodes or of a simulation.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+
+    Raises:
+        BagError: not a bag, or a topic that the log needs is not in it.
+    """
+    data, metadata = _read_messages(bag)
+    for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
+        if not data[needed]:
+            raise BagError(f'{bag} has no messages on {needed.name}')
+    values = yaml.safe_load(metadata['config']) if metadata else config.resolve('paper_circle')
+    joints = tuple(values['joints'])
+    n = len(joints)
+    states = _decode(data[topics.JOINT_STATES], _state_layout, bag, topics.JOINT_STATES)
+    references = _decode(data[topics.REFERENCE], _reference_layout, bag, topics.REFERENCE)
+    commands = _decode(data[topics.COMMANDS], _command_layout, bag, topics.COMMANDS)
+    stamps, reference_stamps = cdr.stamps_of(states), cdr.stamps_of(references)
+    start = int(metadata.get('start_stamp', 0)) or int(max(stamps[0], reference_stamps[0]))
+    used = (stamps >= start) & (stamps >= reference_stamps[0])
+    states, stamps = states[used], stamps[used]
+    reference = _at(references, reference_stamps, stamps)
+    period = round(values['period'] * cdr.NANOSECONDS)
+    counted = {}
+    for topic in RECORDED:
+        if data[topic]:
+            counted[topic.name] = _count(topic, data[topic], len(states), period)
+    return RunLog(
+        values['scenario'],
+        values['law'],
+        joints,
+        values,
+        start,
+        stamps,
+        (stamps - start) / cdr.NANOSECONDS,
+        *(states[name][:, :n].copy() for name in ('position', 'velocity', 'effort')),
+        *reference,
+        commands['data'].copy(),
+        counted,
+    )
+
+
+def _read_messages(bag: Path) -> tuple[dict[Topic, list[bytes]], dict[str, str]]:
+    """All messages of the suite's topics, in order, and the metadata of the experiment."""
+    files = sorted(bag.glob('*.mcap')) if bag.is_dir() else [bag]
+    if not files or not files[0].is_file():
+        raise BagError(f'{bag} is not a bag: no MCAP file there')
+    by_name = {f'/{topic.name}': topic for topic in RECORDED}
+    data: dict[Topic, list[bytes]] = defaultdict(list)
+    metadata: dict[str, str] = {}
+    for file in files:
+        try:
+            with file.open('rb') as stream:
+                reader = make_reader(stream)
+                for record in reader.iter_metadata():
+                    if record.name == METADATA:
+                        metadata = record.metadata
+                for _, channel, message in reader.iter_messages(topics=list(by_name)):
+                    data[by_name[channel.topic]].append(message.data)
+        except (McapError, OSError, ValueError) as error:
+            raise BagError(f'{file} cannot be read: {error}') from None
+    return data, metadata
+
+
+def _decode(
+    messages: list[bytes], layout_of: Callable[[Any], cdr.Layout], bag: Path, topic: Topic
+) -> np.ndarray:
+    """Records of messages that all have the layout of the first."""
+    first = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(messages[0], topic.type)
+    layout = layout_of(first)
+    records = layout.decode(b''.join(messages))
+    if records is None:
+        raise BagError(f'{bag}: the messages on {topic.name} differ in joints or lengths')
+    return records
+
+
+def _state_layout(message: Any) -> cdr.Layout:
+    return cdr.joint_state(list(message.name), frame=message.header.frame_id)
+
+
+def _reference_layout(message: Any) -> cdr.Layout:
+    return cdr.joint_trajectory(list(message.joint_names), message.header.frame_id)
+
+
+def _command_layout(message: Any) -> cdr.Layout:
+    return cdr.float64_multi_array(len(message.data))
+
+
+def _at(references: np.ndarray, known: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, ...]:
+    """References at other stamps, extrapolated from the newest before with its derivatives."""
+    newest = references[np.searchsorted(known, stamps, side='right') - 1]
+    dt = ((stamps - cdr.stamps_of(newest)) / cdr.NANOSECONDS)[:, np.newaxis]
+    position, velocity, acceleration = (
+        newest[name].copy() for name in ('position', 'velocity', 'acceleration')
+    )
+    return (
+        position + dt * velocity + 0.5 * dt**2 * acceleration,
+        velocity + dt * acceleration,
+        acceleration,
+    )
+
+
+def _count(topic: Topic, messages: list[bytes], states: int, period: int) -> TopicCount:
+    """Count messages and the gaps of their rhythm."""
+    if topic.every == 0:
+        return TopicCount(len(messages), 0)
+    if topic == topics.COMMANDS:
+        return TopicCount(len(messages), max(0, states - len(messages)))
+    stamps = np.array([cdr.header_stamp(message) for message in messages])
+    steps = np.rint(np.diff(stamps) / (topic.every * period)).astype(int)
+    return TopicCount(len(messages), int(np.maximum(steps - 1, 0).sum()))

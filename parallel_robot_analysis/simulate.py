@@ -1,0 +1,55 @@
+"""The command ``simulate``: the closed loop without ROS, written as a bag."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_analysis import bag_writer, simulation_bag
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import RunError
+from parallel_robot_sim.closed_loop import simulate
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('scenario', help='name of a scenario in config/scenarios')
+    parser.add_argument('--law', help='control law, default: that of the configuration')
+    parser.add_argument(
+        '--duration', type=float, default=12.0, metavar='S', help='seconds of motion, default 12'
+    )
+    parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='bag; must not exist')
+    parser.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        dest='assignments',
+        metavar='KEY=VALUE',
+        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated',
+    )
+
+
+def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the arguments change in the configuration."""
+    changed = config.parse_overrides(arguments.assignments)
+    if arguments.law is not None:
+        changed['law'] = arguments.law
+    return changed | {'duration': arguments.duration}
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    bag_writer.check(arguments.out)
+    values = config.resolve(arguments.scenario, overrides(arguments))
+    simulation = simulate(values)
+    try:
+        simulation_bag.write(arguments.out, values, simulation)
+    except OSError as error:
+        raise RunError(f'cannot write {arguments.out}: {error.strerror}') from None
+    rate = simulation.loop.duration / simulation.loop_time
+    print(
+        f'{simulation.loop.duration:g} s of motion in {simulation.loop_time:.3f} s '
+        f'({rate:.0f} times real time)\nbag     {arguments.out}'
+    )
+    return 0

@@ -1,0 +1,75 @@
+"""The bag of a closed loop without ROS: the same topics, types and stamps as the nodes' bag."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_analysis.experiment import describe
+from parallel_robot_control.messages import Telemetry, telemetry_messages
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.loop import STEP_START
+from parallel_robot_sim.closed_loop import Simulation
+from parallel_robot_sim.messages import state_layout, state_messages
+from parallel_robot_sim.plant import PlantParameters
+from trajectory_gen.messages import pose_messages, reference_messages
+
+
+def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) -> None:
+    """Write a simulation as a bag.
+
+    Args:
+        directory: Where the bag will be; must not exist.
+        values: The resolved configuration.
+        simulation: What happened.
+
+    Raises:
+        BagError: the directory exists or cannot be created.
+        OSError: the disk is full or gone.
+    """
+    loop, law, reference = simulation.loop, simulation.law, simulation.reference
+    run = simulation.run
+    count = run.steps
+    stamps = STEP_START + np.arange(count) * loop.period_ns
+    rows = slice(count)
+    slow = slice(0, count, topics.SLOW)
+    passive = config.group(values, PlantParameters, 'plant').publish_passive
+    telemetry = Telemetry(
+        reference.position[rows][slow] - run.theta[slow],
+        reference.velocity[rows][slow] - run.theta_dot[slow],
+        run.integral[slow],
+        run.sliding_variable[slow],
+        law.coupling_gain,
+    )
+    commands = cdr.float64_multi_array(len(loop.joints)).records(count, data=run.command[rows])
+    states = state_messages(
+        state_layout(loop.joints, passive),
+        stamps,
+        run.theta[rows],
+        run.theta_dot[rows],
+        run.psi[rows],
+        run.psi_dot[rows],
+        run.effort[rows],
+    )
+    records = {
+        topics.ACTIVE_LAW: cdr.text_message(law.name).records(1),
+        topics.JOINT_STATES: states,
+        topics.REFERENCE: reference_messages(loop.joints, stamps, reference),
+        topics.COMMANDS: commands,
+        topics.POSE: pose_messages(stamps[slow], run.pose[slow]),
+        topics.POSE_REFERENCE: pose_messages(stamps[slow], reference.pose[rows][slow]),
+        **telemetry_messages(loop.joints, stamps[slow], telemetry),
+    }
+    with BagWriter(
+        directory, topics.RECORDED, describe(loop, values, STEP_START)
+    ) as writer:
+        for k in range(count):
+            log_time = int(stamps[k])
+            for topic, messages in records.items():
+                index, rest = divmod(k, topic.every) if topic.every else (k, k)
+                if rest == 0 and index < len(messages):
+                    writer.write(topic.name, log_time, messages[index].tobytes())

@@ -1,0 +1,62 @@
+"""A thread that acts at absolute times: late once, it catches up; it never drifts."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+SLICE = 0.05  # s, longest sleep without a look at the stop flag
+
+
+class DeadlineThread(threading.Thread):
+    """Calls ``tick(stamp)`` for every stamp of a grid, each at its time on the system clock.
+
+    The grid are the whole multiples of the period since the epoch, so the samples of nodes that
+    know nothing of each other carry the same stamps.
+    """
+
+    def __init__(
+        self,
+        period: int,
+        tick: Callable[[int], None],
+        failed: Callable[[Exception], None],
+        ahead: int = 0,
+    ) -> None:
+        """Prepare the thread.
+
+        Args:
+            period: Between two stamps [ns].
+            tick: What to do; called with the stamp [ns].
+            failed: Called with the exception that ended `tick`; the thread ends.
+            ahead: How long before its stamp a tick is due [ns].
+        """
+        super().__init__(name='deadline', daemon=True)
+        self._period = period
+        self._tick = tick
+        self._failed = failed
+        self._ahead = ahead
+        self._stop_requested = threading.Event()
+
+    def run(self) -> None:
+        """Tick until :meth:`stop`."""
+        offset = time.time_ns() - time.monotonic_ns()
+        stamp = (time.time_ns() + self._ahead) // self._period * self._period + self._period
+        try:
+            while not self._stop_requested.is_set():
+                left = (stamp - self._ahead - offset - time.monotonic_ns()) * 1e-9
+                if left > SLICE:
+                    time.sleep(SLICE)
+                    continue
+                if left > 0.0:
+                    time.sleep(left)
+                self._tick(stamp)
+                stamp += self._period
+        except Exception as error:  # handed over: a thread has nobody to raise to
+            self._failed(error)
+
+    def stop(self) -> None:
+        """Ask the thread to end, and wait for it unless it is the caller."""
+        self._stop_requested.set()
+        if self.is_alive() and threading.current_thread() is not self:
+            self.join()

@@ -1,0 +1,92 @@
+"""Stamped joint vectors from messages, by joint name, whoever published them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+
+from parallel_robot_interface import cdr
+from parallel_robot_interface.ros_node import message_class
+from parallel_robot_interface.topics import Topic
+
+
+class JointReader:
+    """Reads one topic; learns the byte layout of its publisher from the first message.
+
+    Messages that cannot be used are counted with the reason, never passed on: joints that are
+    missing or named twice, fields shorter than the names, values that are not finite.
+    """
+
+    def __init__(
+        self, topic: Topic, joints: Sequence[str], fields: Sequence[str], counts: Counter[str]
+    ) -> None:
+        """Prepare to read `fields` (position, velocity, acceleration) of `joints`, in order."""
+        self._topic = topic
+        self._joints = list(joints)
+        self._fields = fields
+        self._counts = counts
+        self._class = message_class(topic.type)
+        self._layout: cdr.Layout | None = None
+        self._order = np.arange(len(joints))
+
+    def read(self, data: bytes) -> tuple[int, list[np.ndarray]] | None:
+        """Read one message.
+
+        Returns:
+            Stamp [ns] and one array of shape (n,) for each field; None when it cannot be used.
+        """
+        records = self._layout.decode(data) if self._layout else None
+        if records is None:
+            problem = self._learn(data)
+            records = self._layout.decode(data) if self._layout and not problem else None
+            if records is None:
+                self._counts[f'{self._topic.name}: {problem or "not understood"}'] += 1
+                return None
+        vectors = [records[name][0][self._order] for name in self._fields]
+        if not all(np.isfinite(vector).all() for vector in vectors):
+            self._counts[f'{self._topic.name}: not finite'] += 1
+            return None
+        return int(cdr.stamps_of(records)[0]), vectors
+
+    def _learn(self, data: bytes) -> str:
+        """Set layout and order for messages like this one, or say why it cannot be used."""
+        self._layout = None
+        try:
+            message = deserialize_message(data, self._class)
+        except Exception:  # rmw raises a bare RuntimeError or MemoryError on broken bytes
+            return 'not a message of its type'
+        names, layout = LAYOUTS[self._topic.type](message)
+        for joint in self._joints:
+            if names.count(joint) != 1:
+                return f'{joint} is {"missing" if joint not in names else "named twice"}'
+        for name in self._fields:
+            if name not in layout.dtype.names:
+                return f'{name} is missing or short'
+        self._order = np.array([names.index(joint) for joint in self._joints])
+        self._layout = layout
+        return ''
+
+
+def _joint_state(message: Any) -> tuple[list[str], cdr.Layout]:
+    names = list(message.name)
+    fields = [
+        field
+        for field in ('position', 'velocity', 'effort')
+        if len(getattr(message, field)) == len(names)
+    ]
+    return names, cdr.joint_state(names, fields, message.header.frame_id)
+
+
+def _joint_trajectory(message: Any) -> tuple[list[str], cdr.Layout]:
+    names = list(message.joint_names)
+    return names, cdr.joint_trajectory(names, message.header.frame_id)
+
+
+LAYOUTS: dict[str, Callable[[Any], tuple[list[str], cdr.Layout]]] = {
+    'sensor_msgs/msg/JointState': _joint_state,
+    'trajectory_msgs/msg/JointTrajectory': _joint_trajectory,
+}

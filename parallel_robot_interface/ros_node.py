@@ -1,0 +1,214 @@
+"""What all nodes of the suite share: parameters, topics, readiness, diagnostics, life and end."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import signal
+import sys
+import threading
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from parallel_robot_interface import config, loop
+from parallel_robot_interface.errors import ParallelRobotError
+from parallel_robot_interface.fields import parameters
+from parallel_robot_interface.topics import DEPTH, Topic
+
+PATIENCE = 0.1  # s, longest time between a signal and the end of the executor
+NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
+
+
+def message_class(type_name: str) -> Any:
+    """Import the class of a ROS type such as ``'std_msgs/msg/String'``."""
+    package, kind, name = type_name.split('/')
+    return getattr(importlib.import_module(f'{package}.{kind}'), name)
+
+
+def qos_of(topic: Topic) -> QoSProfile:
+    """Quality of service of a topic of the suite."""
+    if topic.latched:
+        return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return QoSProfile(depth=DEPTH)
+
+
+class SuiteNode(Node):  # type: ignore[misc]
+    """A node whose parameters are keys of ``config/`` and whose end is orderly.
+
+    Attributes:
+        values: The whole configuration, as resolved from scenario and overrides.
+        loop: The parameters that all nodes share.
+        counts: How often something unusual happened; shown in the diagnostics.
+        exit_code: None while the node runs, then the code it ends with.
+    """
+
+    def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
+        """Resolve the configuration and declare the node's parameters.
+
+        Args:
+            name: Name of the node.
+            groups: Prefix to NamedTuple of the parameters that the node uses.
+
+        Raises:
+            InputError: a parameter is unknown or wrong.
+        """
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        self.exit_code: int | None = None
+        self.counts: Counter[str] = Counter()
+        self._outputs: list[Publisher] = []
+        given = {
+            key: list(parameter.value) if _is_array(parameter.value) else parameter.value
+            for key, parameter in self.get_parameters_by_prefix('').items()
+            if not key.startswith(NOT_OURS)
+        }
+        scenario = given.pop('scenario', 'paper_circle')
+        self.values = config.resolve(str(scenario), given)
+        self.loop = loop.validate(config.group(self.values, loop.LoopParameters, ''))
+        for prefix, group in {'': loop.LoopParameters, **groups}.items():
+            if prefix:
+                config.group(self.values, group, prefix)
+            self._declare(prefix, group)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self.create_timer(1.0, self._publish_diagnostics)
+        self.create_service(Trigger, '~/ready', self._answer_ready)
+        self.add_on_set_parameters_callback(self._on_parameters)
+
+    def publisher(self, topic: Topic, essential: bool = True) -> Publisher:
+        """Create a publisher; the node is ready when essential ones have their subscribers."""
+        publisher = self.create_publisher(message_class(topic.type), topic.name, qos_of(topic))
+        if essential:
+            self._outputs.append(publisher)
+        return publisher
+
+    def subscribe(self, topic: Topic, callback: Callable[[bytes], None]) -> None:
+        """Subscribe to the serialised messages of a topic."""
+        kind = message_class(topic.type)
+        self.create_subscription(kind, topic.name, callback, qos_of(topic), raw=True)
+
+    def missing(self) -> str:
+        """What the node still waits for; empty when it is ready."""
+        for publisher in self._outputs:
+            count = publisher.get_subscription_count()
+            if count < self.loop.subscribers:
+                return f'{publisher.topic_name} has {count} of {self.loop.subscribers} subscribers'
+        return ''
+
+    def set_start(self, stamp: int) -> None:
+        """React to a new start stamp [ns]; nodes without a start of their own ignore it."""
+
+    def diagnose(self) -> dict[str, Any]:
+        """Key figures of the last second for the diagnostics."""
+        return {}
+
+    def close(self) -> None:
+        """Release what the node holds, before its publishers go."""
+
+    def finish(self, code: int = 0) -> None:
+        """End the node with an exit code; may be called from any thread."""
+        if self.exit_code is None:
+            self.exit_code = code
+
+    def fail(self, error: Exception) -> None:
+        """End the node for an error; may be called from any thread."""
+        self.get_logger().fatal(str(error) or type(error).__name__)
+        self.finish(1)
+
+    def _declare(self, prefix: str, group: Any) -> None:
+        for parameter in parameters(group):
+            key = f'{prefix}.{parameter.key}' if prefix else parameter.key
+            field = parameter.field
+            text = field.description + (f' [{field.unit}]' if field.unit else '')
+            descriptor = ParameterDescriptor(description=text, dynamic_typing=True)
+            if self.has_parameter(key):
+                self.set_descriptor(key, descriptor)
+            else:
+                self.declare_parameter(key, self.values[key], descriptor)
+
+    def _on_parameters(self, changed: list[Parameter]) -> SetParametersResult:
+        for parameter in changed:
+            if parameter.name != 'start_stamp':
+                return SetParametersResult(
+                    successful=False, reason=f'{parameter.name} is fixed at the start of the node'
+                )
+            if not isinstance(parameter.value, int) or parameter.value <= 0:
+                return SetParametersResult(
+                    successful=False,
+                    reason=f'start_stamp must be a positive whole number, not {parameter.value!r}',
+                )
+            self.set_start(parameter.value)
+        return SetParametersResult(successful=True)
+
+    def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.message = self.missing()
+        response.success = not response.message
+        return response
+
+    def _publish_diagnostics(self) -> None:
+        figures = {**self.diagnose(), **self.counts}
+        level = DiagnosticStatus.WARN if self.counts else DiagnosticStatus.OK
+        status = DiagnosticStatus(
+            level=level,
+            name=f'{self.get_name()}: loop',
+            message=', '.join(self.counts) or 'ok',
+            hardware_id=self.get_fully_qualified_name(),
+            values=[KeyValue(key=key, value=str(value)) for key, value in figures.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+
+def run_node(make: Callable[[], SuiteNode]) -> int:
+    """Run a node to its end: Ctrl-C, SIGTERM, or its own.
+
+    Returns:
+        0; 1 when the node failed; 2 when a parameter is wrong, after one line that says so.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy's errors for --ros-args have no common base
+        print(f'parallel_robot: {str(error).splitlines()[0]}', file=sys.stderr)
+        return 2
+    try:
+        node = make()
+    except ParallelRobotError as error:
+        print(f'parallel_robot: {error}', file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = EventsExecutor() if node.loop.executor == 'events' else SingleThreadedExecutor()
+    try:
+        executor.add_node(node)
+        gc.collect()
+        gc.freeze()  # what lives from here on is small: collections stay short
+        never = Future()
+        while node.exit_code is None and not stop.is_set():
+            executor.spin_until_future_complete(never, timeout_sec=PATIENCE)
+    except ParallelRobotError as error:
+        node.fail(error)
+    finally:
+        node.close()
+        executor.remove_node(node)
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return node.exit_code or 0
+
+
+def _is_array(value: Any) -> bool:
+    return hasattr(value, '__iter__') and not isinstance(value, str)

@@ -1,0 +1,58 @@
+"""Topics of the suite: names, types, and how often each is published.
+
+All names are relative: a namespace or a remapping moves them.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+DEPTH = 1000  # samples of history: one second; ten lost messages at every stall of 10 ms
+SLOW = 10  # what is for the eye is published every tenth sample (100 Hz at 1 kHz)
+MARKERS_EVERY = 20  # samples between two sets of markers (50 Hz at 1 kHz)
+FRAME = 'base'  # frame of poses and markers
+
+
+class Topic(NamedTuple):
+    """A topic of the suite.
+
+    Attributes:
+        name: Relative name.
+        type: ROS type.
+        every: Samples from one message to the next; 0 for topics without a rhythm.
+        latched: Whether late subscribers get the last message.
+    """
+
+    name: str
+    type: str
+    every: int = 1
+    latched: bool = False
+
+
+JOINT_STATES = Topic('joint_states', 'sensor_msgs/msg/JointState')
+REFERENCE = Topic('reference', 'trajectory_msgs/msg/JointTrajectory')
+COMMANDS = Topic('effort_controller/commands', 'std_msgs/msg/Float64MultiArray')
+POSE = Topic('pose', 'geometry_msgs/msg/PoseStamped', SLOW)
+POSE_REFERENCE = Topic('pose_reference', 'geometry_msgs/msg/PoseStamped', SLOW)
+ERROR = Topic('controller/error', 'sensor_msgs/msg/JointState', SLOW)
+SYNCHRONISATION_ERROR = Topic(
+    'controller/synchronisation_error', 'sensor_msgs/msg/JointState', SLOW
+)
+CROSS_COUPLING_ERROR = Topic('controller/cross_coupling_error', 'sensor_msgs/msg/JointState', SLOW)
+SLIDING_VARIABLE = Topic('controller/sliding_variable', 'sensor_msgs/msg/JointState', SLOW)
+ACTIVE_LAW = Topic('controller/active_law', 'std_msgs/msg/String', 0, latched=True)
+MARKERS = Topic('markers', 'visualization_msgs/msg/MarkerArray', MARKERS_EVERY)
+CLOCK = Topic('clock', 'rosgraph_msgs/msg/Clock')
+
+RECORDED = (
+    JOINT_STATES,
+    REFERENCE,
+    COMMANDS,
+    POSE,
+    POSE_REFERENCE,
+    ERROR,
+    SYNCHRONISATION_ERROR,
+    CROSS_COUPLING_ERROR,
+    SLIDING_VARIABLE,
+    ACTIVE_LAW,
+)

@@ -1,0 +1,77 @@
+"""The plant as an object: the true robot of a configuration, advanced command by command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_sim.friction import FrictionParameters
+from parallel_robot_sim.messages import state_layout, state_messages
+from parallel_robot_sim.plant import (
+    Measurement,
+    PlantParameters,
+    PlantState,
+    initial_state,
+    measure,
+    step,
+    stepping,
+)
+
+GROUPS = {'true_robot': RobotParameters, 'plant': PlantParameters, 'friction': FrictionParameters}
+
+
+class Simulator:
+    """The true robot, its friction, its motors and its state.
+
+    Attributes:
+        robot: The true robot.
+        friction: Its friction.
+        stepping: Integrator and motors.
+        state: State now.
+    """
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Put the robot of a resolved configuration at rest at its initial pose.
+
+        Raises:
+            InputError: a value is wrong, or a leg does not reach the initial pose.
+        """
+        loop = config.group(values, LoopParameters, '')
+        parameters = config.group(values, PlantParameters, 'plant')
+        self._period = loop.period
+        self.robot = validate(config.group(values, RobotParameters, 'true_robot'), 'true_robot')
+        self.friction = config.group(values, FrictionParameters, 'friction')
+        self.stepping = stepping(parameters)
+        self.state: PlantState = initial_state(parameters, self.robot)
+        self.layout = state_layout(loop.joints, parameters.publish_passive)
+
+    def advance(self, command: np.ndarray) -> None:
+        """Advance by one period under a command [N m], shape (3,).
+
+        Raises:
+            RunError: the robot was driven out of its workspace.
+        """
+        state = step(
+            self.stepping, self.robot, self.friction, self.state, command, self._period
+        )
+        if not np.isfinite(state.pose).all() or not np.isfinite(state.rate).all():
+            raise RunError(
+                'the robot was driven out of its workspace at pose '
+                f'{np.round(self.state.pose, 4).tolist()} (m, m, rad)'
+            )
+        self.state = state
+
+    def measurement(self) -> Measurement:
+        """Joints at the state."""
+        return measure(self.robot, self.state)
+
+    def message(self, stamp: int) -> bytes:
+        """The state as a sensor_msgs/JointState; `stamp` in nanoseconds."""
+        rows = [row[np.newaxis] for row in (*self.measurement(), self.state.torque)]
+        return state_messages(self.layout, stamp, *rows).tobytes()

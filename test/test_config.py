@@ -1,0 +1,153 @@
+"""Files, scenarios and overrides become one dictionary in which no typo passes."""
+
+import shutil
+
+import pytest
+
+from parallel_robot_control.laws import LAWS
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import InputError, UnknownNameError
+from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_sim.friction import FrictionParameters
+from parallel_robot_sim.plant import PlantParameters
+from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """Return a copy of the configuration that may be changed."""
+    copy = tmp_path / 'config'
+    shutil.copytree(config.directory(), copy)
+    monkeypatch.setattr(config, 'directory', lambda: copy)
+    return copy
+
+
+@pytest.mark.parametrize('scenario', config.scenarios())
+def test_every_scenario_gives_complete_groups(scenario):
+    values = config.resolve(scenario)
+    for kind, prefix in [
+        (PlantParameters, 'plant'),
+        (FrictionParameters, 'friction'),
+        (TrajectoryParameters, 'trajectory'),
+        *((shape.Parameters, name) for name, shape in SHAPES.items()),
+        *((law.Gains, name) for name, law in LAWS.items()),
+    ]:
+        config.group(values, kind, prefix)
+    for prefix in ('robot', 'true_robot'):
+        validate(config.group(values, RobotParameters, prefix), prefix)
+
+
+def test_the_papers_numbers_are_in_the_files(robot):
+    values = config.resolve('paper_circle')
+    table_1 = {
+        'l1': 0.4, 'l2': 0.6, 'l3': 0.2, 'lc1': 0.2, 'lc2': 0.3, 'm1': 5.12, 'm2': 7.39,
+        'mp': 3.84, 'I1': 0.091, 'I2': 0.267, 'Ip': 0.065,
+    }  # fmt: skip
+    table_2 = {
+        'lambda': 0.9, 'G': 10, 'g': 0.01, 'Gamma1': 16, 'Gamma2': 6.5, 'gamma1': 0.5,
+        'gamma2': 0.67,
+    }  # fmt: skip
+    assert {key: getattr(robot, key) for key in table_1} == table_1
+    assert {key: values[f's_fotsmc.{key}'] for key in table_2} == table_2
+    assert values['friction.viscous'] == [2.5] * 3 and values['friction.coulomb'] == [0.5] * 3
+    assert values['period'] == 1e-3 and values['plant.integrator'] == 'ode3'
+
+
+def test_a_scenario_inherits_from_its_base():
+    base, derived = config.resolve('paper_circle'), config.resolve('circle_pi12')
+    changed = {key for key in base if base[key] != derived[key]}
+    assert changed == {'scenario', 'circle.phi', 'plant.initial_pose'}
+
+
+def test_inheritance_goes_over_generations(files):
+    (files / 'scenarios' / 'child.yaml').write_text('base: circle_pi12\ncircle.radius: 0.01\n')
+    child, parent = config.resolve('child'), config.resolve('circle_pi12')
+    assert child['circle.radius'] == 0.01
+    assert child['circle.phi'] == parent['circle.phi']
+    assert child['plant.initial_pose'] == parent['plant.initial_pose']
+
+
+def test_later_wins(files):
+    (files / 'scenarios' / 'own.yaml').write_text('period: 0.002\nduration: 3.0\n')
+    values = config.resolve('own', {'duration': 4.0})
+    assert (values['period'], values['duration'], values['scenario']) == (0.002, 4.0, 'own')
+
+
+def test_the_true_robot_follows_the_robot_unless_set():
+    values = config.resolve('paper_circle', {'robot.m1': 6.0, 'true_robot.m2': 8.0})
+    assert values['true_robot.m1'] == 6.0
+    assert (values['robot.m2'], values['true_robot.m2']) == (7.39, 8.0)
+
+
+def test_an_unknown_scenario_names_the_nearest():
+    with pytest.raises(UnknownNameError, match="did you mean 'paper_circle'"):
+        config.resolve('paper_cirle')
+
+
+@pytest.mark.parametrize(
+    ('key', 'nearest'),
+    [('periot', 'period'), ('robot.m3', 'robot.m'), ('true_robot.mq', 'true_robot.m')],
+)
+def test_an_unknown_override_names_the_nearest(key, nearest):
+    with pytest.raises(UnknownNameError, match=f"did you mean '{nearest}"):
+        config.resolve('paper_circle', {key: 1.0})
+
+
+def test_an_unknown_key_in_a_scenario_is_refused(files):
+    (files / 'scenarios' / 'typo.yaml').write_text('circle:\n  radios: 0.1\n')
+    with pytest.raises(UnknownNameError, match=r"'circle\.radios'.*'circle\.radius'"):
+        config.resolve('typo')
+
+
+@pytest.mark.parametrize('content', ['a: [', '', '- 1\n- 2\n'])
+def test_a_broken_file_is_named(files, content):
+    (files / 'scenarios' / 'broken.yaml').write_text(content)
+    with pytest.raises(InputError, match=r'broken\.yaml'):
+        config.resolve('broken')
+
+
+@pytest.mark.parametrize(
+    ('word', 'value'),
+    [
+        ('a=1', 1),
+        ('a=0.5', 0.5),
+        ('a=1e-3', 1e-3),
+        ('a=[1, 2.5]', [1, 2.5]),
+        ('a=true', True),
+        ('a=rk4', 'rk4'),
+        ('a=x=y', 'x=y'),
+    ],
+)
+def test_words_of_the_command_line_are_yaml(word, value):
+    parsed = config.parse_overrides([word])['a']
+    assert parsed == value and type(parsed) is type(value)
+
+
+@pytest.mark.parametrize('word', ['period', '=1', 'a=[1'])
+def test_words_that_assign_nothing_are_refused(word):
+    with pytest.raises(InputError):
+        config.parse_overrides([word])
+
+
+def test_a_group_takes_only_its_own_keys(values):
+    assert config.group(values, FrictionParameters, 'friction').coulomb == (0.5, 0.5, 0.5)
+    with pytest.raises(InputError, match=r'friction\.smoothing must be at least 0'):
+        config.group({**values, 'friction.smoothing': -1.0}, FrictionParameters, 'friction')
+
+
+@pytest.mark.parametrize('place', ['lib/python3/site-packages', '../elsewhere/site-packages'])
+def test_an_installed_package_finds_its_files(tmp_path, monkeypatch, place):
+    share = tmp_path / 'prefix' / 'share' / config.PACKAGE / 'config'
+    shutil.copytree(config.directory(), share)
+    module = tmp_path / 'prefix' / place / 'parallel_robot_interface' / 'config.py'
+    monkeypatch.setattr(config, '__file__', str(module))
+    if 'elsewhere' in place:
+        monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
+    assert config.directory() == share
+
+
+def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(config, '__file__', str(tmp_path / 'a' / 'b' / 'config.py'))
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    with pytest.raises(InputError, match='not installed'):
+        config.directory()

@@ -1,0 +1,250 @@
+"""Kinematics against complex-number geometry, finite differences and an integrated path."""
+
+import numpy as np
+import pytest
+from geometry import (
+    PAPER_START,
+    PI12_START,
+    ROBOT,
+    closure,
+    legs,
+    margins,
+    poses,
+    rows,
+    wrap,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from parallel_robot_interface.errors import KinematicsError
+from parallel_robot_model.kinematics import (
+    FOUND,
+    GUESS_OUT_OF_REACH,
+    NOT_CONVERGED,
+    determinant,
+    forward_kinematics,
+    inverse,
+    inverse_kinematics,
+    jacobian_q,
+    jacobian_x,
+    multiply,
+    pose_of,
+    velocity_maps,
+)
+
+MIRRORED = ROBOT._replace(working_mode=(-1.0, -1.0, -1.0))
+MIXED = ROBOT._replace(working_mode=(1.0, -1.0, 1.0))
+COLLINEAR = ROBOT._replace(base_x=(0.0, 1.0, 0.5), base_y=(0.0, 0.0, 0.0))
+MODES = {'paper': ROBOT, 'mirrored': MIRRORED, 'mixed': MIXED, 'collinear base': COLLINEAR}
+
+
+@pytest.mark.parametrize('robot', MODES.values(), ids=MODES)
+@given(st.tuples(st.floats(-1, 2), st.floats(-1, 2), st.floats(-10, 10)).map(np.array))
+def test_inverse_kinematics_closes_every_leg_that_reaches(robot, pose):
+    found = inverse_kinematics(robot, pose)
+    theta, beta = legs(robot, pose)
+    reach = ~np.isnan(theta)
+    if reach.all():
+        assert found.out_of_reach == -1
+        if np.abs(np.sin(beta - theta)).min() > 1e-4:
+            assert np.abs(wrap(found.theta - theta)).max() < 1e-9
+            assert closure(robot, pose, found.theta, found.beta).max() < 1e-12
+    else:
+        assert found.out_of_reach == np.flatnonzero(~reach)[0]
+        assert np.array_equal(np.isnan(found.theta), ~reach)
+
+
+@pytest.mark.parametrize('robot', [ROBOT, MIRRORED, MIXED])
+@given(poses(0.1), st.floats(-np.pi, np.pi))
+def test_joint_angles_are_continuous(robot, pose, direction):
+    step = 1e-6 * np.array([np.cos(direction), np.sin(direction), 1.0])
+    ahead, here = (inverse_kinematics(robot, p).theta for p in (pose + step, pose))
+    # A platform joint straight behind its base joint is the one place where a turn may be lost.
+    assert np.abs(ahead - here).max() < 1e-3
+
+
+def test_joint_angles_are_continuous_round_the_whole_workspace():
+    s = np.linspace(0, 2 * np.pi, 20001)
+    path = np.column_stack([0.5 + 0.2 * np.cos(s), 0.29 + 0.2 * np.sin(s), 0.6 * np.sin(3 * s)])
+    theta = np.array([inverse_kinematics(ROBOT, pose).theta for pose in path])
+    assert np.abs(np.diff(theta, axis=0)).max() < 0.01
+
+
+@given(poses(), rows(1.0))
+def test_velocity_maps_are_the_derivatives_of_the_joint_angles(pose, rate):
+    theta, beta = legs(ROBOT, pose)
+    maps = velocity_maps(ROBOT, pose[2], theta, beta, rate)
+    h = 1e-5
+    for j, shift in enumerate(h * np.eye(3)):
+        for column, angles in ((maps.H[:, j], 0), (maps.K[:, j], 1)):
+            change = legs(ROBOT, pose + shift)[angles] - legs(ROBOT, pose - shift)[angles]
+            assert np.allclose(column, wrap(change) / (2 * h), rtol=1e-5, atol=1e-6)
+
+
+@given(poses(), rows(1.0))
+def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose, rate):
+    def maps(p):
+        return velocity_maps(ROBOT, p[2], *legs(ROBOT, p), rate)
+
+    h = 1e-6
+    here, ahead, behind = maps(pose), maps(pose + h * rate), maps(pose - h * rate)
+    for dot, plus, minus in (
+        (here.H_dot, ahead.H, behind.H),
+        (here.K_dot, ahead.K, behind.K),
+    ):
+        scale = max(1.0, np.abs(dot).max())
+        assert np.abs(dot - (plus - minus) / (2 * h)).max() < 1e-5 * scale
+
+
+@given(poses(), rows(1.0))
+def test_jacobians_relate_the_rates(pose, rate):
+    theta, beta = legs(ROBOT, pose)
+    h = 1e-5
+    theta_dot = wrap(legs(ROBOT, pose + h * rate)[0] - legs(ROBOT, pose - h * rate)[0]) / (2 * h)
+    left = jacobian_x(ROBOT, pose[2], beta) @ rate
+    assert np.allclose(left, jacobian_q(ROBOT, theta, beta) * theta_dot, atol=1e-6)
+
+
+@given(rows(2.0, 9), rows(2.0))
+def test_small_linear_algebra(numbers, x):
+    a = numbers.reshape(3, 3) + 5 * np.eye(3)
+    assert np.isclose(determinant(a), np.linalg.det(a), rtol=1e-12)
+    assert np.allclose(inverse(a), np.linalg.inv(a), rtol=1e-10, atol=1e-12)
+    assert np.allclose(multiply(a, x), a @ x, rtol=1e-14, atol=1e-14)
+
+
+def test_a_singular_matrix_has_no_finite_inverse():
+    assert not np.isfinite(inverse(np.ones((3, 3)))).any()
+
+
+@given(poses(), rows(1.0))
+def test_forward_kinematics_inverts_inverse_kinematics(pose, error):
+    theta, beta = legs(ROBOT, pose)
+    found = forward_kinematics(ROBOT, theta, pose + np.array([0.01, 0.01, 0.05]) * error)
+    assert found.status == FOUND
+    assert np.abs(found.pose - pose).max() < 1e-9
+    assert np.abs(wrap(found.beta - beta)).max() < 1e-9
+
+
+@given(poses(), rows(1.0), st.lists(st.integers(-3, 3), min_size=3, max_size=3))
+def test_whole_turns_of_the_motors_do_not_matter(pose, error, turns):
+    guess = pose + 0.01 * error
+    theta = legs(ROBOT, pose)[0] + 2 * np.pi * np.array(turns)
+    found = forward_kinematics(ROBOT, theta, guess)
+    assert found.status == FOUND and np.abs(found.pose - pose).max() < 1e-9
+
+
+def test_the_papers_start_has_two_assembly_modes_and_the_guess_decides():
+    theta = legs(ROBOT, PAPER_START)[0]
+    other = np.array([0.490, 0.377, -3.07])
+    near_paper = forward_kinematics(ROBOT, theta, PAPER_START + [0.01, -0.01, 0.05])
+    near_other = forward_kinematics(ROBOT, theta, other)
+    assert near_paper.status == near_other.status == FOUND
+    assert np.abs(near_paper.pose - PAPER_START).max() < 1e-12
+    assert np.abs(near_other.pose - other).max() < 5e-3
+    for found in (near_paper, near_other):
+        assert closure(ROBOT, found.pose, theta, found.beta).max() < 1e-12
+
+
+def follow(robot, theta, guess):
+    """Integrate the pose along the straight line of angles from the guess's to `theta`.
+
+    Returns the pose at the end, or None, and the smallest singular value met on the way.
+    """
+    start = legs(robot, guess)[0]
+    change = wrap(theta - start)
+
+    def jacobian(share, pose):
+        x, y, phi = pose
+        platform = robot.l3 * np.exp(1j * (phi + np.array(robot.platform_angle)))
+        angles = np.exp(1j * (start + share * change))
+        base = np.array(robot.base_x) + 1j * np.array(robot.base_y)
+        distal = (x + 1j * y + platform - base - robot.l1 * angles) / robot.l2
+        turn = (np.conj(distal) * 1j * platform).real
+        drive = (np.conj(distal) * 1j * robot.l1 * angles).real * change
+        return np.column_stack([distal.real, distal.imag, turn / robot.l3]), drive
+
+    def slope(share, pose):
+        matrix, drive = jacobian(share, pose)
+        if abs(np.linalg.det(matrix)) < 1e-9:
+            return np.zeros(3)
+        return np.linalg.solve(matrix, drive) / [1, 1, robot.l3]
+
+    def singular(share, pose):
+        return abs(np.linalg.det(jacobian(share, pose)[0])) - 0.01
+
+    singular.terminal = True
+    path = solve_ivp(slope, (0, 1), guess, rtol=1e-8, atol=1e-9, events=singular, max_step=0.1)
+    smallest = min(
+        np.linalg.svd(jacobian(s, p)[0], compute_uv=False)[-1]
+        for s, p in zip(path.t, path.y.T, strict=True)
+    )
+    return (path.y[:, -1] if path.status == 0 else None), smallest
+
+
+@given(poses(0.1), poses(0.1))
+def test_a_far_guess_gives_the_pose_continuous_with_it_or_a_failure(pose, guess):
+    theta = legs(ROBOT, pose)[0]
+    found = forward_kinematics(ROBOT, theta, guess)
+    end, smallest = follow(ROBOT, theta, guess)
+    if found.status == FOUND:
+        assert closure(ROBOT, found.pose, theta, found.beta).max() < 1e-9
+        assert end is not None, f'passed a singularity, {smallest}'
+        assert np.abs(found.pose - end).max() < 1e-4
+    elif end is not None:  # it may give up only close to a singularity of either type
+        assert smallest < 0.1 or margins(ROBOT, end)[0] < 1e-6 or folded(end, theta)
+
+
+def folded(pose, theta):
+    """Whether an elbow is on the other side than the paper's."""
+    return np.abs(wrap(legs(ROBOT, pose)[0] - theta)).max() > 1e-6
+
+
+def test_a_folded_elbow_is_reported():
+    pose = np.array([0.5, 0.3, 0.3])
+    theta = legs(MIXED, pose)[0]
+    for guess in (pose, pose + [0.1, 0.1, 0.5]):
+        assert forward_kinematics(ROBOT, theta, guess).status != FOUND
+
+
+@pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize('leg', [0, 1, 2])
+def test_input_that_is_not_finite_is_a_failure(bad, leg):
+    theta = legs(ROBOT, PAPER_START)[0]
+    angles, guess = theta.copy(), PAPER_START.copy()
+    angles[leg] = guess[leg] = bad
+    assert forward_kinematics(ROBOT, angles, PAPER_START).status == NOT_CONVERGED
+    assert forward_kinematics(ROBOT, theta, guess).status == GUESS_OUT_OF_REACH
+
+
+def test_angles_that_no_pose_fits_are_a_failure():
+    outwards = np.array([-3 * np.pi / 4, -np.pi / 4, np.pi / 2])
+    assert forward_kinematics(ROBOT, outwards, PAPER_START).status != FOUND
+
+
+@pytest.mark.parametrize('start', [PAPER_START, PI12_START])
+def test_a_row_of_angles_is_followed_pose_by_pose(start):
+    t = np.linspace(0, 2 * np.pi, 400)[:, None]
+    path = start + 0.03 * np.hstack([np.cos(t) - 1, np.sin(t), np.sin(t)])
+    theta = legs(ROBOT, path)[0]
+    assert np.abs(pose_of(ROBOT, theta, start) - path).max() < 1e-9
+    assert np.abs(pose_of(ROBOT, theta[7], path[6]) - path[7]).max() < 1e-9
+
+
+def test_a_row_that_breaks_names_the_sample():
+    theta = np.tile(legs(ROBOT, PAPER_START)[0], (5, 1))
+    theta[3, 1] = np.nan
+    with pytest.raises(KinematicsError, match='sample 3'):
+        pose_of(ROBOT, theta, PAPER_START)
+
+
+@settings(max_examples=200)
+@given(poses(0.1), rows(1.0))
+def test_the_branch_never_changes_under_small_steps(pose, step):
+    theta = legs(ROBOT, pose + 0.02 * step)[0]
+    found = forward_kinematics(ROBOT, theta, pose)
+    if found.status == FOUND:
+        sides = (determinant(jacobian_x(ROBOT, p[2], legs(ROBOT, p)[1])) for p in
+                 (pose, found.pose))  # fmt: skip
+        assert np.prod(np.sign(list(sides))) > 0

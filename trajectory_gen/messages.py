@@ -1,0 +1,33 @@
+"""The reference as messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_interface import cdr, topics
+from trajectory_gen.trajectory import Reference
+
+
+def pose_messages(stamps: Any, poses: np.ndarray) -> np.ndarray:
+    """geometry_msgs/PoseStamped of planar poses (x, y, phi), shape (N, 3)."""
+    # math, not numpy: its result does not depend on where in an array a number stands
+    sine = [math.sin(0.5 * phi) for phi in poses[:, 2]]
+    cosine = [math.cos(0.5 * phi) for phi in poses[:, 2]]
+    return cdr.pose_stamped(topics.FRAME).records(
+        len(poses), stamps, x=poses[:, 0], y=poses[:, 1], qz=sine, qw=cosine
+    )
+
+
+def reference_messages(joints: Sequence[str], stamps: Any, reference: Reference) -> np.ndarray:
+    """trajectory_msgs/JointTrajectory, one point each, of every sample of a reference."""
+    return cdr.joint_trajectory(joints).records(
+        len(reference.position),
+        stamps,
+        position=reference.position,
+        velocity=reference.velocity,
+        acceleration=reference.acceleration,
+    )

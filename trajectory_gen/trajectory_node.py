@@ -1,0 +1,124 @@
+"""Node that publishes the desired motion.
+
+Before the start it publishes the first sample of the motion, at rest. The motion starts at the
+common `start_stamp`, or else with the first command of a controller or a call of ``~/start``.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from std_srvs.srv import Trigger
+
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.deadline import DeadlineThread
+from parallel_robot_interface.loop import WAIT
+from parallel_robot_interface.ros_node import SuiteNode, run_node
+from parallel_robot_model.parameters import RobotParameters, validate
+from trajectory_gen import preflight
+from trajectory_gen.messages import pose_messages, reference_messages
+from trajectory_gen.trajectory import SHAPES, Trajectory, TrajectoryParameters
+
+BATCH = 200  # samples computed at once
+
+
+class TrajectoryNode(SuiteNode):
+    """Publishes ``reference`` on the grid of the period and ``pose_reference`` more slowly."""
+
+    def __init__(self) -> None:
+        """Check the whole motion, then begin to publish."""
+        groups = {'robot': RobotParameters, 'trajectory': TrajectoryParameters}
+        groups |= {name: shape.Parameters for name, shape in SHAPES.items()}
+        super().__init__('trajectory', groups)
+        limits = config.group(self.values, TrajectoryParameters, 'trajectory')
+        validate(config.group(self.values, RobotParameters, 'robot'))
+        self._trajectory = Trajectory.of(self.values)
+        preflight.check(self._trajectory, limits, self.loop.period)
+        self._start = self.loop.start_stamp if self.loop.start_stamp > 0 else None
+        self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._sent = -1  # index of the last sample of the motion that was published
+        self._reference = self.publisher(topics.REFERENCE)
+        self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
+        self.create_service(Trigger, '~/start', self._answer_start)
+        self._thread: DeadlineThread | None = None
+        if self.loop.lockstep:
+            self.subscribe(topics.JOINT_STATES, self._on_state)
+            return
+        if self.loop.start_stamp == 0:
+            self.subscribe(topics.COMMANDS, self._on_command)
+        self._start_requested = False
+        first = self._trajectory.sample(0.0)
+        self._rest = first._replace(
+            velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
+        )
+        ahead = round(limits.lookahead * cdr.NANOSECONDS)
+        self._thread = DeadlineThread(self.loop.period_ns, self._tick, self.fail, ahead)
+        self._thread.start()
+
+    def set_start(self, stamp: int) -> None:
+        """Start the motion with its first sample at `stamp` [ns]."""
+        self._start = stamp
+
+    def close(self) -> None:
+        """Stop the thread."""
+        if self._thread is not None:
+            self._thread.stop()
+
+    def _tick(self, stamp: int) -> None:
+        """Publish the sample of one stamp (wall time)."""
+        if self._start is None and self._start_requested:
+            self._start = stamp
+        if self._start is not None and stamp >= self._start:
+            self._publish((stamp - self._start) // self.loop.period_ns)
+        elif self.loop.start_stamp == 0:
+            rest = reference_messages(self.loop.joints, stamp, self._rest)
+            self._reference.publish(rest.tobytes())
+
+    def _on_command(self, _: bytes) -> None:
+        self._start_requested = True
+
+    def _answer_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._start is None and self.loop.start_stamp != WAIT
+        response.message = 'started' if response.success else 'has started or waits for its stamp'
+        self._start_requested = self._start_requested or response.success
+        return response
+
+    def _on_state(self, data: bytes) -> None:
+        """Keep the reference ahead of the plant (lockstep)."""
+        stamp = cdr.header_stamp(data)
+        if self._start is None:
+            self._start = stamp
+        k = (stamp - self._start) // self.loop.period_ns
+        if k == 0:
+            self._sent = -1  # the plant repeats its first state until somebody answers
+        if self._sent < k + BATCH // 2:
+            for index in range(self._sent + 1, k + BATCH + 1):
+                self._publish(index)
+
+    def _publish(self, k: int) -> None:
+        """Publish sample `k` of the motion; nothing after its end."""
+        last = self.loop.samples
+        if k <= self._sent or (last is not None and k > last):
+            return
+        first = k // BATCH * BATCH
+        if self._batch is None or self._batch[0] != first:
+            indices = np.arange(first, first + BATCH)
+            stamps = self._start + indices * self.loop.period_ns
+            samples = self._trajectory.sample(indices * self.loop.period)
+            references = reference_messages(self.loop.joints, stamps, samples)
+            self._batch = (first, references, pose_messages(stamps, samples.pose))
+        _, references, poses = self._batch
+        self._reference.publish(references[k - first].tobytes())
+        if k % topics.SLOW == 0:
+            self._pose.publish(poses[k - first].tobytes())
+        self._sent = k
+
+
+def main() -> int:
+    """Run the node."""
+    return run_node(TrajectoryNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
