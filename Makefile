@@ -49,14 +49,14 @@ $(BIN)/python:
 $(DEPENDENCIES): | $(BIN)/python
 	@echo 'Installing dependencies (some minutes the first time) ...'
 	@rm -f .venv/dependencies-*
-	@$(BIN)/python -m pip install --quiet '.[ros,test]'
+	@$(BIN)/python -m pip install -qq '.[ros,test]'
 	@touch $@
 
 $(INSTALLED): $(DEPENDENCIES)
 	@echo 'Installing parallel_robot and compiling its kernels ...'
 	@rm -rf .venv/installed-* build/lib build/bdist.*
-	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --force-reinstall .
-	@rm -rf build/lib build/bdist.* parallel_robot.egg-info
+	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
+	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
 	@warm=$$(mktemp -d) && trap 'rm -rf "$$warm"' EXIT && \
 	$(BIN)/parallel_robot simulate paper_circle --duration 0.1 --out "$$warm/run" > /dev/null
 	@touch $@

@@ -23,7 +23,9 @@ def generate_launch_description() -> LaunchDescription:
     parameters = {name: LaunchConfiguration(name) for name in ('scenario', 'law', 'time_mode')}
     record = LaunchConfiguration('record')
     # Nobody starts before the recorder listens too.
-    parameters['subscribers'] = PythonExpression(['2 if "', record, '".lower() in ("true", "1") else 1'])
+    parameters['subscribers'] = PythonExpression(
+        ['2 if "', record, '".lower() in ("true", "1") else 1']
+    )
     nodes = [
         Node(
             package='parallel_robot',

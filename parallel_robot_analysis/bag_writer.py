@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -157,7 +158,7 @@ def create(directory: Path) -> Path:
 
 
 def check(directory: Path) -> None:
-    """Refuse a directory that exists, or that can never exist.
+    """Refuse a directory that exists or cannot be made, without leaving a trace.
 
     Raises:
         BagError: with the reason.
@@ -165,8 +166,11 @@ def check(directory: Path) -> None:
     if directory.exists():
         raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
     parent = next(parent for parent in directory.absolute().parents if parent.exists())
-    if not parent.is_dir():
-        raise BagError(f'cannot write to {directory}: {parent} is not a directory')
+    try:
+        with tempfile.TemporaryDirectory(dir=parent):
+            pass
+    except OSError as error:
+        raise BagError(f'cannot write to {directory}: {error.strerror}') from None
 
 
 def _qos(topic: Topic) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -98,7 +99,8 @@ class NodeProcesses:
         log = self._logs[name]
         log.seek(0)
         lines = [line.strip() for line in log.read().decode(errors='replace').splitlines()]
-        return next((line for line in reversed(lines) if line), '')
+        last = next((line for line in reversed(lines) if line), '')
+        return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', last)  # level, time and node
 
 
 def _die_with_parent() -> None:

@@ -14,7 +14,7 @@ from parallel_robot_analysis import bag_writer, simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import InputError, RunError
+from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_sim.closed_loop import assemble
 
@@ -46,10 +46,6 @@ def execute(arguments: argparse.Namespace) -> int:
     values = config.resolve(arguments.scenario, changed)
     loop = assemble(values).loop
     bag_writer.check(arguments.out)
-    parent = arguments.out.absolute().parent
-    nearest = next(path for path in (parent, *parent.parents) if path.exists())
-    if not os.access(nearest, os.W_OK):
-        raise InputError(f'cannot write to {arguments.out}: permission denied')
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
     common = {'scenario': arguments.scenario, **changed, 'start_stamp': WAIT}

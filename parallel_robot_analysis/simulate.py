@@ -11,13 +11,15 @@ from parallel_robot_interface import config
 from parallel_robot_interface.errors import RunError
 from parallel_robot_sim.closed_loop import simulate
 
+DURATION = 12.0  # s, two turns of the paper's circle
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument('scenario', help='name of a scenario in config/scenarios')
     parser.add_argument('--law', help='control law, default: that of the configuration')
     parser.add_argument(
-        '--duration', type=float, default=12.0, metavar='S', help='seconds of motion, default 12'
+        '--duration', type=float, metavar='S', help=f'seconds of motion, default {DURATION:g}'
     )
     parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='bag; must not exist')
     parser.add_argument(
@@ -35,7 +37,9 @@ def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     changed = config.parse_overrides(arguments.assignments)
     if arguments.law is not None:
         changed['law'] = arguments.law
-    return changed | {'duration': arguments.duration}
+    if arguments.duration is not None:
+        changed['duration'] = arguments.duration
+    return {'duration': DURATION, **changed}
 
 
 def execute(arguments: argparse.Namespace) -> int:

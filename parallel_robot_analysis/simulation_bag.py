@@ -56,7 +56,6 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
         run.effort[rows],
     )
     records = {
-        topics.ACTIVE_LAW: cdr.text_message(law.name).records(1),
         topics.JOINT_STATES: states,
         topics.REFERENCE: reference_messages(loop.joints, stamps, reference),
         topics.COMMANDS: commands,
@@ -67,9 +66,10 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
     with BagWriter(
         directory, topics.RECORDED, describe(loop, values, STEP_START)
     ) as writer:
+        writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
         for k in range(count):
             log_time = int(stamps[k])
             for topic, messages in records.items():
-                index, rest = divmod(k, topic.every) if topic.every else (k, k)
-                if rest == 0 and index < len(messages):
+                index, rest = divmod(k, topic.every)
+                if rest == 0:
                     writer.write(topic.name, log_time, messages[index].tobytes())

@@ -54,7 +54,7 @@ class ControllerNode(SuiteNode):
             )
         }
         law = self.publisher(topics.ACTIVE_LAW, essential=False)
-        law.publish(cdr.text_message(self._controller.law.name).encode())
+        law.publish(cdr.text_message(self._controller.law.name))
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
 

@@ -198,9 +198,9 @@ def pose_stamped(frame: str) -> Layout:
     return layout
 
 
-def text_message(value: str) -> Layout:
-    """std_msgs/String."""
-    return Layout('std_msgs/msg/String').text(value)
+def text_message(value: str) -> bytes:
+    """Serialise a std_msgs/String."""
+    return Layout('std_msgs/msg/String').text(value).template.tobytes()
 
 
 def clock() -> Layout:

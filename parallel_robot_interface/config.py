@@ -94,10 +94,20 @@ def parse_overrides(assignments: list[str]) -> dict[str, Any]:
         if not equals or not key:
             raise InputError(f'--set takes KEY=VALUE, not {word!r}')
         try:
-            overrides[key.strip()] = yaml.safe_load(value)
+            overrides[key.strip()] = _number(yaml.safe_load(value))
         except yaml.YAMLError:
             raise InputError(f'--set {key}: {value!r} is not a YAML value') from None
     return overrides
+
+
+def _number(value: Any) -> Any:
+    """1e6 is a number for everybody but YAML, which wants a point in it."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
 
 
 def _scenario(name: str) -> dict[str, Any]:

@@ -47,14 +47,19 @@ def closure(robot: RobotParameters, pose: ArrayLike, theta: ArrayLike, beta: Arr
     return np.abs(tips - corners(robot, pose))
 
 
+def jacobian(robot: RobotParameters, pose: ArrayLike) -> Array:
+    """Jx with its angle column over l3: directions of the distal links, and their levers."""
+    beta = legs(robot, pose)[1]
+    lever = np.sin(beta - np.asarray(pose)[2] - np.array(robot.platform_angle))
+    return np.column_stack([np.cos(beta), np.sin(beta), lever])
+
+
 def margins(robot: RobotParameters, pose: ArrayLike) -> tuple[float, float]:
-    """Smallest |sin psi| and smallest singular value of Jx with its last column over l3."""
+    """Smallest |sin psi| and smallest singular value of `jacobian`; zeros out of reach."""
     theta, beta = legs(robot, pose)
     if np.isnan(theta).any():
         return 0.0, 0.0
-    lever = np.sin(beta - np.asarray(pose)[2] - np.array(robot.platform_angle))
-    jacobian = np.stack([np.cos(beta), np.sin(beta), lever], axis=1)
-    smallest = np.linalg.svd(jacobian, compute_uv=False)[-1]
+    smallest = np.linalg.svd(jacobian(robot, pose), compute_uv=False)[-1]
     return float(np.abs(np.sin(beta - theta)).min()), float(smallest)
 
 

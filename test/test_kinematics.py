@@ -7,6 +7,7 @@ from geometry import (
     PI12_START,
     ROBOT,
     closure,
+    corners,
     legs,
     margins,
     poses,
@@ -55,19 +56,11 @@ def test_inverse_kinematics_closes_every_leg_that_reaches(robot, pose):
         assert np.array_equal(np.isnan(found.theta), ~reach)
 
 
-@pytest.mark.parametrize('robot', [ROBOT, MIRRORED, MIXED])
-@given(poses(0.1), st.floats(-np.pi, np.pi))
-def test_joint_angles_are_continuous(robot, pose, direction):
-    step = 1e-6 * np.array([np.cos(direction), np.sin(direction), 1.0])
-    ahead, here = (inverse_kinematics(robot, p).theta for p in (pose + step, pose))
-    # A platform joint straight behind its base joint is the one place where a turn may be lost.
-    assert np.abs(ahead - here).max() < 1e-3
-
-
-def test_joint_angles_are_continuous_round_the_whole_workspace():
+def test_joint_angles_are_continuous_where_a_leg_points_along_minus_x():
     s = np.linspace(0, 2 * np.pi, 20001)
-    path = np.column_stack([0.5 + 0.2 * np.cos(s), 0.29 + 0.2 * np.sin(s), 0.6 * np.sin(3 * s)])
+    path = np.column_stack([0.5 + 0.1 * np.cos(s), 0.2 + 0.1 * np.sin(s), 0.3 * np.sin(3 * s)])
     theta = np.array([inverse_kinematics(ROBOT, pose).theta for pose in path])
+    assert np.ptp(np.sign(corners(ROBOT, path)[:, 1].imag)) == 2
     assert np.abs(np.diff(theta, axis=0)).max() < 0.01
 
 

@@ -1,0 +1,159 @@
+"""The closed loop: what the paper claims, and what makes a run trustworthy."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from assembly import make_plant, open_loop, simulate
+from geometry import PAPER_START, closure, legs
+from mujoco_robot import open_loop as mujoco_open_loop
+from test_s_fotsmc import ring
+
+from parallel_robot_control import laws
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.cycle import run_cycle
+from parallel_robot_interface import config
+from parallel_robot_model.kinematics import FOUND, GUESS_OUT_OF_REACH
+from parallel_robot_sim.plant import measure
+
+HEAVY = {f'true_robot.{key}': 1.1 * mass for key, mass in
+         (('m1', 5.12), ('m2', 7.39), ('mp', 3.84))}  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def circle():
+    return simulate('paper_circle')
+
+
+@pytest.mark.parametrize(
+    ('scenario', 'overrides', 'bound'),
+    [
+        ('paper_circle', {}, 10e-6),
+        ('paper_circle', HEAVY, 30e-6),
+        ('circle_pi12', {}, 30e-6),
+        ('paper_line', {}, 30e-6),
+    ],
+)
+def test_steady_error(scenario, overrides, bound):
+    done = simulate(scenario, overrides=overrides)
+    assert done.out.status == FOUND and done.out.steps == 12001
+    assert done.steady_rms() < bound
+
+
+def test_the_start_error_is_the_papers_and_goes_away(circle):
+    error = np.hypot(*(circle.out.pose - circle.reference.pose)[:, :2].T)
+    assert abs(error[0] - 8.6e-3) < 5e-5
+    assert error[3000:].max() < 1e-3
+
+
+def test_heavier_masses_need_more_torque(circle):
+    heavy = simulate(overrides=HEAVY)
+    assert np.abs(heavy.out.effort - circle.out.effort)[6000:].mean() > 1e-3
+
+
+def test_loops_stay_closed_for_a_minute(robot):
+    out = simulate(duration=60.0).out
+    gaps = closure(robot, out.pose[-1], out.theta[-1], out.theta[-1] + out.psi[-1])
+    assert out.steps == 60001 and gaps.max() < 1e-12
+
+
+def test_recorded_joints_are_those_of_the_recorded_pose(robot, circle):
+    theta, beta = legs(robot, circle.out.pose)
+    assert np.abs(np.exp(1j * theta) - np.exp(1j * circle.out.theta)).max() < 1e-12
+    assert np.abs(np.exp(1j * (beta - theta)) - np.exp(1j * circle.out.psi)).max() < 1e-12
+    for angle, rate in (('theta', 'theta_dot'), ('psi', 'psi_dot')):
+        slope = np.gradient(getattr(circle.out, angle), 1e-3, axis=0)
+        assert np.abs(slope - getattr(circle.out, rate))[1:-1].max() < 1e-3
+
+
+def test_effort_is_the_torque_that_acted_before_the_state(circle):
+    assert not circle.out.effort[0].any()
+    assert np.array_equal(circle.out.effort[1:], circle.out.command[:-1])
+
+
+def test_effort_is_saturated_and_the_command_is_not():
+    out = simulate(duration=0.5, overrides={'plant.torque_limit': [2.0, 3.0, 4.0]}).out
+    assert np.abs(out.command).max() > 4.0
+    assert np.array_equal(out.effort[1:], np.clip(out.command[:-1], [-2, -3, -4], [2, 3, 4]))
+
+
+@pytest.mark.parametrize('scenario', ['paper_circle', 'circle_pi12'])
+def test_recorded_efforts_reproduce_the_joints_from_state_0(scenario):
+    out = simulate(scenario).out
+    values = config.resolve(scenario)
+    robot = make_plant(values)[0].robot
+    states = open_loop(values, out.effort[1:])
+    theta = np.array([measure(robot, state).theta for state in states])
+    assert np.abs(theta - out.theta).max() < 1e-9
+
+
+def test_recorded_commands_move_mujoco_alike(robot):
+    fine = {
+        'friction.coulomb': [0.0] * 3,
+        'plant.integrator': 'rk4',
+        'plant.substeps': 10,
+    }
+    out = simulate(duration=1.0, overrides=fine).out
+    theirs = mujoco_open_loop(robot, PAPER_START, out.command[:-1], 1e-3, [2.5] * 3)
+    assert np.abs(out.pose - theirs).max() < 2e-10
+
+
+def test_integral_is_that_of_the_coupled_error(circle):
+    error = circle.reference.position - circle.out.theta
+    summed = 1e-3 * (np.cumsum(error @ ring(3), axis=0) - error @ ring(3))
+    assert np.abs(circle.out.integral - summed).max() < 1e-12
+
+
+def test_the_same_run_gives_the_same_bits(circle):
+    again = simulate('paper_circle')
+    for first, second in zip(circle.out, again.out, strict=True):
+        assert np.array_equal(first, second)
+
+
+def test_a_controller_that_cannot_answer_ends_the_run():
+    out = simulate(duration=0.1, guess=[5.0, 5.0, 0.0]).out
+    assert (out.status, out.steps) == (GUESS_OUT_OF_REACH, 1)
+    assert not out.command[0].any()
+
+
+def test_a_plant_out_of_its_workspace_ends_the_run():
+    pull = {'friction.viscous': [0.0] * 3, 's_fotsmc.G': 1e7, 'plant.torque_limit': [1e4] * 3}
+    out = simulate(duration=2.0, overrides=pull).out
+    assert out.steps < 2001
+    assert all(np.isfinite(rows[: out.steps]).all() for rows in out[:9])
+
+
+def resident():
+    """Memory of this process [bytes]."""
+    pages = int(Path('/proc/self/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE')
+
+
+@pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='needs Linux')
+def test_memory_does_not_grow_with_the_steps_of_a_run():
+    simulate(duration=60.0)
+    before = resident()
+    for _ in range(4):
+        assert simulate(duration=60.0).out.steps == 60001
+    assert resident() - before < 4e6  # a leak of 20 bytes a step would be 5 MB
+
+
+@pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='needs Linux')
+def test_memory_does_not_grow_with_single_cycles(values, robot):
+    law, theta, still = laws.prepare('s_fotsmc', values), legs(robot, PAPER_START)[0], np.zeros(3)
+    reference, feedback = JointReference(theta, still, still), Feedback(theta, still)
+
+    def cycles(count):
+        memory = law.memory
+        for _ in range(count):
+            cycle = run_cycle(
+                law.update, law.gains, robot, reference, feedback,
+                PAPER_START, still, memory, 1e-3,
+            )  # fmt: skip
+            memory = cycle.memory
+
+    cycles(1000)
+    before = resident()
+    cycles(40000)
+    assert resident() - before < 2e6  # a leak of one array a cycle would be 4 MB
