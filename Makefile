@@ -40,7 +40,7 @@ clean: ## remove .venv and everything built; runs/ stays
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' || \
-	{ echo 'error: "$(PYTHON)" is not a Python 3.10 to 3.13; name one: make PYTHON=python3.12' >&2; exit 1; }
+	{ echo 'error: "$(PYTHON)" is not a Python 3.10 to 3.13; name one: make setup PYTHON=python3.12' >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null || \
 	{ echo 'error: "$(PYTHON)" cannot make environments; on Debian: apt install python3-venv' >&2; exit 1; }
 	@echo "Creating .venv with $$($(PYTHON) --version) ..."

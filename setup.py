@@ -51,7 +51,7 @@ setup(
         'numba>=0.59',
         'numpy>=1.26',
         'pyyaml>=6.0.1',
-        'rosbags>=0.10',
+        'rosbags>=0.10.9',
         'scipy>=1.11',
     ],
     extras_require={
@@ -65,6 +65,7 @@ setup(
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
             'mcap-ros2-support>=0.5',
+            'ros-jazzy-domain-coordinator==0.12.0',
             'mujoco>=3.2',
             'mypy==2.4.1',
             'pytest>=8.2,<10',

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[st
         'duration_s': figures_of_merit.duration_s,
         'steady': figures_of_merit.steady._asdict(),
         'torque': figures_of_merit.torque._asdict(),
-        'messages': {name: count._asdict() for name, count in log.messages.items()},
+        'messages': {name: asdict(count) for name, count in log.messages.items()},
     }
 
 

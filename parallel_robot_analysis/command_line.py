@@ -17,19 +17,24 @@ COMMANDS: dict[str, tuple[ModuleType, str]] = {
 }
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Returns:
-        0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
-    """
+def build_parser() -> argparse.ArgumentParser:
+    """Make the parser of the whole command line."""
     parser = argparse.ArgumentParser(
         prog='parallel_robot', description='Sliding-mode control of a 3-RRR parallel robot.'
     )
     subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (module, text) in COMMANDS.items():
         module.add_arguments(subparsers.add_parser(name, help=text, description=text))
-    arguments = parser.parse_args(words)
+    return parser
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Returns:
+        0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
+    """
+    arguments = build_parser().parse_args(words)
     try:
         code: int = COMMANDS[arguments.command][0].execute(arguments)
     except ParallelRobotError as error:

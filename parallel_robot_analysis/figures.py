@@ -9,7 +9,6 @@ import numpy as np
 from parallel_robot_analysis.metrics import Poses
 from parallel_robot_analysis.run_log import RunLog
 
-REFERENCE = {'color': '0.6', 'linewidth': 2.5, 'label': 'reference'}
 COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
 
 
@@ -30,7 +29,7 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
 
     xy = figure.add_subplot(grid[:, 0])
-    xy.plot(*(1e3 * pose.reference[:, :2].T), **REFERENCE)
+    xy.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label='reference')
     xy.plot(*(1e3 * pose.actual[:, :2].T), color=COLORS[0], linewidth=1.2, label='platform')
     xy.plot(*(1e3 * pose.actual[0, :2]), 'o', color=COLORS[1], label='start')
     xy.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')

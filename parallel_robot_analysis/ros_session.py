@@ -70,7 +70,7 @@ class Session:
             RunError: one is not ready in time, or another suite runs on the same ROS domain.
         """
         deadline = time.monotonic() + seconds
-        waiting = {name: 'it does not answer' for name in self._names}
+        waiting = dict.fromkeys(self._names, 'it does not answer')
         while waiting:
             for name in list(waiting):
                 answer = self._call(self._ready[name], Trigger.Request())

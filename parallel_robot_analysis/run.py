@@ -25,10 +25,6 @@ STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
 LOOK = 0.1  # s, between two looks at the processes
 
 
-class Interrupted(RunError):
-    """The run was stopped by a signal."""
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     simulate.add_arguments(parser)
@@ -80,7 +76,7 @@ def _supervise(
 
             def watch() -> None:
                 if caught:
-                    raise Interrupted(f'stopped by {signal.Signals(caught[0]).name}')
+                    raise RunError(f'stopped by {signal.Signals(caught[0]).name}')
                 processes.check()
 
             with Session(MODULES, watch) as session:

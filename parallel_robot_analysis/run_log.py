@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,8 @@ from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import RECORDED, Topic
 
 
-class TopicCount(NamedTuple):
+@dataclass(frozen=True)
+class TopicCount:
     """Messages of a topic.
 
     Attributes:
@@ -107,7 +108,9 @@ def read(bag: Path) -> RunLog:
         start,
         stamps,
         (stamps - start) / cdr.NANOSECONDS,
-        *(states[name][:, :n].copy() for name in ('position', 'velocity', 'effort')),
+        states['position'][:, :n].copy(),
+        states['velocity'][:, :n].copy(),
+        states['effort'][:, :n].copy(),
         *reference,
         commands['data'].copy(),
         counted,
@@ -142,7 +145,7 @@ def _decode(
     """Records of messages that all have the layout of the first."""
     first = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(messages[0], topic.type)
     layout = layout_of(first)
-    records = layout.decode(b''.join(messages))
+    records = layout.decode(b''.join(messages), len(messages))
     if records is None:
         raise BagError(f'{bag}: the messages on {topic.name} differ in joints or lengths')
     return records
@@ -160,7 +163,9 @@ def _command_layout(message: Any) -> cdr.Layout:
     return cdr.float64_multi_array(len(message.data))
 
 
-def _at(references: np.ndarray, known: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, ...]:
+def _at(
+    references: np.ndarray, known: np.ndarray, stamps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """References at other stamps, extrapolated from the newest before with its derivatives."""
     newest = references[np.searchsorted(known, stamps, side='right') - 1]
     dt = ((stamps - cdr.stamps_of(newest)) / cdr.NANOSECONDS)[:, np.newaxis]

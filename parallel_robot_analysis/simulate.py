@@ -21,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--duration', type=float, metavar='S', help=f'seconds of motion, default {DURATION:g}'
     )
-    parser.add_argument('--out', type=Path, required=True, metavar='DIR', help='bag; must not exist')
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
+    )
     parser.add_argument(
         '--set',
         action='append',

@@ -63,9 +63,7 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
         topics.POSE_REFERENCE: pose_messages(stamps[slow], reference.pose[rows][slow]),
         **telemetry_messages(loop.joints, stamps[slow], telemetry),
     }
-    with BagWriter(
-        directory, topics.RECORDED, describe(loop, values, STEP_START)
-    ) as writer:
+    with BagWriter(directory, topics.RECORDED, describe(loop, values, STEP_START)) as writer:
         writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
         for k in range(count):
             log_time = int(stamps[k])

@@ -68,7 +68,9 @@ class Controller:
         self._references: deque[tuple[int, JointReference]] = deque(maxlen=10_000)
         self._pending: tuple[int, Feedback] | None = None
         self._last: int | None = None
-        self._reset()
+        self._pose = self._guess
+        self._integral = np.zeros(3)
+        self._memory = self.law.memory
         zero = np.zeros(3)
         self._cycle(JointReference(zero, zero, zero), Feedback(zero, zero), self._loop.period)
 

@@ -1,4 +1,4 @@
-"""One control cycle: forward kinematics, model, law. The same kernel in the node and without ROS."""
+"""One control cycle: forward kinematics, model, law; the same kernel with and without ROS."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import FirstClass
 
 LAWS: dict[str, Law] = {
-    's_fotsmc': s_fotsmc,  # type: ignore[dict-item]
+    's_fotsmc': s_fotsmc,
 }
 
 

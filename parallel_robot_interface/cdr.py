@@ -133,20 +133,21 @@ class Layout:
         """Serialise one message."""
         return self.records(1, stamp, **values).tobytes()
 
-    def decode(self, data: bytes) -> np.ndarray | None:
-        """Read one or more messages that lie end to end.
+    def decode(self, data: bytes, count: int = 1) -> np.ndarray | None:
+        """Read messages that lie end to end.
 
         Args:
             data: Serialised messages.
+            count: How many they should be, N.
 
         Returns:
-            Structured array, shape (N,); None when a fixed part (names, lengths) is not this
-            layout's.
+            Structured array, shape (N,); None when the length or a fixed part (names, counts) is
+            not this layout's.
         """
-        raw = np.frombuffer(data, dtype=np.uint8)
-        if len(raw) % len(self._bytes):
+        if len(data) != count * len(self._bytes):
             return None
-        rows = raw.reshape(-1, len(self._bytes))
+        raw = np.frombuffer(data, dtype=np.uint8)
+        rows = raw.reshape(count, len(self._bytes))
         if not (rows[:, self.constants] == self.template[self.constants]).all():
             return None
         return raw.view(self.dtype)

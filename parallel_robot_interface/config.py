@@ -12,7 +12,7 @@ import yaml
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_interface.fields import build, parameters
 
-Group = TypeVar('Group', bound=tuple)  # type: ignore[type-arg]
+Group = TypeVar('Group')
 
 PACKAGE = 'parallel_robot'
 
@@ -78,8 +78,8 @@ def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
     if prefix:
         values = {k.removeprefix(start): v for k, v in config.items() if k.startswith(start)}
     else:
-        values = {p.key: config[p.key] for p in parameters(kind)}  # type: ignore[arg-type]
-    return build(kind, values, start)  # type: ignore[type-var]
+        values = {p.key: config[p.key] for p in parameters(kind)}
+    return build(kind, values, start)
 
 
 def parse_overrides(assignments: list[str]) -> dict[str, Any]:

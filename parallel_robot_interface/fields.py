@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
 from typing import (
@@ -19,7 +18,7 @@ from typing import (
 from parallel_robot_interface.errors import InputError, UnknownNameError
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
-Group = TypeVar('Group', bound=NamedTuple)
+Group = TypeVar('Group')  # a NamedTuple
 
 
 class Field(NamedTuple):
@@ -39,8 +38,7 @@ class Parameter(NamedTuple):
     field: Field
 
 
-@functools.cache
-def parameters(group: type[NamedTuple]) -> tuple[Parameter, ...]:
+def parameters(group: type) -> tuple[Parameter, ...]:
     """List the parameters of a group; a trailing underscore (``lambda_``) is not in the key."""
     found = []
     for name, hint in get_type_hints(group, include_extras=True).items():
@@ -74,9 +72,7 @@ def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Gr
     missing = [prefix + key for key in keys if key not in values]
     if missing:
         raise InputError(f'parameter {missing[0]} is missing')
-    return group(
-        *(check(prefix + p.key, p.type, p.field, values[p.key]) for p in known)  # type: ignore[call-overload]
-    )
+    return group(*(check(prefix + p.key, p.type, p.field, values[p.key]) for p in known))
 
 
 def check(name: str, kind: Any, field: Field, value: Any) -> Any:

@@ -64,7 +64,7 @@ class JointReader:
             if names.count(joint) != 1:
                 return f'{joint} is {"missing" if joint not in names else "named twice"}'
         for name in self._fields:
-            if name not in layout.dtype.names:
+            if name not in (layout.dtype.names or ()):
                 return f'{name} is missing or short'
         self._order = np.array([names.index(joint) for joint in self._joints])
         self._layout = layout

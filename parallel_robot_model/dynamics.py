@@ -18,7 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_model.kernel import kernel
-from parallel_robot_model.kinematics import inverse, velocity_maps
+from parallel_robot_model.kinematics import (
+    inverse,
+    jacobian_q,
+    jacobian_x,
+    multiply,
+    velocity_maps,
+)
 from parallel_robot_model.parameters import RobotParameters
 
 Array = NDArray[np.float64]
@@ -87,13 +93,11 @@ def actuated_dynamics(
     Returns:
         M and Q; not finite at a singularity.
     """
-    still = np.zeros(3)
-    J = inverse(velocity_maps(robot, phi, theta, beta, still).H)
-    rate = np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            rate[i] += J[i, j] * theta_dot[j]
-    M_x, Q_x, _, H_dot = pose_dynamics(robot, phi, theta, beta, rate)
+    rate = multiply(
+        inverse(jacobian_x(robot, phi, beta)), jacobian_q(robot, theta, beta) * theta_dot
+    )
+    M_x, Q_x, H, H_dot = pose_dynamics(robot, phi, theta, beta, rate)
+    J = inverse(H)
     M = _congruence(J, M_x)
     Q = _congruence(J, Q_x - _product(M_x, _product(J, H_dot)))
     return Model(0.5 * (M + M.T), Q)
@@ -112,4 +116,10 @@ def _product(a: Array, b: Array) -> Array:
 @kernel
 def _congruence(J: Array, a: Array) -> Array:
     """J^T a J."""
-    return _product(np.ascontiguousarray(J.T), _product(a, J))
+    right = _product(a, J)
+    c = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                c[i, j] += J[k, i] * right[k, j]
+    return c

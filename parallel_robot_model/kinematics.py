@@ -156,7 +156,10 @@ def inverse(a: Array) -> Array:
     b[2, 1] = a[0, 1] * a[2, 0] - a[0, 0] * a[2, 1]
     b[2, 2] = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
     scale = 1.0 / (a[0, 0] * b[0, 0] + a[0, 1] * b[1, 0] + a[0, 2] * b[2, 0])
-    return b * scale
+    for i in range(3):
+        for j in range(3):
+            b[i, j] *= scale
+    return b
 
 
 @kernel
@@ -166,6 +169,16 @@ def multiply(a: Array, x: Array) -> Array:
     for i in range(len(x)):
         for j in range(len(x)):
             y[i] += a[i, j] * x[j]
+    return y
+
+
+@kernel
+def multiply_transposed(a: Array, x: Array) -> Array:
+    """Product a^T x of a matrix (n, n) and a vector (n,), summed in order."""
+    y = np.zeros(len(x))
+    for i in range(len(x)):
+        for j in range(len(x)):
+            y[j] += a[i, j] * x[i]
     return y
 
 

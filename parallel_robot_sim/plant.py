@@ -15,6 +15,7 @@ from parallel_robot_model.kinematics import (
     inverse,
     inverse_kinematics,
     multiply,
+    multiply_transposed,
     velocity_maps,
 )
 from parallel_robot_model.parameters import RobotParameters
@@ -92,8 +93,8 @@ def initial_state(parameters: PlantParameters, robot: RobotParameters) -> PlantS
     leg = inverse_kinematics(robot, pose).out_of_reach
     if leg >= 0:
         raise InputError(
-            f'plant.initial_pose {list(parameters.initial_pose)} is out of reach of leg {leg + 1}, '
-            f'whose joints span {abs(robot.l2 - robot.l1):g} to {robot.l1 + robot.l2:g} m'
+            f'plant.initial_pose {list(parameters.initial_pose)} is out of reach of leg {leg + 1} '
+            f'(a leg spans {abs(robot.l2 - robot.l1):g} to {robot.l1 + robot.l2:g} m)'
         )
     return PlantState(pose, np.zeros(3), np.zeros(3))
 
@@ -102,11 +103,11 @@ def initial_state(parameters: PlantParameters, robot: RobotParameters) -> PlantS
 def _derivative(y: Array, arguments: tuple[RobotParameters, FrictionParameters, Array]) -> Array:
     """d/dt (pose, rate): M_x Xdd = H^T (tau - friction) - Q_x Xdot."""
     robot, friction, torque = arguments
-    rate = y[3:].copy()
+    rate = y[3:]
     legs = inverse_kinematics(robot, y[:3])
     M, Q, H, _ = pose_dynamics(robot, y[2], legs.theta, legs.beta, rate)
     drive = torque - friction_torque(friction, multiply(H, rate))
-    force = multiply(np.ascontiguousarray(H.T), drive) - multiply(Q, rate)
+    force = multiply_transposed(H, drive) - multiply(Q, rate)
     result = np.empty(6)
     result[:3] = rate
     result[3:] = multiply(inverse(M), force)

@@ -32,7 +32,7 @@ class PlantNode(SuiteNode):
         """Put the robot at its initial pose and begin to publish."""
         super().__init__('plant', GROUPS)
         self._simulator = Simulator(self.values)
-        self._start = self.loop.start_stamp if self.loop.start_stamp > 0 else None
+        self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._index: int | None = None  # of the last published state; None while held
         self._command = np.zeros(3)
         self._commanded = False  # whether a command came since the last state
@@ -132,7 +132,7 @@ class PlantNode(SuiteNode):
 
     def _step(self) -> None:
         self._simulator.advance(self._command)
-        self._index += 1
+        self._index = (self._index or 0) + 1
 
     def _finished(self) -> bool:
         return self.loop.samples is not None and (self._index or 0) >= self.loop.samples

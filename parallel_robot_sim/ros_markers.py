@@ -42,7 +42,13 @@ class RobotMarkers:
         lists = [
             ('proximal', Marker.LINE_LIST, PROXIMAL, WIDTH, _pairs(base, elbow)),
             ('distal', Marker.LINE_LIST, DISTAL, WIDTH, _pairs(elbow, joint)),
-            ('platform', Marker.LINE_STRIP, PLATFORM, WIDTH, [*map(_point, joint), _point(joint[0])]),
+            (
+                'platform',
+                Marker.LINE_STRIP,
+                PLATFORM,
+                WIDTH,
+                [*map(_point, joint), _point(joint[0])],
+            ),
             ('path', Marker.LINE_STRIP, PATH, 0.3 * WIDTH, list(self._path)),
         ]
         time = Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)

@@ -57,9 +57,7 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
-        state = step(
-            self.stepping, self.robot, self.friction, self.state, command, self._period
-        )
+        state = step(self.stepping, self.robot, self.friction, self.state, command, self._period)
         if not np.isfinite(state.pose).all() or not np.isfinite(state.rate).all():
             raise RunError(
                 'the robot was driven out of its workspace at pose '

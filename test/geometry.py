@@ -67,8 +67,7 @@ def kinetic_energy(robot: RobotParameters, pose: Array, rate: Array, h: float = 
     """Energy of seven bodies from central differences of where they are [J]."""
     ahead, behind = pose + h * rate, pose - h * rate
     theta, beta = (
-        wrap(a - b) / (2 * h)
-        for a, b in zip(legs(robot, ahead), legs(robot, behind), strict=True)
+        wrap(a - b) / (2 * h) for a, b in zip(legs(robot, ahead), legs(robot, behind), strict=True)
     )
 
     def distal(p: Array) -> NDArray[np.complex128]:

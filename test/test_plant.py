@@ -100,8 +100,12 @@ def test_order_of_the_plant_by_step_halving(integrator, order):
 @pytest.mark.parametrize('integrator', ['ode3', 'rk4'])
 def test_substeps_are_shorter_steps_under_one_torque(integrator):
     torque, start = np.array([3.0, -2.0, 1.0]), moving([0.1, -0.2, 0.5])
-    in_one = motion(resolve(plant__integrator=integrator, plant__substeps=4), start, torque, 4e-3, 1)
-    single = motion(resolve(plant__integrator=integrator, plant__substeps=1), start, torque, 1e-3, 4)
+    in_one = motion(
+        resolve(plant__integrator=integrator, plant__substeps=4), start, torque, 4e-3, 1
+    )
+    single = motion(
+        resolve(plant__integrator=integrator, plant__substeps=1), start, torque, 1e-3, 4
+    )
     assert np.allclose(in_one[-1].pose, single[-1].pose, rtol=1e-15)
     assert np.allclose(in_one[-1].rate, single[-1].rate, rtol=1e-14)
 

@@ -31,7 +31,7 @@ class Shape(Protocol):
         """Time after which nothing new happens [s]."""
 
 
-SHAPES: dict[str, Shape] = {'circle': circle, 'line': line, 'hold': hold}  # type: ignore[dict-item]
+SHAPES: dict[str, Shape] = {'circle': circle, 'line': line, 'hold': hold}
 
 
 class TrajectoryParameters(NamedTuple):

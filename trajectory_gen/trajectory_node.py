@@ -35,7 +35,7 @@ class TrajectoryNode(SuiteNode):
         validate(config.group(self.values, RobotParameters, 'robot'))
         self._trajectory = Trajectory.of(self.values)
         preflight.check(self._trajectory, limits, self.loop.period)
-        self._start = self.loop.start_stamp if self.loop.start_stamp > 0 else None
+        self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
         self._sent = -1  # index of the last sample of the motion that was published
         self._reference = self.publisher(topics.REFERENCE)
@@ -67,9 +67,9 @@ class TrajectoryNode(SuiteNode):
 
     def _tick(self, stamp: int) -> None:
         """Publish the sample of one stamp (wall time)."""
-        if self._start is None and self._start_requested:
+        if not self._start and self._start_requested:
             self._start = stamp
-        if self._start is not None and stamp >= self._start:
+        if self._start and stamp >= self._start:
             self._publish((stamp - self._start) // self.loop.period_ns)
         elif self.loop.start_stamp == 0:
             rest = reference_messages(self.loop.joints, stamp, self._rest)
@@ -79,7 +79,7 @@ class TrajectoryNode(SuiteNode):
         self._start_requested = True
 
     def _answer_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._start is None and self.loop.start_stamp != WAIT
+        response.success = not self._start and self.loop.start_stamp != WAIT
         response.message = 'started' if response.success else 'has started or waits for its stamp'
         self._start_requested = self._start_requested or response.success
         return response
@@ -87,7 +87,7 @@ class TrajectoryNode(SuiteNode):
     def _on_state(self, data: bytes) -> None:
         """Keep the reference ahead of the plant (lockstep)."""
         stamp = cdr.header_stamp(data)
-        if self._start is None:
+        if not self._start:
             self._start = stamp
         k = (stamp - self._start) // self.loop.period_ns
         if k == 0:

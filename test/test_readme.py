@@ -1,0 +1,50 @@
+"""The README promises only what exists."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from parallel_robot_analysis.command_line import build_parser
+from parallel_robot_interface import config, topics
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / 'README.md').read_text()
+COMMANDS = [
+    line.split('#')[0].strip()
+    for block in re.findall(r'```bash\n(.*?)```', README, re.DOTALL)
+    for line in block.splitlines()
+]
+
+
+@pytest.mark.parametrize('command', [c for c in COMMANDS if c.startswith('make')])
+def test_make_targets_exist(command):
+    target = command.split()[1]
+    assert re.search(rf'^{target}:', (ROOT / 'Makefile').read_text(), re.MULTILINE)
+
+
+@pytest.mark.parametrize('command', [c for c in COMMANDS if 'bin/parallel_robot' in c])
+def test_commands_of_the_command_line_parse_and_their_keys_resolve(command):
+    arguments = build_parser().parse_args(shlex.split(command)[1:])
+    if arguments.command != 'analyze':
+        config.resolve(arguments.scenario, config.parse_overrides(arguments.assignments))
+
+
+@pytest.mark.parametrize('command', [c for c in COMMANDS if c.startswith('ros2 run')])
+def test_executables_exist_and_their_parameters_resolve(command):
+    words = shlex.split(command)
+    assert (ROOT / 'scripts' / words[3]).is_file()
+    given = dict(word.split(':=') for word in words if ':=' in word)
+    config.resolve('paper_circle', given)
+
+
+@pytest.mark.parametrize('target', re.findall(r'\]\((?!http)([^)#]+)\)', README))
+def test_links_lead_somewhere(target):
+    assert (ROOT / target).exists()
+
+
+def test_every_topic_is_in_the_table():
+    table = README.replace('`, `/', '`, `controller/')
+    for topic in (*topics.RECORDED, topics.MARKERS, topics.CLOCK):
+        assert f'`{topic.name}`' in table
