@@ -91,7 +91,7 @@ def check(name: str, kind: Any, field: Field, value: Any) -> Any:
             raise UnknownNameError(f'value of {name}', str(value), map(str, get_args(kind)))
         return value
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
+        value = float(value) if abs(value) < 1e300 else math.inf
     if type(value) is not kind:
         raise InputError(f'{name} must be {_article(kind)}, not {value!r}')
     if kind in (int, float):
@@ -101,7 +101,7 @@ def check(name: str, kind: Any, field: Field, value: Any) -> Any:
 
 def _check_range(name: str, field: Field, value: float) -> None:
     unit = f' {field.unit}' if field.unit else ''
-    if not math.isfinite(value):
+    if not abs(value) < 1e300:  # also NaN
         raise InputError(f'{name} must be finite, not {value}')
     if not field.low <= value <= field.high:
         if field.high == math.inf:

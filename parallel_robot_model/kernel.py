@@ -18,8 +18,8 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 def _cache_directory() -> str:
     """Directory for the machine code of exactly these sources.
 
-    Numba notices a change of the file of a kernel, but not of the kernels that it calls; a
-    directory named after all of them cannot hold stale code.
+    Numba notices a change of the file of a kernel, but not of the kernels that it calls or of the
+    order of the fields of a NamedTuple; a directory named after all of them holds no stale code.
     """
     digest = hashlib.sha256()
     packages = Path(__file__).resolve().parents[1]
@@ -27,7 +27,7 @@ def _cache_directory() -> str:
         [*packages.glob('parallel_robot_*/*.py'), *packages.glob('trajectory_gen/*.py')]
     ):
         content = path.read_bytes()
-        if b'@kernel' in content or b'@inlined' in content:
+        if any(mark in content for mark in (b'@kernel', b'@inlined', b'NamedTuple')):
             digest.update(content)
     home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
     for root in (Path(home), Path(tempfile.gettempdir())):

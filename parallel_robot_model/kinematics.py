@@ -27,6 +27,8 @@ FOUND = 0
 GUESS_OUT_OF_REACH = 1
 NOT_CONVERGED = 2
 WRONG_WORKING_MODE = 3
+LONGEST_STEP = 0.05  # rad, of the path that the forward kinematics follows
+SINGULAR = 0.02  # |det Jx| / l3 below which it does not trust the branch
 STATUS_TEXT = {
     GUESS_OUT_OF_REACH: 'the guess is out of reach',
     NOT_CONVERGED: 'no pose on the same assembly mode fits the joint angles',
@@ -93,6 +95,8 @@ def inverse_kinematics(robot: RobotParameters, pose: Array) -> Legs:
     for i in range(3):
         ux = centre_x - robot.base_x[i]
         uy = centre_y - robot.base_y[i]
+        if ux == 0.0 and uy == 0.0:
+            ux = 1.0
         angle = pose[2] + robot.platform_angle[i]
         rx = pose[0] + robot.l3 * math.cos(angle) - robot.base_x[i]
         ry = pose[1] + robot.l3 * math.sin(angle) - robot.base_y[i]
@@ -201,12 +205,16 @@ def _closure(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, 
 
 
 @kernel
-def _newton(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, bool]:
+def _newton(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, float]:
     """Newton's iteration on the loop closure, begun only where it is known to converge.
 
     The Newton-Kantorovich condition L |J^-1| |step| <= 1/2 at the start guarantees one solution
-    near the start and convergence to it. L bounds the second derivative of the residual, lengths
-    in metres, angles as l3 phi: each leg adds at most (2 + (l2 + slack) / l3) / l2.
+    near the start and convergence to it. L bounds the second derivative of the residual, with
+    lengths in metres and angles as l3 phi: each leg adds at most (2 + d / l3) / l2, where d bounds
+    its distance from elbow to platform joint.
+
+    Returns:
+        The pose and det J / l3 there; 0 when the iteration does not converge.
 
     Source:
         Ortega (1968), The Newton-Kantorovich theorem, Amer. Math. Monthly 75(6).
@@ -216,19 +224,22 @@ def _newton(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, b
     step = multiply(inverted, residual)
     size = math.sqrt(step[0] ** 2 + step[1] ** 2 + (robot.l3 * step[2]) ** 2)
     norm = 0.0
-    for j in range(3):
-        norm += inverted[0, j] ** 2 + inverted[1, j] ** 2 + (robot.l3 * inverted[2, j]) ** 2
-    bound = math.sqrt(3.0) * (2.0 + 1.1 * robot.l2 / robot.l3) / robot.l2  # 1/m, 10 % slack
+    distance = 0.0
+    for i in range(3):
+        norm += inverted[0, i] ** 2 + inverted[1, i] ** 2 + (robot.l3 * inverted[2, i]) ** 2
+        distance = max(distance, robot.l2 * math.hypot(jacobian[i, 0], jacobian[i, 1]))
+    distance += 2.0 * math.sqrt(2.0) * size  # the solution lies within two steps
+    bound = math.sqrt(3.0) * (2.0 + distance / robot.l3) / robot.l2
     if not bound * math.sqrt(norm) * size <= 0.5:
-        return pose, False
+        return pose, 0.0
     found = pose - step
     for _ in range(20):
         residual, jacobian = _closure(robot, theta, found)
         step = multiply(inverse(jacobian), residual)
         found = found - step
         if abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-9:  # quadratic: the error is round-off
-            return found, True
-    return found, False
+            return found, determinant(jacobian) / robot.l3
+    return found, 0.0
 
 
 @kernel
@@ -236,8 +247,8 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
     """Pose at given joint angles, on the assembly mode of the guess.
 
     Follows the straight line of joint angles from those of the guess to the given ones, in steps
-    within which Newton's iteration provably stays on the branch; near samples take one step. A
-    path through a type 2 singularity ends in a failure, never on another branch.
+    within which Newton's iteration provably converges to the solution next to it; near samples
+    take one step. A path through a type 2 singularity ends in a failure, never on another branch.
 
     Args:
         robot: The robot.
@@ -255,20 +266,26 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
     for i in range(3):
         turn = theta[i] - start.theta[i]
         change[i] = turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+    largest = max(abs(change[0]), abs(change[1]), abs(change[2]))
     pose = guess
+    side = determinant(jacobian_x(robot, guess[2], start.beta)) / robot.l3
     done = 0.0
-    part = 1.0
+    part = 1.0 if largest < LONGEST_STEP else LONGEST_STEP / largest
+    shortest = 1e-3 * part
     while done < 1.0:
-        if not part > 1e-3:  # also for NaN: the path ends at a singularity or at no pose at all
+        if not part > shortest or not abs(side) > SINGULAR:
             return Assembly(guess, beta, NOT_CONVERGED)
         share = min(1.0, done + part)
         target = theta if share == 1.0 else start.theta + share * change
-        found, converged = _newton(robot, target, pose)
-        if converged:
+        found, determinant_found = _newton(robot, target, pose)
+        if determinant_found * side > 0.0:
             pose = found
+            side = determinant_found
             done = share
         else:
             part *= 0.5
+    if not abs(side) > SINGULAR:
+        return Assembly(guess, beta, NOT_CONVERGED)
     for i in range(3):
         angle = pose[2] + robot.platform_angle[i]
         dx = pose[0] + robot.l3 * math.cos(angle)

@@ -231,7 +231,7 @@ def test_a_whole_run_equals_its_messages_one_by_one():
         one = layout.encode(int(stamps[k]), position=position[k], effort=effort[k])
         assert records[k].tobytes() == one
         assert cdr.header_stamp(one) == stamps[k]
-    together = layout.decode(records.tobytes())
+    together = layout.decode(records.tobytes(), 50)
     assert np.array_equal(cdr.stamps_of(together), stamps)
     assert np.array_equal(together['effort'], effort) and not together['velocity'].any()
 
