@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -134,8 +133,9 @@ def _read_messages(bag: Path) -> tuple[dict[Topic, list[bytes]], dict[str, str]]
                         metadata = record.metadata
                 for _, channel, message in reader.iter_messages(topics=list(by_name)):
                     data[by_name[channel.topic]].append(message.data)
-        except (McapError, OSError, ValueError) as error:
-            raise BagError(f'{file} cannot be read: {error}') from None
+        except Exception as error:  # in a broken file, any length or string can be wrong
+            reason = str(error) or type(error).__name__
+            raise BagError(f'{file} cannot be read: {reason}') from None
     return data, metadata
 
 

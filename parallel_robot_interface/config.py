@@ -61,8 +61,10 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
     for path in files:
         config.update(_flatten(_read(path)))
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
-    chosen = [_scenario(scenario), {'scenario': scenario}, dict(overrides or {})]
-    for values in chosen:
+    changed = dict(overrides or {})
+    if changed.pop('scenario', scenario) != scenario:
+        raise InputError(f'the scenario is {scenario}; it cannot be changed by a parameter')
+    for values in (_scenario(scenario), {'scenario': scenario}, changed):
         for key in values:
             if key not in known:
                 raise UnknownNameError('parameter', key, known)

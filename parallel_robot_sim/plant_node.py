@@ -36,6 +36,7 @@ class PlantNode(SuiteNode):
         self._index: int | None = None  # of the last published state; None while held
         self._command = np.zeros(3)
         self._commanded = False  # whether a command came since the last state
+        self._reset_requested = False
         self._published_at = 0  # ns, monotonic
         self._round_trips: list[float] = []  # ms
         self._delays: list[float] = []  # ms, publication after its stamp (wall time)
@@ -83,6 +84,9 @@ class PlantNode(SuiteNode):
 
     def _tick(self, stamp: int) -> None:
         """Publish the state of one stamp (wall time)."""
+        if self._reset_requested:
+            self._simulator, self._index = Simulator(self.values), None
+            self._reset_requested = self._commanded = False
         if self._index is None:
             if self._start == stamp:
                 self._index = 0
@@ -152,11 +156,12 @@ class PlantNode(SuiteNode):
 
     def _answer_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self.loop.start_stamp == 0 and not self.loop.lockstep
-        if response.success:
-            self._simulator, self._index = Simulator(self.values), None
-            response.message = 'held at the initial pose until the next command'
-        else:
-            response.message = 'only in wall time without a common start'
+        self._reset_requested = response.success
+        response.message = (
+            'held at the initial pose until the next command'
+            if response.success
+            else 'only in wall time without a common start'
+        )
         return response
 
 

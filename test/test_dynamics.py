@@ -2,7 +2,7 @@
 
 import numpy as np
 from geometry import ROBOT, kinetic_energy, legs, poses, rows
-from hypothesis import given, settings
+from hypothesis import given
 
 from parallel_robot_model.dynamics import actuated_dynamics, pose_dynamics
 from parallel_robot_model.kinematics import pose_of, velocity_maps
@@ -67,7 +67,6 @@ def test_pose_inertia_rate_less_twice_coriolis_is_skew(pose, rate):
     assert np.abs(skew + skew.T).max() < 1e-6 * max(1.0, np.abs(Q).max())
 
 
-@settings(max_examples=30)
 @given(poses(0.3), rows(1.0))
 def test_coriolis_forces_are_those_of_lagrange(pose, theta_dot):
     theta = legs(ROBOT, pose)[0]
