@@ -152,11 +152,11 @@ def _decode(
 
 
 def _state_layout(message: Any) -> cdr.Layout:
-    return cdr.joint_state(list(message.name), frame=message.header.frame_id)
+    return cdr.joint_state(tuple(message.name), frame=message.header.frame_id)
 
 
 def _reference_layout(message: Any) -> cdr.Layout:
-    return cdr.joint_trajectory(list(message.joint_names), message.header.frame_id)
+    return cdr.joint_trajectory(tuple(message.joint_names), message.header.frame_id)
 
 
 def _command_layout(message: Any) -> cdr.Layout:

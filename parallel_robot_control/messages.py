@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +29,7 @@ class Telemetry(NamedTuple):
 
 
 def telemetry_messages(
-    joints: Sequence[str], stamps: np.ndarray, telemetry: Telemetry
+    joints: tuple[str, ...], stamps: np.ndarray, telemetry: Telemetry
 ) -> dict[topics.Topic, np.ndarray]:
     """sensor_msgs/JointState per topic: errors as positions, their rates as velocities."""
     both = cdr.joint_state(joints, ('position', 'velocity'))

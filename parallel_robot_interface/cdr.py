@@ -16,6 +16,7 @@ import numpy as np
 
 ENCAPSULATION = b'\x00\x01\x00\x00'  # CDR, little endian
 NANOSECONDS = 1_000_000_000  # in one second
+SPARE = 8  # bytes; some serialisers leave fewer than this at the end of a message
 
 
 class Layout:
@@ -94,6 +95,11 @@ class Layout:
         return np.array(self._constants)
 
     @functools.cached_property
+    def fixed(self) -> np.ndarray:
+        """The bytes at :attr:`constants`."""
+        return self.template[self.constants]
+
+    @functools.cached_property
     def dtype(self) -> np.dtype[np.void]:
         """Structured type of one message; the constant bytes lie between its fields."""
         return np.dtype(
@@ -144,11 +150,12 @@ class Layout:
             Structured array, shape (N,); None when the length or a fixed part (names, counts) is
             not this layout's.
         """
-        if len(data) != count * len(self._bytes):
+        length = count * len(self._bytes)
+        if not length <= len(data) < length + SPARE:
             return None
-        raw = np.frombuffer(data, dtype=np.uint8)
+        raw = np.frombuffer(data, dtype=np.uint8, count=length)
         rows = raw.reshape(count, len(self._bytes))
-        if not (rows[:, self.constants] == self.template[self.constants]).all():
+        if not (rows[:, self.constants] == self.fixed).all():
             return None
         return raw.view(self.dtype)
 
@@ -164,9 +171,10 @@ def stamps_of(records: np.ndarray) -> np.ndarray:
     return records['sec'].astype(np.int64) * NANOSECONDS + records['nanosec']
 
 
+@functools.lru_cache
 def joint_state(
-    joints: Sequence[str],
-    fields: Sequence[str] = ('position', 'velocity', 'effort'),
+    joints: tuple[str, ...],
+    fields: tuple[str, ...] = ('position', 'velocity', 'effort'),
     frame: str = '',
 ) -> Layout:
     """sensor_msgs/JointState with one number for every name in each of `fields`, else empty."""
@@ -176,7 +184,8 @@ def joint_state(
     return layout
 
 
-def joint_trajectory(joints: Sequence[str], frame: str = '') -> Layout:
+@functools.lru_cache
+def joint_trajectory(joints: tuple[str, ...], frame: str = '') -> Layout:
     """trajectory_msgs/JointTrajectory with one point, meant for its header's stamp."""
     count = len(joints)
     layout = Layout('trajectory_msgs/msg/JointTrajectory').header(frame).texts(joints)
@@ -185,12 +194,14 @@ def joint_trajectory(joints: Sequence[str], frame: str = '') -> Layout:
     return layout.numbers('effort', 0).constant('i', 0).constant('I', 0)
 
 
+@functools.lru_cache
 def float64_multi_array(count: int) -> Layout:
     """std_msgs/Float64MultiArray with `count` values and no dimensions, as ros2_control takes."""
     layout = Layout('std_msgs/msg/Float64MultiArray').constant('I', 0).constant('I', 0)
     return layout.numbers('data', count)
 
 
+@functools.lru_cache
 def pose_stamped(frame: str) -> Layout:
     """geometry_msgs/PoseStamped."""
     layout = Layout('geometry_msgs/msg/PoseStamped').header(frame)

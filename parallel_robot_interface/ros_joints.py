@@ -22,16 +22,19 @@ class JointReader:
     """
 
     def __init__(
-        self, topic: Topic, joints: Sequence[str], fields: Sequence[str], counts: Counter[str]
+        self, topic: Topic, joints: tuple[str, ...], fields: Sequence[str], counts: Counter[str]
     ) -> None:
         """Prepare to read `fields` (position, velocity, acceleration) of `joints`, in order."""
         self._topic = topic
-        self._joints = list(joints)
+        self._joints = joints
         self._fields = fields
         self._counts = counts
         self._class = message_class(topic.type)
         self._layout: cdr.Layout | None = None
         self._order = np.arange(len(joints))
+        self.read(
+            OWN[topic.type](joints).encode()
+        )  # what the suite publishes, and no late imports
 
     def read(self, data: bytes) -> tuple[int, list[np.ndarray]] | None:
         """Read one message.
@@ -71,22 +74,26 @@ class JointReader:
         return ''
 
 
-def _joint_state(message: Any) -> tuple[list[str], cdr.Layout]:
-    names = list(message.name)
-    fields = [
+def _joint_state(message: Any) -> tuple[tuple[str, ...], cdr.Layout]:
+    names = tuple(message.name)
+    fields = tuple(
         field
         for field in ('position', 'velocity', 'effort')
         if len(getattr(message, field)) == len(names)
-    ]
+    )
     return names, cdr.joint_state(names, fields, message.header.frame_id)
 
 
-def _joint_trajectory(message: Any) -> tuple[list[str], cdr.Layout]:
-    names = list(message.joint_names)
+def _joint_trajectory(message: Any) -> tuple[tuple[str, ...], cdr.Layout]:
+    names = tuple(message.joint_names)
     return names, cdr.joint_trajectory(names, message.header.frame_id)
 
 
-LAYOUTS: dict[str, Callable[[Any], tuple[list[str], cdr.Layout]]] = {
+OWN: dict[str, Callable[[tuple[str, ...]], cdr.Layout]] = {
+    'sensor_msgs/msg/JointState': cdr.joint_state,
+    'trajectory_msgs/msg/JointTrajectory': cdr.joint_trajectory,
+}
+LAYOUTS: dict[str, Callable[[Any], tuple[tuple[str, ...], cdr.Layout]]] = {
     'sensor_msgs/msg/JointState': _joint_state,
     'trajectory_msgs/msg/JointTrajectory': _joint_trajectory,
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,11 @@ import numpy as np
 from parallel_robot_interface import cdr
 
 
-def state_layout(joints: Sequence[str], passive: bool) -> cdr.Layout:
+def state_layout(joints: tuple[str, ...], passive: bool) -> cdr.Layout:
     """sensor_msgs/JointState: the actuated joints first, then, if wanted, the passive ones."""
-    names = list(joints)
+    names = joints
     if passive:
-        names += [f'{joint}_passive' for joint in joints]
+        names += tuple(f'{joint}_passive' for joint in joints)
     return cdr.joint_state(names)
 
 

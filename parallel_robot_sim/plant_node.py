@@ -110,7 +110,8 @@ class PlantNode(SuiteNode):
         command = self._read(data)
         if command is None:
             return
-        self._round_trips.append((time.monotonic_ns() - self._published_at) * 1e-6)
+        if not self._commanded:
+            self._round_trips.append((time.monotonic_ns() - self._published_at) * 1e-6)
         self._command, self._commanded = command, True
         if not self.loop.lockstep:
             return

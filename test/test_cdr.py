@@ -194,8 +194,14 @@ def shape_of(message):
 @EVERY
 def test_other_lengths_are_not_this_layout(case):
     layout, data, _ = example(case)
-    for length in set(range(1, len(data) + 8)) - {len(data)}:
-        assert layout.decode((data + bytes(8))[:length]) is None
+    for length in (*range(1, len(data)), len(data) + 8, 2 * len(data)):
+        assert layout.decode((2 * data)[:length]) is None
+
+
+@EVERY
+def test_spare_bytes_at_the_end_do_not_matter(case):
+    layout, data, _ = example(case)
+    assert layout.decode(data + bytes(4)).tobytes() == layout.decode(data).tobytes()
 
 
 def test_nothing_is_no_message():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ def pose_messages(stamps: Any, poses: np.ndarray) -> np.ndarray:
     )
 
 
-def reference_messages(joints: Sequence[str], stamps: Any, reference: Reference) -> np.ndarray:
+def reference_messages(joints: tuple[str, ...], stamps: Any, reference: Reference) -> np.ndarray:
     """trajectory_msgs/JointTrajectory, one point each, of every sample of a reference."""
     return cdr.joint_trajectory(joints).records(
         len(reference.position),
