@@ -29,14 +29,28 @@ def execute(arguments: argparse.Namespace) -> int:
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
     figure = arguments.figure or directory / 'run.png'
     try:
-        if arguments.json:
-            arguments.json.write_text(json.dumps(result, indent=2) + '\n')
         figures.draw_run(log, poses, figure)
+        if arguments.json:
+            write_json(arguments.json, result, [figure])
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     print(table(result))
     print(f'bag     {arguments.bag}\nfigure  {figure}')
     return 0
+
+
+def write_json(path: Path, result: dict[str, Any], written: list[Path]) -> None:
+    """Write JSON; when that fails, nothing of what was `written` for it stays.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    try:
+        path.write_text(json.dumps(result, indent=2) + '\n')
+    except OSError:
+        for other in written:
+            other.unlink()
+        raise
 
 
 def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[str, Any]:

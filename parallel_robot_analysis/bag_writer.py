@@ -163,10 +163,10 @@ def check(directory: Path) -> None:
     Raises:
         BagError: with the reason.
     """
-    if directory.exists():
-        raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
-    parent = next(parent for parent in directory.absolute().parents if parent.exists())
     try:
+        if directory.exists():
+            raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
+        parent = next(parent for parent in directory.absolute().parents if parent.exists())
         with tempfile.TemporaryDirectory(dir=parent):
             pass
     except OSError as error:

@@ -8,6 +8,7 @@ import numpy as np
 
 from parallel_robot_analysis.metrics import Poses
 from parallel_robot_analysis.run_log import RunLog
+from parallel_robot_interface.errors import UnknownNameError
 
 COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
 
@@ -19,12 +20,18 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
         log: The run.
         pose: Its poses.
         path: File to write; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 6.6), layout='constrained')
-    FigureCanvasAgg(figure)
+    formats = FigureCanvasAgg(figure).get_supported_filetypes()
+    if path.suffix[1:] not in formats:
+        raise UnknownNameError('picture format', path.suffix, [f'.{name}' for name in formats])
     figure.suptitle(f'{log.scenario}, {log.law}', fontweight='bold')
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
 

@@ -64,7 +64,7 @@ def poses(log: RunLog) -> Poses:
         KinematicsError: a sample has no pose on the assembly mode of the scenario.
     """
     robot = config.group(log.config, RobotParameters, 'robot')
-    guess = np.array(log.config['controller.guess'] or first_guess(log.config))
+    guess = np.array(first_guess(log.config))
     reference = pose_of(robot, log.reference_position, guess)
     return Poses(pose_of(robot, log.position, reference[0]), reference)
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import fcntl
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import IO, Any
 
 from parallel_robot_interface.errors import RunError
@@ -43,7 +47,8 @@ class NodeProcesses:
                 self._logs[name] = tempfile.TemporaryFile()
                 command = [sys.executable, '-m', MODULES[name], '--ros-args']
                 for key, value in parameters.items():
-                    command += ['-p', f'{key}:={_as_yaml(value)}']
+                    if value != []:  # rcl has no type for it
+                        command += ['-p', f'{key}:={as_yaml(value)}']
                 self._processes[name] = subprocess.Popen(
                     command,
                     stdin=subprocess.DEVNULL,
@@ -99,21 +104,41 @@ class NodeProcesses:
         log = self._logs[name]
         log.seek(0)
         lines = [line.strip() for line in log.read().decode(errors='replace').splitlines()]
-        last = next((line for line in reversed(lines) if line), '')
+        fatal = [line for line in lines if line.startswith('[FATAL]')]
+        last = next((line for line in reversed(fatal or lines) if line), '')
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', last)  # level, time and node
+
+
+@contextlib.contextmanager
+def domain_lock() -> Iterator[None]:
+    """Keep other runs of this machine off the ROS domain.
+
+    Raises:
+        RunError: another run has it.
+    """
+    domain = os.environ.get('ROS_DOMAIN_ID') or '0'
+    path = Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}_domain_{domain}.lock'
+    with path.open('a') as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise RunError(
+                f'another run uses ROS domain {domain}; set ROS_DOMAIN_ID to another number'
+            ) from None
+        yield
 
 
 def _die_with_parent() -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def _as_yaml(value: Any) -> str:
-    """A value as the YAML that ``-p key:=value`` takes, e.g. floats always with a point."""
+def as_yaml(value: Any) -> str:
+    """A value as the YAML that ``-p key:=value`` takes: lists of one type, floats with a point."""
     if isinstance(value, (list, tuple)):
-        return '[' + ', '.join(_as_yaml(item) for item in value) + ']'
-    if isinstance(value, bool):
-        return str(value).lower()
+        mixed = any(isinstance(item, float) for item in value)
+        items = [float(item) if mixed and type(item) is int else item for item in value]
+        return '[' + ', '.join(map(as_yaml, items)) + ']'
     if isinstance(value, float):
         text = repr(value)
         return text if any(mark in text for mark in '.ni') else text.replace('e', '.0e')
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    return json.dumps(value, ensure_ascii=False)

@@ -14,7 +14,7 @@ from parallel_robot_analysis.bag_writer import BagWriter
 from parallel_robot_analysis.experiment import describe
 from parallel_robot_interface.cdr import header_stamp
 from parallel_robot_interface.errors import RunError
-from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_interface.loop import STEP_START, LoopParameters
 from parallel_robot_interface.topics import JOINT_STATES, RECORDED, Topic
 
 DRAIN = 0.05  # s, between two rounds of writing
@@ -69,7 +69,7 @@ class Recorder:
         Raises:
             BagError: the directory exists or cannot be created.
         """
-        self._start = start_stamp
+        self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
         if self._loop.samples is not None and start_stamp:
             self._end = start_stamp + self._loop.samples * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
@@ -87,7 +87,10 @@ class Recorder:
         if topic.type in UNSTAMPED:
             stamp = self._start + self.received[topic] * self._loop.period_ns
         else:
-            stamp = header_stamp(data)
+            found = header_stamp(data)
+            if found is None:
+                return
+            stamp = found
             if stamp < self._start or (self._end is not None and stamp > self._end):
                 return
         log_time = stamp if self._loop.lockstep else max(time.time_ns(), self._start)

@@ -17,7 +17,8 @@ from std_srvs.srv import Trigger
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
 
-PATIENCE = 0.2  # s, for one answer
+PATIENCE = 0.2  # s, for the answer to a question that can be asked again
+START_PATIENCE = 10.0  # s, for the answer to a start
 
 
 class Session:
@@ -96,21 +97,22 @@ class Session:
             RunError: the node does not take it.
         """
         parameter = Parameter('start_stamp', Parameter.Type.INTEGER, stamp).to_parameter_msg()
-        answer = None
-        for _ in range(20):
-            answer = self._call(self._set[name], SetParameters.Request(parameters=[parameter]))
-            if answer is not None:
-                break
+        request = SetParameters.Request(parameters=[parameter])
+        answer = self._call(self._set[name], request, START_PATIENCE)
         if answer is None or not answer.results[0].successful:
             reason = answer.results[0].reason if answer else 'it does not answer'
             raise RunError(f'{name} does not start: {reason}')
 
-    def _call(self, client: Any, request: Any) -> Any:
+    def _call(self, client: Any, request: Any, seconds: float = PATIENCE) -> Any:
+        """Answer of a service, None when there is none in time."""
         self._watch()
         if not client.wait_for_service(PATIENCE):
             return None
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
+        deadline = time.monotonic() + seconds
+        while not future.done() and time.monotonic() < deadline:
+            rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
+            self._watch()
         return future.result() if future.done() else None
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from parallel_robot_analysis import bag_writer, simulate
-from parallel_robot_analysis.processes import MODULES, NodeProcesses
+from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import RunError
@@ -72,7 +72,7 @@ def _supervise(
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        with NodeProcesses(parameters) as processes:
+        with domain_lock(), NodeProcesses(parameters) as processes:
 
             def watch() -> None:
                 if caught:
@@ -83,7 +83,7 @@ def _supervise(
                 session.wait_until_ready(READY)
                 now = time.time_ns()
                 start = STEP_START if lockstep else (now + LEAD) // START_GRID * START_GRID
-                for name in ('recorder', 'trajectory', 'plant'):
+                for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
                 _follow(processes, session, samples, _progress(duration))
     finally:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -83,17 +82,21 @@ def read(bag: Path) -> RunLog:
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if not data[needed]:
             raise BagError(f'{bag} has no messages on {needed.name}')
+    if metadata and 'config' not in metadata:
+        raise BagError(f'{bag}: its metadata {METADATA} hold no config')
     values = yaml.safe_load(metadata['config']) if metadata else config.resolve('paper_circle')
+    references, desired = _decode(bag, topics.REFERENCE, data[topics.REFERENCE])
     joints = tuple(values['joints'])
-    n = len(joints)
-    states = _decode(data[topics.JOINT_STATES], _state_layout, bag, topics.JOINT_STATES)
-    references = _decode(data[topics.REFERENCE], _reference_layout, bag, topics.REFERENCE)
-    commands = _decode(data[topics.COMMANDS], _command_layout, bag, topics.COMMANDS)
+    states, measured = _decode(bag, topics.JOINT_STATES, data[topics.JOINT_STATES])
+    commands, _ = _decode(bag, topics.COMMANDS, data[topics.COMMANDS])
+    in_states = _order(bag, topics.JOINT_STATES, joints, measured)
+    in_references = _order(bag, topics.REFERENCE, joints, desired)
     stamps, reference_stamps = cdr.stamps_of(states), cdr.stamps_of(references)
     start = int(metadata.get('start_stamp', 0)) or int(max(stamps[0], reference_stamps[0]))
     used = (stamps >= start) & (stamps >= reference_stamps[0])
+    if not used.any():
+        raise BagError(f'{bag}: no state has a reference at or before its stamp')
     states, stamps = states[used], stamps[used]
-    reference = _at(references, reference_stamps, stamps)
     period = round(values['period'] * cdr.NANOSECONDS)
     counted = {}
     for topic in RECORDED:
@@ -107,10 +110,10 @@ def read(bag: Path) -> RunLog:
         start,
         stamps,
         (stamps - start) / cdr.NANOSECONDS,
-        states['position'][:, :n].copy(),
-        states['velocity'][:, :n].copy(),
-        states['effort'][:, :n].copy(),
-        *reference,
+        states['position'][:, in_states],
+        states['velocity'][:, in_states],
+        states['effort'][:, in_states],
+        *_at(references, reference_stamps, stamps, in_references),
         commands['data'].copy(),
         counted,
     )
@@ -139,38 +142,56 @@ def _read_messages(bag: Path) -> tuple[dict[Topic, list[bytes]], dict[str, str]]
     return data, metadata
 
 
-def _decode(
-    messages: list[bytes], layout_of: Callable[[Any], cdr.Layout], bag: Path, topic: Topic
-) -> np.ndarray:
-    """Records of messages that all have the layout of the first."""
-    first = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(messages[0], topic.type)
-    layout = layout_of(first)
-    records = layout.decode(b''.join(messages), len(messages))
+def _decode(bag: Path, topic: Topic, messages: list[bytes]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Records of messages that all have the layout of the first, and the names in them."""
+    try:
+        first = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(messages[0], topic.type)
+        layout, names = LAYOUTS[topic](first)
+        records = layout.decode(b''.join(messages), len(messages))
+    except Exception as error:  # in broken bytes, any length or string can be wrong
+        raise BagError(f'{bag}: {topic.name} is not understood: {error}') from None
     if records is None:
         raise BagError(f'{bag}: the messages on {topic.name} differ in joints or lengths')
-    return records
+    return records, names
 
 
-def _state_layout(message: Any) -> cdr.Layout:
-    return cdr.joint_state(tuple(message.name), frame=message.header.frame_id)
+def _state_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+    names = tuple(message.name)
+    return cdr.joint_state(names, frame=message.header.frame_id), names
 
 
-def _reference_layout(message: Any) -> cdr.Layout:
-    return cdr.joint_trajectory(tuple(message.joint_names), message.header.frame_id)
+def _reference_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+    names = tuple(message.joint_names)
+    return cdr.joint_trajectory(names, message.header.frame_id), names
 
 
-def _command_layout(message: Any) -> cdr.Layout:
-    return cdr.float64_multi_array(len(message.data))
+def _command_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+    return cdr.float64_multi_array(len(message.data)), ()
+
+
+LAYOUTS = {
+    topics.JOINT_STATES: _state_layout,
+    topics.REFERENCE: _reference_layout,
+    topics.COMMANDS: _command_layout,
+}
+
+
+def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
+    """Where each joint stands in the messages of a topic."""
+    for joint in joints:
+        if names.count(joint) != 1:
+            raise BagError(f'{bag}: {topic.name} has no {joint}, only {", ".join(names)}')
+    return [names.index(joint) for joint in joints]
 
 
 def _at(
-    references: np.ndarray, known: np.ndarray, stamps: np.ndarray
+    references: np.ndarray, known: np.ndarray, stamps: np.ndarray, order: list[int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """References at other stamps, extrapolated from the newest before with its derivatives."""
     newest = references[np.searchsorted(known, stamps, side='right') - 1]
     dt = ((stamps - cdr.stamps_of(newest)) / cdr.NANOSECONDS)[:, np.newaxis]
     position, velocity, acceleration = (
-        newest[name].copy() for name in ('position', 'velocity', 'acceleration')
+        newest[name][:, order] for name in ('position', 'velocity', 'acceleration')
     )
     return (
         position + dt * velocity + 0.5 * dt**2 * acceleration,
@@ -185,6 +206,6 @@ def _count(topic: Topic, messages: list[bytes], states: int, period: int) -> Top
         return TopicCount(len(messages), 0)
     if topic == topics.COMMANDS:
         return TopicCount(len(messages), max(0, states - len(messages)))
-    stamps = np.array([cdr.header_stamp(message) for message in messages])
+    stamps = np.array([cdr.header_stamp(message) or 0 for message in messages])
     steps = np.rint(np.diff(stamps) / (topic.every * period)).astype(int)
     return TopicCount(len(messages), int(np.maximum(steps - 1, 0).sum()))

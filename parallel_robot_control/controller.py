@@ -14,6 +14,7 @@ from parallel_robot_control.laws import prepare
 from parallel_robot_control.messages import Telemetry
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
 from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_model.kinematics import FOUND
@@ -33,8 +34,14 @@ class ControllerParameters(NamedTuple):
 
 
 def first_guess(values: Mapping[str, Any]) -> list[float]:
-    """The parameter ``controller.guess``, or the first pose of the scenario's trajectory."""
-    given: list[float] = values['controller.guess']
+    """The parameter ``controller.guess``, or the first pose of the scenario's trajectory.
+
+    Raises:
+        InputError: the parameter is not a pose.
+    """
+    given = list(config.group(values, ControllerParameters, 'controller').guess)
+    if len(given) not in (0, 3):
+        raise InputError(f'controller.guess must be empty or [x, y, phi], not {given}')
     return given or Trajectory.of(values).sample(0.0).pose[0].tolist()
 
 
@@ -67,6 +74,7 @@ class Controller:
         self.counts: Counter[str] = Counter()
         self._references: deque[tuple[int, JointReference]] = deque(maxlen=10_000)
         self._pending: tuple[int, Feedback] | None = None
+        self._sample: Sample | None = None  # answer to the last state
         self._last: int | None = None
         self._pose = self._guess
         self._integral = np.zeros(3)
@@ -87,7 +95,7 @@ class Controller:
             reference: Desired joint motion at the stamp.
         """
         if self._references and stamp <= self._references[-1][0]:
-            if self._references[-1][0] - stamp < RESTART:
+            if not self._loop.lockstep and self._references[-1][0] - stamp < RESTART:
                 self.counts['reference stamps that repeat or go back'] += 1
                 return None
             self._references.clear()
@@ -104,7 +112,9 @@ class Controller:
             feedback: Measured joint motion at the stamp.
         """
         if self._last is not None and not 0 < stamp - self._last < RESTART:
-            if abs(stamp - self._last) < RESTART:
+            if self._loop.lockstep and stamp == self._last:
+                return self._sample  # the plant asks again: the answer was lost
+            if not self._loop.lockstep and abs(stamp - self._last) < RESTART:
                 self.counts['state stamps that repeat or go back'] += 1
                 return None
             self.counts['new runs of the plant'] += 1
@@ -132,7 +142,8 @@ class Controller:
             cycle.sliding_variable[np.newaxis],
             self.law.coupling_gain,
         )
-        return Sample(cycle.torque, telemetry)
+        self._sample = Sample(cycle.torque, telemetry)
+        return self._sample
 
     def _reference_at(self, stamp: int) -> JointReference | None:
         """Newest reference not after `stamp`, extrapolated to it with its own derivatives.

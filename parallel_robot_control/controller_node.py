@@ -17,6 +17,7 @@ from parallel_robot_control.controller import (
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.messages import telemetry_messages
 from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_joints import JointReader
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters
@@ -43,6 +44,7 @@ class ControllerNode(SuiteNode):
         )
         self._layout = cdr.float64_multi_array(len(joints))
         self._stamp = 0
+        self._from = 0 if self.loop.start_stamp != WAIT else None  # ns; None: not yet
         self._commands = self.publisher(topics.COMMANDS)
         self._telemetry = {
             topic: self.publisher(topic, essential=False)
@@ -58,6 +60,10 @@ class ControllerNode(SuiteNode):
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
 
+    def set_start(self, stamp: int) -> None:
+        """Answer no state from before the common start [ns]."""
+        self._from = stamp
+
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
         self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
@@ -71,7 +77,7 @@ class ControllerNode(SuiteNode):
 
     def _on_state(self, data: bytes) -> None:
         message = self._state_reader.read(data)
-        if message is not None:
+        if message is not None and self._from is not None and message[0] >= self._from:
             self._stamp, vectors = message
             self._publish(self._controller.add_state(self._stamp, Feedback(*vectors)))
 

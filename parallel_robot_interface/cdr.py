@@ -160,8 +160,10 @@ class Layout:
         return raw.view(self.dtype)
 
 
-def header_stamp(data: bytes) -> int:
-    """Stamp of a serialised message that begins with a header [ns]."""
+def header_stamp(data: bytes) -> int | None:
+    """Stamp of a serialised message that begins with a header [ns]; None when it is too short."""
+    if len(data) < len(ENCAPSULATION) + 8:
+        return None
     sec, nanosec = struct.unpack_from('<iI', data, len(ENCAPSULATION))
     return int(sec) * NANOSECONDS + int(nanosec)
 
@@ -211,8 +213,9 @@ def pose_stamped(frame: str) -> Layout:
 
 
 def text_message(value: str) -> bytes:
-    """Serialise a std_msgs/String."""
-    return Layout('std_msgs/msg/String').text(value).template.tobytes()
+    """Serialise a std_msgs/String, filled up to four bytes as DDS does on the wire."""
+    data = Layout('std_msgs/msg/String').text(value).template.tobytes()
+    return data + bytes(-len(data) % 4)
 
 
 def clock() -> Layout:

@@ -7,6 +7,7 @@ import importlib
 import signal
 import sys
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -70,6 +71,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
+        self._started_at: int | None = None
         given = {
             key: list(parameter.value) if _is_array(parameter.value) else parameter.value
             for key, parameter in self.get_parameters_by_prefix('').items()
@@ -108,7 +110,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         return ''
 
     def set_start(self, stamp: int) -> None:
-        """React to a new start stamp [ns]; nodes without a start of their own ignore it."""
+        """React to the common start stamp [ns]; nodes without a start of their own ignore it."""
 
     def diagnose(self) -> dict[str, Any]:
         """Key figures of the last second for the diagnostics."""
@@ -144,13 +146,28 @@ class SuiteNode(Node):  # type: ignore[misc]
                 return SetParametersResult(
                     successful=False, reason=f'{parameter.name} is fixed at the start of the node'
                 )
-            if not isinstance(parameter.value, int) or parameter.value <= 0:
-                return SetParametersResult(
-                    successful=False,
-                    reason=f'start_stamp must be a positive whole number, not {parameter.value!r}',
-                )
-            self.set_start(parameter.value)
+            reason = self._begin(parameter.value)
+            if reason:
+                return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+    def _begin(self, stamp: Any) -> str:
+        """Pass a new start stamp on, once; return why it is refused, else ''."""
+        if stamp == self._started_at:
+            return ''  # the request was sent twice
+        if self.loop.start_stamp != loop.WAIT or self._started_at is not None:
+            return 'the node does not wait for a start'
+        if not isinstance(stamp, int) or stamp <= 0 or stamp % self.loop.period_ns:
+            return f'start_stamp must be a whole multiple of the period in ns, not {stamp!r}'
+        if not self.loop.lockstep and stamp <= time.time_ns():
+            return f'start_stamp {stamp} lies in the past'
+        try:
+            self.set_start(stamp)
+        except ParallelRobotError as error:
+            self.fail(error)
+            return str(error)
+        self._started_at = stamp
+        return ''
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()

@@ -11,6 +11,8 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
+from numba.experimental.function_type import FunctionModel
+from numba.extending import register_model
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -59,7 +61,22 @@ def inlined(function: Function) -> Function:
     return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
 
 
-class FirstClass(types.WrapperAddressProtocol):  # type: ignore[misc]
+class _FunctionType(types.FunctionType):  # type: ignore[misc]
+    """Type of a function by address, told apart by the types of its arguments.
+
+    Numba's own goes by the names of the types: two laws whose ``Gains`` have the same number of
+    fields would be one type to it.
+    """
+
+    @property
+    def key(self) -> Any:
+        return super().key, self.signature
+
+
+register_model(_FunctionType)(FunctionModel)
+
+
+class FirstClass:
     """A kernel as a value: its machine code, by address, for kernels that take a function.
 
     A kernel that takes one is compiled once for the signature, not again for every function, and
@@ -77,7 +94,7 @@ class FirstClass(types.WrapperAddressProtocol):  # type: ignore[misc]
         self._address = int(
             compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
         )
-        self._numba_type_ = types.FunctionType(self._signature)  # spares a search at every call
+        self._numba_type_ = _FunctionType(self._signature)  # spares a search at every call
 
     def __wrapper_address__(self) -> int:
         """Address of the machine code (Numba's protocol)."""

@@ -28,6 +28,8 @@ from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameter
 
 Array = NDArray[np.float64]
 
+MOST_SAMPLES = 5_000_000  # of a simulation, which keeps all of them in memory
+
 
 class ClosedLoopRun(NamedTuple):
     """Everything that happened, one row a state, each shape (N, 3) unless said otherwise.
@@ -214,6 +216,11 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     """
     loop, law, nominal, guess, trajectory, simulator = assemble(values)
     samples = loop.samples or 0
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f'duration must be at most {MOST_SAMPLES * loop.period:g} s in a simulation, '
+            f'not {loop.duration:g}'
+        )
     reference = trajectory.sample(np.arange(samples + 1) * loop.period)
     begun = time.perf_counter()
     result = run(

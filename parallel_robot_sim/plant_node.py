@@ -15,13 +15,15 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.loop import STEP_START
+from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_sim.ros_markers import RobotMarkers
 from parallel_robot_sim.simulator import GROUPS, Simulator
 from trajectory_gen.messages import pose_messages
 
+HELD = NANOSECONDS // 10  # ns, for which the held pose is published before a common start
 REPEAT = 0.5  # s, between two publications of a first state that nobody answers (lockstep)
 
 
@@ -88,6 +90,8 @@ class PlantNode(SuiteNode):
             self._simulator, self._index = Simulator(self.values), None
             self._reset_requested = self._commanded = False
         if self._index is None:
+            if self.loop.start_stamp == WAIT and not 0 <= self._start - stamp <= HELD:
+                return  # nobody asked yet
             if self._start == stamp:
                 self._index = 0
             elif self.loop.start_stamp == 0 and self._commanded:

@@ -37,6 +37,7 @@ class TrajectoryNode(SuiteNode):
         preflight.check(self._trajectory, limits, self.loop.period)
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._start_requested = False
         self._sent = -1  # index of the last sample of the motion that was published
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
@@ -47,7 +48,6 @@ class TrajectoryNode(SuiteNode):
             return
         if self.loop.start_stamp == 0:
             self.subscribe(topics.COMMANDS, self._on_command)
-        self._start_requested = False
         first = self._trajectory.sample(0.0)
         self._rest = first._replace(
             velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
@@ -87,6 +87,8 @@ class TrajectoryNode(SuiteNode):
     def _on_state(self, data: bytes) -> None:
         """Keep the reference ahead of the plant (lockstep)."""
         stamp = cdr.header_stamp(data)
+        if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
+            return
         if not self._start:
             self._start = stamp
         k = (stamp - self._start) // self.loop.period_ns

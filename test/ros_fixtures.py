@@ -1,0 +1,185 @@
+"""Real processes and a ROS domain of one's own, for the tests of nodes and runs."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import rclpy
+from domain_coordinator import domain_id
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+from parallel_robot_interface.ros_node import message_class, qos_of
+
+ROOT = Path(__file__).parents[1]
+PATIENCE = 30.0  # s; what takes so long never comes
+
+
+def until(condition, step=lambda: time.sleep(0.02)):
+    """Wait for a condition and return its value."""
+    deadline = time.monotonic() + PATIENCE
+    while not (value := condition()):
+        assert time.monotonic() < deadline, 'waited in vain'
+        step()
+    return value
+
+
+class Child(NamedTuple):
+    """A child of a process under test, held by a descriptor: its pid cannot become another's."""
+
+    pid: int
+    descriptor: int
+
+    def ended(self, seconds=0.0):
+        return bool(select.select([self.descriptor], [], [], seconds)[0])
+
+    def kill(self):
+        if not self.ended():
+            signal.pidfd_send_signal(self.descriptor, signal.SIGKILL)
+
+
+class Process:
+    """A Python module that runs in a process of its own."""
+
+    def __init__(self, words, folder, environment):
+        self._errors = (folder / f'stderr_{time.monotonic_ns()}').open('w+b')
+        self._popen = subprocess.Popen(
+            [sys.executable, '-m', *map(str, words)],
+            cwd=folder,
+            env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
+            stdout=subprocess.DEVNULL,
+            stderr=self._errors,
+        )
+        self._children = {}
+
+    @property
+    def running(self):
+        return self._popen.poll() is None
+
+    @property
+    def stderr(self):
+        self._errors.seek(0)
+        return self._errors.read().decode()
+
+    def wait(self):
+        return self._popen.wait(PATIENCE)
+
+    def until(self, condition):
+        """Wait for a condition while the process runs."""
+        until(lambda: not self.running or condition())
+        assert self.running, self.stderr
+
+    def end(self, *signals):
+        """Send signals and return the exit code."""
+        for number in signals:
+            self._popen.send_signal(number)
+        return self.wait()
+
+    def children(self):
+        """Children by the module that they run."""
+        for path in Path('/proc').glob('[0-9]*'):
+            try:
+                parent = int((path / 'stat').read_text().rpartition(')')[2].split()[1])
+                words = (path / 'cmdline').read_text().split('\0')
+                if parent == self._popen.pid and '-m' in words:
+                    module = words[words.index('-m') + 1]
+                    if module not in self._children:
+                        descriptor = os.pidfd_open(int(path.name))
+                        self._children[module] = Child(int(path.name), descriptor)
+            except (FileNotFoundError, ProcessLookupError):
+                pass  # it has just ended
+        return self._children
+
+    def clean(self):
+        if self.running:
+            self.children()
+            self._popen.kill()
+        self.wait()
+        for child in self._children.values():
+            child.kill()
+            os.close(child.descriptor)
+        self._errors.close()
+
+
+class Peer:
+    """A node in the process of the test."""
+
+    def __init__(self):
+        self._context = Context()
+        self._context.init()
+        self.node = rclpy.create_node('peer', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    def until(self, condition):
+        return until(condition, lambda: self._executor.spin_once(timeout_sec=0.05))
+
+    def listen(self, topic):
+        """List that grows by what is published."""
+        heard = []
+        kind = message_class(topic.type)
+        self.node.create_subscription(kind, topic.name, heard.append, qos_of(topic))
+        return heard
+
+    def publisher(self, topic):
+        """Publisher that has its subscriber."""
+        publisher = self.node.create_publisher(
+            message_class(topic.type), topic.name, qos_of(topic)
+        )
+        self.until(publisher.get_subscription_count)
+        return publisher
+
+    def call(self, kind, name, request, server):
+        """Answer of a service of a process; None when the process ends instead."""
+        client = self.node.create_client(kind, name)
+        self.until(lambda: client.service_is_ready() or not server.running)
+        future = client.call_async(request)
+        self.until(lambda: future.done() or not server.running)
+        return future.result() if future.done() else None
+
+    def see(self, *names):
+        """Wait until nodes are visible, by their full names."""
+        seen = self.node.get_node_names_and_namespaces
+        self.until(lambda: set(names) <= {f'{ns.rstrip("/")}/{name}' for name, ns in seen()})
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+
+@pytest.fixture
+def launch(tmp_path):
+    """Start ``python -m words`` in `tmp_path`; nothing outlives the test."""
+    with ExitStack() as stack:
+
+        def start(*words, **environment):
+            process = Process(words, tmp_path, environment)
+            stack.callback(process.clean)
+            return process
+
+        yield start
+
+
+@pytest.fixture
+def domain(monkeypatch):
+    """Environment with a ROS domain that no other test has; this process is in it too."""
+    with domain_id() as number:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(number))
+        monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        yield number
+
+
+@pytest.fixture
+def peer(domain):
+    """A node of the test's own in that domain."""
+    peer = Peer()
+    yield peer
+    peer.close()

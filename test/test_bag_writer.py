@@ -1,0 +1,166 @@
+"""Bags: written, read back by other implementations, compared."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import yaml
+from bags import STORE
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.errors import BagError
+
+JOINTS = ('joint1', 'joint2', 'joint3')
+METADATA = {'scenario': 'Kreis: "ä"\n', 'law': 's_fotsmc', 'config': 'a: [1, 2]\nb: 3\n'}
+NUMBERS = np.random.default_rng(7)
+LAYOUTS = {
+    topics.JOINT_STATES.type: cdr.joint_state(JOINTS),
+    topics.REFERENCE.type: cdr.joint_trajectory(JOINTS),
+    topics.COMMANDS.type: cdr.float64_multi_array(3),
+    topics.POSE.type: cdr.pose_stamped('base'),
+}
+
+
+def message(topic, stamp):
+    """A message of a topic with random numbers."""
+    if topic == topics.ACTIVE_LAW:
+        return cdr.text_message('s_fotsmc')
+    layout = LAYOUTS[topic.type]
+    record = layout.records(1, stamp if layout.stamped else None)
+    for name in record.dtype.names:
+        if name not in ('sec', 'nanosec'):
+            record[name] = NUMBERS.normal(size=record[name].shape)
+    return record.tobytes()
+
+
+WRITTEN = [
+    (topic.name, 10**9 + k * 10**6, message(topic, 10**9 + k * 10**6))
+    for k in range(20)
+    for topic in topics.RECORDED
+    if k % (topic.every or 20) == 0
+]
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    directory = tmp_path_factory.mktemp('bags') / 'deep' / 'bag'
+    with BagWriter(directory, topics.RECORDED, METADATA) as writer:
+        for entry in WRITTEN:
+            writer.write(*entry)
+    return directory
+
+
+def plain(value):
+    """Fields of a message, whichever library decoded it, as comparable data."""
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+    else:
+        names = getattr(value, '__slots__', None)
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [plain(item) for item in value]
+    if names is None:
+        return value
+    return {name: plain(getattr(value, name)) for name in names if not name.startswith('_')}
+
+
+def test_every_type_is_written_and_read_back(bag):
+    with AnyReader([bag]) as reader:
+        found = [
+            (connection.topic.removeprefix('/'), log_time, bytes(data))
+            for connection, log_time, data in reader.messages()
+        ]
+        assert {connection.msgtype for connection in reader.connections} == {
+            topic.type for topic in topics.RECORDED
+        }
+    assert sorted(found) == sorted(WRITTEN)
+    assert [entry[1] for entry in found] == sorted(entry[1] for entry in WRITTEN)
+
+
+def test_other_libraries_decode_the_same_from_the_schemas_of_the_file(bag):
+    types = {topic.name: topic.type for topic in topics.RECORDED}
+    count = 0
+    with (bag / 'bag_0.mcap').open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for schema, channel, raw, decoded in reader.iter_decoded_messages():
+            assert schema.name == types[channel.topic.removeprefix('/')]
+            expected = plain(STORE.deserialize_cdr(raw.data, schema.name))
+            assert plain(decoded) == expected
+            assert raw.publish_time == raw.log_time
+            count += 1
+    assert count == len(WRITTEN)
+
+
+def test_metadata_file(bag):
+    with Reader(bag) as reader:
+        assert reader.message_count == len(WRITTEN)
+        assert (reader.start_time, reader.duration) == (10**9, 19 * 10**6 + 1)
+        found = {c.topic: (c.msgtype, c.msgcount) for c in reader.connections}
+    names = [entry[0] for entry in WRITTEN]
+    assert found == {f'/{t.name}': (t.type, names.count(t.name)) for t in topics.RECORDED}
+    text = (bag / 'metadata.yaml').read_text()
+    information = yaml.safe_load(text)['rosbag2_bagfile_information']
+    assert '&' not in text and information['custom_data'] == METADATA
+    assert information['files'][0]['message_count'] == len(WRITTEN)
+    assert information['duration']['nanoseconds'] == 19 * 10**6
+    assert information['relative_file_paths'] == ['bag_0.mcap']
+
+
+def test_the_file_is_what_the_recorder_of_ros_writes(bag):
+    with (bag / 'bag_0.mcap').open('rb') as stream:
+        reader = make_reader(stream)
+        assert reader.get_header().profile == 'ros2'
+        assert [record.metadata for record in reader.iter_metadata()] == [METADATA]
+        summary = reader.get_summary()
+        assert {schema.encoding for schema in summary.schemas.values()} == {'ros2msg'}
+        by_name = {f'/{topic.name}': topic for topic in topics.RECORDED}
+        assert {channel.topic for channel in summary.channels.values()} == set(by_name)
+        for channel in summary.channels.values():
+            topic = by_name[channel.topic]
+            assert channel.message_encoding == 'cdr'
+            [qos] = yaml.safe_load(channel.metadata['offered_qos_profiles'])
+            assert qos['durability'] == ('transient_local' if topic.latched else 'volatile')
+            assert (qos['reliability'], qos['history']) == ('reliable', 'keep_last')
+            digest = channel.metadata['topic_type_hash']
+            assert digest == STORE.hash_rihs01(topic.type) and digest.startswith('RIHS01_')
+        assert summary.statistics.message_count == len(WRITTEN)
+
+
+@pytest.mark.parametrize('kind', ['file', 'directory'])
+def test_what_exists_is_refused_and_untouched(kind, tmp_path):
+    path = tmp_path / 'bag'
+    (path.mkdir if kind == 'directory' else path.touch)()
+    before = path.stat()
+    with pytest.raises(BagError, match='exists; nothing is overwritten'):
+        BagWriter(path, topics.RECORDED, {})
+    assert path.stat() == before and list(tmp_path.rglob('*')) == [path]
+
+
+@pytest.mark.parametrize('name', ['file/bag', 'x' * 300])
+def test_what_cannot_be_made_is_refused_without_a_trace(name, tmp_path):
+    (tmp_path / 'file').touch()
+    with pytest.raises(BagError, match='cannot write'):
+        BagWriter(tmp_path / name, topics.RECORDED, {})
+    assert list(tmp_path.iterdir()) == [tmp_path / 'file']
+
+
+def test_an_empty_bag_is_a_bag(tmp_path):
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, {}):
+        pass
+    with Reader(tmp_path / 'bag') as reader:
+        assert reader.message_count == 0
+
+
+def test_what_was_written_before_an_error_stays_readable(tmp_path):
+    def fail(writer):
+        writer.write(*WRITTEN[0])
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as w:
+        fail(w)
+    with Reader(tmp_path / 'bag') as reader:
+        assert [bytes(data) for *_, data in reader.messages()] == [WRITTEN[0][2]]

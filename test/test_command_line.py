@@ -1,0 +1,177 @@
+"""The command line: one clear line for bad input, and the figures that were asked for."""
+
+import json
+
+import pytest
+
+from parallel_robot_analysis import run, run_log
+from parallel_robot_analysis.command_line import main
+
+CIRCLE = ['paper_circle', '--duration', '0.2']
+
+
+def refused(words, capsys):
+    """Run a command that must be refused; return its line."""
+    assert main([str(word) for word in words]) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.startswith(f'parallel_robot {words[0]}: ')
+    assert err.count('\n') == 1 and err.endswith('\n') and len(err) < 600
+    return err
+
+
+def setting(assignment):
+    return [*CIRCLE, '--set', assignment]
+
+
+BAD = {
+    'unknown scenario': (
+        ['paper_circel'],
+        "unknown scenario 'paper_circel'; did you mean 'paper_circle'?",
+    ),
+    'scenario as a path': (['../defaults'], "unknown scenario '../defaults'"),
+    'unknown law': (
+        [*CIRCLE, '--law', 's_fotsmk'],
+        "unknown law 's_fotsmk'; did you mean 's_fotsmc'?",
+    ),
+    'unknown key': (setting('s_fotsmc.lamda=1'), "did you mean 's_fotsmc.lambda'?"),
+    'text for a number': (setting('s_fotsmc.G=many'), "s_fotsmc.G must be a number, not 'many'"),
+    'truth for a number': (
+        setting('circle.radius=true'),
+        'circle.radius must be a number, not True',
+    ),
+    'nothing for a number': (
+        setting('circle.radius='),
+        'circle.radius must be a number, not None',
+    ),
+    'number for text': (setting('law=5'), 'law must be'),
+    'unknown choice': (setting('plant.integrator=ode5'), "did you mean 'ode3'?"),
+    'NaN': (setting('s_fotsmc.g=.nan'), 's_fotsmc.g must be finite'),
+    'infinite': (setting('friction.smoothing=.inf'), 'friction.smoothing must be finite'),
+    'NaN in a list': (setting('circle.center=[0.5, .nan]'), 'circle.center[1] must be finite'),
+    'list too short': (
+        setting('plant.initial_pose=[0.5, 0.4]'),
+        'plant.initial_pose must be a list of 3 numbers',
+    ),
+    'guess too short': (setting('controller.guess=[0.5, 0.4]'), 'controller.guess'),
+    'guess of text': (setting('controller.guess=[a, b, c]'), 'controller.guess'),
+    'negative mass': (setting('robot.m1=-1'), 'robot.m1'),
+    'period out of range': (setting('period=1'), 'period must be from 0.0001 to 0.1 s'),
+    'two joints of one name': (
+        setting('joints=[a, a, b]'),
+        'joints must be three different names',
+    ),
+    'no equals sign': (setting('period'), "--set takes KEY=VALUE, not 'period'"),
+    'broken YAML': (setting('joints=[a'), '--set joints'),
+    'NaN duration': (['paper_circle', '--duration', 'nan'], 'duration must be finite'),
+    'no duration': (['paper_circle', '--duration', '0'], 'duration must be positive'),
+    'negative duration': (['paper_circle', '--duration', '-1'], 'duration must be at least 0 s'),
+    'unreachable start': (setting('plant.initial_pose=[3, 3, 0]'), 'plant.initial_pose'),
+    'unreachable motion': (setting('circle.center=[3, 3]'), 'motion refused at t = 0.000 s, leg'),
+    'impossible motion': (
+        [*setting('circle.radius=0.6'), '--duration', '6'],
+        'motion refused at t = ',
+    ),
+}
+
+
+@pytest.mark.parametrize('command', ['simulate', 'run'])
+@pytest.mark.parametrize('name', BAD)
+def test_bad_input_costs_one_line_and_leaves_nothing(command, name, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(run, '_supervise', lambda *_: pytest.fail('nodes were started'))
+    words, message = BAD[name]
+    assert message in refused([command, *words, '--out', tmp_path / 'deep' / 'bag'], capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_simulation_too_long_for_the_memory(tmp_path, capsys):
+    words = ['simulate', 'paper_circle', '--duration', '1e9', '--out', tmp_path / 'bag']
+    assert 'duration' in refused(words, capsys)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('command', ['simulate', 'run'])
+@pytest.mark.parametrize('out', ['.', 'file', 'file/bag', 'x' * 300])
+def test_an_output_that_cannot_be_made(command, out, tmp_path, capsys):
+    (tmp_path / 'file').write_text('mine')
+    refused([command, *CIRCLE, '--out', tmp_path / out], capsys)
+    assert list(tmp_path.iterdir()) == [tmp_path / 'file']
+    assert (tmp_path / 'file').read_text() == 'mine'
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    directory = tmp_path_factory.mktemp('commands') / 'bag'
+    assert main(['simulate', *CIRCLE, '--out', str(directory)]) == 0
+    return directory
+
+
+@pytest.mark.parametrize('path', ['nothing', 'file', 'file/bag', '.'])
+def test_a_bag_that_is_none(path, tmp_path, capsys):
+    (tmp_path / 'file').write_text('mine')
+    refused(['analyze', tmp_path / path], capsys)
+    assert list(tmp_path.iterdir()) == [tmp_path / 'file']
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        ['--json', 'missing/run.json'],
+        ['--json', '.'],
+        ['--figure', 'missing/run.png'],
+        ['--figure', 'run.doc'],
+        ['--json', 'run.json', '--figure', 'missing/run.png'],
+    ],
+    ids=' '.join,
+)
+def test_results_that_cannot_be_written(words, bag, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(['analyze', bag, *words], capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_simulate_and_analyze(tmp_path, capsys):
+    bag, report = tmp_path / 'new' / 'bag', tmp_path / 'report.json'
+    assert main(['simulate', 'paper_circle', '--duration', '4', '--out', str(bag)]) == 0
+    assert str(bag) in capsys.readouterr().out
+    assert main(['analyze', str(bag), '--json', str(report)]) == 0
+    assert (bag / 'run.png').read_bytes().startswith(b'\x89PNG')
+    found = json.loads(report.read_text())
+    assert list(found) == ['scenario', 'law', 'duration_s', 'steady', 'torque', 'messages']
+    assert (found['scenario'], found['law'], found['duration_s']) == (
+        'paper_circle',
+        's_fotsmc',
+        4.0,
+    )
+    assert set(found['steady']) == {'xy_rms_m', 'xy_max_m', 'joint_rms_rad', 'sync_rms_rad'}
+    assert set(found['torque']) == {'max_nm', 'total_variation_nm_per_s'}
+    assert 0.0 < found['steady']['xy_rms_m'] < 1e-4 and 1.0 < found['torque']['max_nm'] < 20.0
+    assert found['steady']['xy_rms_m'] <= found['steady']['xy_max_m']
+    assert found['messages']['joint_states'] == {'count': 4001, 'missing': 0}
+    assert found['messages']['controller/error'] == {'count': 401, 'missing': 0}
+    out, err = capsys.readouterr()
+    assert err == '' and f'{found["steady"]["xy_rms_m"] * 1e6:.3f} um' in out
+    for name, count in found['messages'].items():
+        assert f'{name:<32}{count["count"]:>8}' in out
+
+
+def test_settings_are_used_and_recorded(bag, tmp_path):
+    other = tmp_path / 'bag'
+    words = [
+        '--set',
+        's_fotsmc.G=1e1',
+        '--set',
+        'friction.coulomb=[0, 0.5, 1]',
+        '--law',
+        's_fotsmc',
+    ]
+    assert main(['simulate', *CIRCLE, *words, '--out', str(other)]) == 0
+    log = run_log.read(other)
+    assert log.config['friction.coulomb'] == [0, 0.5, 1] and log.config['s_fotsmc.G'] == 10.0
+    assert not (log.position == run_log.read(bag).position).all()
+
+
+def test_help_names_every_command(capsys):
+    with pytest.raises(SystemExit, match='0'):
+        main(['--help'])
+    out = capsys.readouterr().out
+    assert all(name in out for name in ('run', 'simulate', 'analyze'))

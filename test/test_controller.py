@@ -1,0 +1,155 @@
+"""The controller without ROS: which reference answers which state, and what it remembers."""
+
+import numpy as np
+import pytest
+
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.cycle import CYCLE_TEXT
+from parallel_robot_interface import config
+from trajectory_gen.trajectory import Trajectory
+
+MS = 10**6  # ns
+START = 10**9  # ns
+OFFSET = np.array([1e-3, -2e-3, 3e-3])  # rad
+
+
+def controller(mode='wall'):
+    return Controller(config.resolve('paper_circle', {'time_mode': mode}))
+
+
+@pytest.fixture(scope='module')
+def motion():
+    """References and states that lag a little behind them, at k = 0, 1, ... ms."""
+    samples = Trajectory.of(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
+    rows = zip(samples.position, samples.velocity, samples.acceleration, strict=True)
+    references = [JointReference(*row) for row in rows]
+    return references, [Feedback(row.position - OFFSET, row.velocity) for row in references]
+
+
+def errors(sample):
+    return sample.telemetry.error[0], sample.telemetry.error_rate[0]
+
+
+def run(core, motion, indices, start=START):
+    """Feed reference and state of every index; return the torques."""
+    references, states = motion
+    torques = []
+    for k in indices:
+        core.add_reference(start + k * MS, references[k])
+        torques.append(core.add_state(start + k * MS, states[k]).torque)
+    return np.array(torques)
+
+
+@pytest.mark.parametrize('mode', ['wall', 'lockstep'])
+def test_the_reference_of_the_states_own_stamp_is_taken(mode, motion):
+    references, states = motion
+    core = controller(mode)
+    for k in range(50):
+        core.add_reference(START + k * MS, references[k])
+    for k in (0, 1, 7, 20, 49):
+        error, rate = errors(core.add_state(START + k * MS, states[k]))
+        assert np.array_equal(error, references[k].position - states[k].position)
+        assert np.array_equal(rate, references[k].velocity - states[k].velocity)
+
+
+def test_between_samples_the_newest_is_extrapolated(motion):
+    references, states = motion
+    core = controller()
+    core.add_reference(START, references[0])
+    core.add_reference(START + 40 * MS, references[40])
+    state = states[15]
+    error, rate = errors(core.add_state(START + 15 * MS, state))
+    theta, theta_dot, theta_ddot = references[0]
+    t = 0.015
+    wanted = theta + theta_dot * t + theta_ddot * t**2 / 2
+    assert np.abs(error - (wanted - state.position)).max() < 1e-15
+    assert np.abs(rate - (theta_dot + theta_ddot * t - state.velocity)).max() < 1e-15
+    assert np.abs(wanted - references[15].position).max() < 1e-6  # it is the motion, nearly
+
+
+def test_a_state_before_every_reference_has_no_answer(motion):
+    references, states = motion
+    core = controller()
+    assert core.add_state(START - MS, states[0]) is None
+    core.add_reference(START, references[0])
+    assert core.add_state(START - MS // 2, states[0]) is None and not core.waiting
+    assert core.add_state(START, states[0]) is not None
+
+
+def test_in_lockstep_a_state_waits_for_the_sample_of_its_stamp(motion):
+    references, states = motion
+    core = controller('lockstep')
+    core.add_reference(START, references[0])
+    assert core.add_state(START + 2 * MS, states[2]) is None and core.waiting
+    assert core.add_reference(START + MS, references[1]) is None and core.waiting
+    sample = core.add_reference(START + 2 * MS, references[2])
+    assert np.array_equal(errors(sample)[0], references[2].position - states[2].position)
+    assert not core.waiting and core.add_reference(START + 3 * MS, references[3]) is None
+
+
+def test_in_lockstep_the_order_of_arrival_does_not_matter(motion):
+    references, states = motion
+    late = controller('lockstep')
+    answers = []
+    for k in range(20):
+        assert late.add_state(START + k * MS, states[k]) is None
+        answers.append(late.add_reference(START + k * MS, references[k]).torque)
+    assert np.array_equal(answers, run(controller('lockstep'), motion, range(20)))
+
+
+@pytest.mark.parametrize('back', [0, 1, 5])
+def test_a_state_that_repeats_or_goes_back_is_left_out(back, motion):
+    core, untouched = controller(), controller()
+    run(core, motion, range(10)), run(untouched, motion, range(10))
+    assert core.add_state(START + (9 - back) * MS, motion[1][0]) is None
+    assert core.counts == {'state stamps that repeat or go back': 1}
+    after = run(core, motion, range(10, 20)), run(untouched, motion, range(10, 20))
+    assert np.array_equal(*after)
+
+
+@pytest.mark.parametrize('back', [0, 1, 5])
+def test_a_reference_that_repeats_or_goes_back_is_left_out(back, motion):
+    core = controller()
+    run(core, motion, range(10))
+    core.add_reference(START + (9 - back) * MS, motion[0][50])
+    assert core.counts == {'reference stamps that repeat or go back': 1}
+    error, _ = errors(core.add_state(START + 10 * MS, motion[1][10]))
+    assert np.abs(error - OFFSET).max() < 1e-5
+
+
+@pytest.mark.parametrize('jump', [-(10**9), 10**9, 10**18])
+def test_a_new_run_of_the_plant_starts_with_a_new_memory(jump, motion):
+    fresh = run(controller(), motion, range(20))
+    core = controller()
+    assert np.array_equal(run(core, motion, range(20)), fresh)
+    assert not np.array_equal(fresh[0], fresh[10])
+    assert np.array_equal(run(core, motion, range(20), START + jump), fresh)
+    assert core.counts == {'new runs of the plant': 1}
+
+
+def test_the_period_is_the_time_between_two_stamps(motion):
+    """Twice the time adds twice the error to the integral that is published."""
+    references, states = motion
+    integrals = []
+    for step in (1, 2):
+        core = controller()
+        for k in (0, step, 2 * step):
+            core.add_reference(START + k * MS, references[0])
+            sample = core.add_state(START + k * MS, states[0])
+        integrals.append(sample.telemetry.integral[0])
+    ring = 2 * OFFSET - np.roll(OFFSET, 1) - np.roll(OFFSET, -1)
+    assert np.abs(integrals[1] - (1e-3 + 2e-3) * ring).max() < 1e-15
+    assert np.abs(integrals[0] - 2e-3 * ring).max() < 1e-15
+
+
+@pytest.mark.parametrize('theta', [[0.0, np.pi, -np.pi / 2], [-2.5, 0.5, 3.0]])
+def test_a_state_without_a_pose_gets_no_torque_and_is_counted(theta, motion):
+    core, untouched = controller(), controller()
+    run(core, motion, range(10)), run(untouched, motion, range(10))
+    core.add_reference(START + 10 * MS, motion[0][10])
+    lost = core.add_state(START + 10 * MS, Feedback(np.array(theta), np.zeros(3)))
+    assert not lost.torque.any() and core.counts.total() == 1
+    assert set(core.counts) <= set(CYCLE_TEXT.values())
+    after = run(core, motion, [11])[0]
+    assert after.any() and np.isfinite(after).all()

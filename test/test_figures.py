@@ -1,0 +1,42 @@
+"""Figures are drawn."""
+
+import struct
+
+import numpy as np
+import pytest
+from bags import streams, write_foreign
+from geometry import PAPER_START, legs
+
+from parallel_robot_analysis import figures, metrics, run_log
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory, robot):
+    bag = tmp_path_factory.mktemp('figures') / 'bag'
+    t = np.arange(300)[:, np.newaxis] * 1e-3
+    path = PAPER_START + np.hstack([0.02 * np.sin(9 * t), 0.02 * np.cos(9 * t), 0 * t])
+    reference = legs(robot, path)[0]
+    write_foreign(
+        bag, streams(reference, reference + 1e-4 * np.exp(-t), np.hstack([t, -t, 0 * t]))
+    )
+    return run_log.read(bag)
+
+
+def test_a_picture_comes_out(log, tmp_path):
+    figures.draw_run(log, metrics.poses(log), tmp_path / 'run.png')
+    data = (tmp_path / 'run.png').read_bytes()
+    assert data.startswith(b'\x89PNG\r\n\x1a\n') and len(data) > 20_000
+    width, height = struct.unpack('>II', data[16:24])
+    assert 1000 < width < 3000 and 500 < height < 2000
+
+
+@pytest.mark.parametrize(('suffix', 'begin'), [('pdf', b'%PDF'), ('svg', b'<?xml')])
+def test_the_suffix_chooses_the_format(suffix, begin, log, tmp_path):
+    figures.draw_run(log, metrics.poses(log), tmp_path / f'run.{suffix}')
+    assert (tmp_path / f'run.{suffix}').read_bytes().startswith(begin)
+
+
+def test_errors_of_zero_can_be_drawn(log, tmp_path):
+    exact = log._replace(position=log.reference_position)
+    figures.draw_run(exact, metrics.poses(exact), tmp_path / 'run.png')
+    assert (tmp_path / 'run.png').stat().st_size > 10_000

@@ -1,0 +1,178 @@
+"""The four nodes as real processes."""
+
+import signal
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from parallel_robot_analysis.processes import MODULES
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.controller import Controller
+from parallel_robot_interface import config, topics
+from trajectory_gen.trajectory import Trajectory
+
+pytest_plugins = ['ros_fixtures']
+
+NAMES = list(MODULES)
+
+
+@pytest.fixture
+def start(launch, domain):
+    """Start a node by its name and parameters."""
+
+    def start(name, *parameters, namespace=''):
+        words = [word for parameter in parameters for word in ('-p', parameter)]
+        return launch(MODULES[name], '--ros-args', '-r', f'__ns:=/{namespace}', *words)
+
+    return start
+
+
+def trouble(process):
+    """What a user would have to read as an error."""
+    return [line for line in process.stderr.splitlines() if 'Traceback' in line or 'Error' in line]
+
+
+@pytest.mark.parametrize('signals', [['SIGINT'], ['SIGTERM'], ['SIGINT', 'SIGINT']], ids=' '.join)
+def test_each_node_starts_alone_and_ends_in_order(signals, start, peer):
+    nodes = {name: start(name, namespace=f'alone_{name}') for name in NAMES}
+    peer.see(*(f'/alone_{name}/{name}' for name in NAMES))
+    for process in nodes.values():
+        assert process.running
+        assert process.end(*(getattr(signal, name) for name in signals)) == 0
+        assert not trouble(process)
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameter', 'message'),
+    [
+        ('trajectory', 'circle.radius:=wide', "circle.radius must be a number, not 'wide'"),
+        ('trajectory', 'circle.center:=[3.0, 3.0]', 'motion refused at t = 0.000 s, leg'),
+        ('plant', 'plant.integrater:=rk4', "did you mean 'plant.integrator'?"),
+        ('controller', 's_fotsmc.G:=.nan', 's_fotsmc.G must be finite'),
+        ('controller', 'law:=s_fotsmk', "unknown law 's_fotsmk'; did you mean 's_fotsmc'?"),
+        ('recorder', 'recorder.out:=.', 'nothing is overwritten'),
+    ],
+)
+def test_a_wrong_parameter_costs_one_line(name, parameter, message, start):
+    process = start(name, parameter)
+    assert process.wait() == 2
+    assert process.stderr.count('\n') == 1 and message in process.stderr
+
+
+@pytest.mark.parametrize('guess', ['[1, 0, 2]', '[0.52, 0.37, 1.57]', '[]'])
+def test_whole_numbers_are_numbers(guess, start, peer):
+    process = start('controller', 's_fotsmc.G:=12', f'controller.guess:={guess}')
+    peer.until(lambda: peer.node.count_publishers(topics.COMMANDS.name) or not process.running)
+    assert process.running and process.end(signal.SIGINT) == 0
+
+
+def test_nodes_started_by_hand_close_the_loop(start, peer):
+    heard, states = peer.listen(topics.ERROR), peer.listen(topics.JOINT_STATES)
+    commands, nodes = peer.listen(topics.COMMANDS), {}
+    for name in ('controller', 'plant', 'trajectory'):
+        nodes[name] = start(name)
+        peer.see(f'/{name}')
+    peer.until(lambda: heard)
+    assert np.abs(heard[0].position).max() > 5e-3
+    peer.until(lambda: np.abs(heard[-1].position).max() < 1e-3)
+    assert any(states[-1].effort)
+    assert nodes['controller'].end(signal.SIGINT) == 0
+    peer.until(lambda: list(commands[-1].data) == [0.0, 0.0, 0.0])
+    peer.until(lambda: not any(states[-1].effort))
+    assert not any(commands[-1].data)
+    assert all(nodes[name].running for name in ('plant', 'trajectory'))
+
+
+def diagnosed(peer):
+    """Newest diagnostics of every node, as a dictionary that fills itself."""
+    newest = {}
+
+    def take(array):
+        for status in array.status:
+            newest[status.hardware_id] = {item.key: item.value for item in status.values}
+
+    peer.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
+    return newest
+
+
+def test_the_plant_ignores_what_is_not_a_command(start, peer):
+    start('plant')
+    newest, states = diagnosed(peer), peer.listen(topics.JOINT_STATES)
+    publisher = peer.publisher(topics.COMMANDS)
+    for data in ([np.nan, 0.0, 0.0], [1.0, np.inf, 1.0], [5.0, 5.0], []):
+        publisher.publish(Float64MultiArray(data=data))
+    publisher.publish(b'\x00\x01\x00\x00\xff\xff')
+    reason = 'commands that are not three finite torques'
+    peer.until(lambda: newest.get('/plant', {}).get(reason) == '5')
+    peer.until(lambda: states)
+    assert newest['/plant']['state'] == 'held' and not any(states[-1].effort)
+    publisher.publish(Float64MultiArray(data=[5.0, 5.0, 5.0]))
+    peer.until(lambda: list(states[-1].effort[:3]) == [5.0, 5.0, 5.0])
+
+
+def test_joints_are_found_by_name(start, peer):
+    values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
+    motion = Trajectory.of(values).sample(0.0)
+    desired = [motion.position[0], motion.velocity[0], motion.acceleration[0]]
+    theta, theta_dot = desired[0] + [1e-3, -2e-3, 3e-3], np.array([0.01, 0.02, 0.03])
+    core = Controller(values)
+    core.add_reference(10**9, JointReference(*desired))
+    expected = core.add_state(10**9, Feedback(theta, theta_dot)).torque
+
+    start('controller', 'time_mode:=lockstep')
+    commands = peer.listen(topics.COMMANDS)
+    reference, state = peer.publisher(topics.REFERENCE), peer.publisher(topics.JOINT_STATES)
+    peer.until(lambda: peer.node.count_publishers(topics.COMMANDS.name))
+    message = JointState(name=['gripper', 'joint3', 'joint1', 'joint2'])
+    message.header.stamp.sec = 1
+    message.position = [9.0, *theta[[2, 0, 1]]]
+    message.velocity = [9.0, *theta_dot[[2, 0, 1]]]
+    state.publish(message)
+    point = JointTrajectoryPoint()
+    point.positions, point.velocities, point.accelerations = (
+        list(row[[1, 0, 2]]) for row in desired
+    )
+    message = JointTrajectory(joint_names=['joint2', 'joint1', 'joint3'], points=[point])
+    message.header.stamp.sec = 1
+    reference.publish(message)
+    peer.until(lambda: commands)
+    assert np.array_equal(commands[0].data, expected)
+
+
+def test_the_trajectory_answers_a_call_of_start_in_lockstep(start, peer):
+    process = start('trajectory', 'time_mode:=lockstep')
+    assert peer.call(Trigger, 'trajectory/start', Trigger.Request(), process) is not None
+    assert process.end(signal.SIGINT) == 0
+
+
+def begin(name, process, peer):
+    """Give a node the common start."""
+    stamp = Parameter('start_stamp', Parameter.Type.INTEGER, 10**9).to_parameter_msg()
+    request = SetParameters.Request(parameters=[stamp])
+    return peer.call(SetParameters, f'{name}/set_parameters', request, process)
+
+
+@pytest.mark.parametrize('name', ['trajectory', 'recorder'])
+def test_a_start_that_is_sent_twice_does_no_harm(name, start, peer):
+    process = start(name, 'time_mode:=lockstep', 'start_stamp:=-1')
+    assert begin(name, process, peer).results[0].successful
+    assert begin(name, process, peer) is not None
+    assert process.end(signal.SIGINT) == 0
+
+
+def test_a_start_that_is_sent_twice_does_not_turn_back_the_plant(start, peer):
+    process = start('plant', 'time_mode:=lockstep', 'start_stamp:=-1')
+    states, commands = peer.listen(topics.JOINT_STATES), peer.publisher(topics.COMMANDS)
+    peer.until(lambda: peer.node.count_publishers(topics.JOINT_STATES.name))
+    for k in range(1, 4):
+        begin('plant', process, peer)
+        commands.publish(Float64MultiArray(data=[1.0, 1.0, 1.0]))
+        milliseconds = k * 10**6
+        peer.until(lambda: states and states[-1].header.stamp.nanosec >= milliseconds)  # noqa: B023

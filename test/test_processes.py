@@ -1,0 +1,65 @@
+"""Node processes: what they are told, and what is told of their end."""
+
+import pytest
+from rclpy.context import Context
+from rclpy.node import Node
+
+from parallel_robot_analysis import processes
+from parallel_robot_interface.errors import RunError
+
+SCRIPTS = {
+    'fails': "import sys; print('the reason', file=sys.stderr); sys.exit(3)",
+    'ends': 'pass',
+    'dies': 'import os, signal; os.kill(os.getpid(), signal.SIGKILL)',
+    'reports': """
+import sys
+from rclpy.logging import get_logger
+get_logger('recorder').fatal('cannot write bag: No space left on device')
+for topic in ('joint_states', 'reference'):
+    get_logger('recorder').info(f'{topic}: received 1, written 1, lost 0')
+sys.exit(1)
+""",
+}
+TEXTS = {
+    'fails': 'node ended with exit code 3: the reason',
+    'ends': 'node ended with exit code 0',
+    'dies': 'node ended with signal SIGKILL',
+    'reports': 'node ended with exit code 1: cannot write bag: No space left on device',
+}
+
+
+@pytest.mark.parametrize('name', SCRIPTS)
+def test_the_end_of_a_node_is_reported_with_its_reason(name, tmp_path, monkeypatch):
+    (tmp_path / 'a_node.py').write_text(SCRIPTS[name])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(processes.MODULES, 'node', 'a_node')
+    monkeypatch.setattr(processes, 'STOP_ORDER', ('node',))
+    with processes.NodeProcesses({'node': {}}) as running:
+        running._processes['node'].wait(20.0)
+        with pytest.raises(RunError) as caught:
+            running.check()
+    assert str(caught.value) == TEXTS[name]
+
+
+@pytest.mark.parametrize(
+    'value',
+    [
+        True, 7, 10.0, 1e-9, 1e22, 'text', 'a "b" \\ c\'', '', 'ä', 'yes', '1.0',
+        [1.0, 2.5], [0, 0.5, 0.5], [1, 2], ['a', 'b "c"'],
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_a_node_gets_the_value_it_is_sent(value):
+    words = ['--ros-args', '-p', f'key:={processes.as_yaml(value)}']
+    context = Context()
+    context.init(words)
+    node = Node(
+        'reader', context=context, automatically_declare_parameters_from_overrides=True,
+        start_parameter_services=False, enable_rosout=False,
+    )  # fmt: skip
+    try:
+        found = node.get_parameter('key').value
+        assert (list(found) if isinstance(value, list) else found) == value
+    finally:
+        node.destroy_node()
+        context.try_shutdown()

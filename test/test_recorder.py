@@ -1,0 +1,219 @@
+"""The recorder without ROS."""
+
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+from bags import content
+
+from parallel_robot_analysis.recorder import Recorder
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.errors import BagError
+from parallel_robot_interface.loop import LoopParameters
+
+START = 10**9  # ns; that of lockstep
+MS = 10**6  # ns
+SAMPLES = 20
+LAYOUTS = {
+    topics.JOINT_STATES.type: cdr.joint_state(('a', 'b', 'c')),
+    topics.REFERENCE.type: cdr.joint_trajectory(('a', 'b', 'c')),
+    topics.POSE.type: cdr.pose_stamped('base'),
+}
+LAW = cdr.text_message('s_fotsmc')
+
+
+def message(topic, k):
+    """Message of a topic for state k."""
+    if topic == topics.ACTIVE_LAW:
+        return LAW
+    if topic == topics.COMMANDS:
+        return cdr.float64_multi_array(3).encode(data=[k, k, k])
+    return LAYOUTS[topic.type].encode(START + k * MS)
+
+
+@pytest.fixture
+def make(tmp_path):
+    """Make a recorder of 20 ms of motion; its errors end the test."""
+
+    def make(mode='lockstep', seconds=SAMPLES * 1e-3):
+        values = config.resolve('paper_circle', {'time_mode': mode, 'duration': seconds})
+        loop = config.group(values, LoopParameters, '')
+        return Recorder(tmp_path / 'bag', loop, values, pytest.fail)
+
+    return make
+
+
+def take(recorder, indices=range(SAMPLES + 1), left_out=()):
+    """Give the messages of some states, except those of `left_out`: (topic, k)."""
+    for k in indices:
+        for topic in topics.RECORDED:
+            if k % (topic.every or 1000) == 0 and (topic, k) not in left_out:
+                recorder.take(topic, message(topic, k))
+
+
+def recorded(tmp_path):
+    return content(tmp_path / 'bag' / 'bag_0.mcap')
+
+
+def test_a_whole_motion_in_lockstep_has_the_time_of_the_simulation(make, tmp_path):
+    recorder = make()
+    recorder.open(START)
+    take(recorder)
+    assert recorder.complete()
+    report = recorder.close()
+    found = recorded(tmp_path)
+    for topic in topics.RECORDED:
+        indices = range(0, SAMPLES + 1, topic.every or 1000)
+        assert found[topic.name] == [(START + k * MS, message(topic, k)) for k in indices]
+        line = f'{topic.name}: received {len(indices)}, written {len(indices)}, lost 0'
+        assert line in report
+    assert len(report) == len(topics.RECORDED)
+
+
+def test_messages_from_outside_the_motion_are_left_out(make, tmp_path):
+    recorder = make()
+    recorder.open(START)
+    for k in (-1000, -1, SAMPLES + 1, SAMPLES + 1000):
+        for topic in topics.RECORDED:
+            if topic.type in LAYOUTS:
+                recorder.take(topic, message(topic, k))
+    assert not recorder.complete()
+    take(recorder)
+    recorder.close()
+    stamps = {stamp for stream in recorded(tmp_path).values() for stamp, _ in stream}
+    assert (min(stamps), max(stamps)) == (START, START + SAMPLES * MS)
+
+
+def test_before_the_start_only_the_latched_is_kept(make, tmp_path):
+    recorder = make()
+    take(recorder, range(5))
+    assert not recorder.complete() and not (tmp_path / 'bag').exists()
+    recorder.open(START)
+    recorder.close()
+    assert recorded(tmp_path) == {'controller/active_law': [(START, LAW)]}
+
+
+def test_in_real_time_the_log_time_is_that_of_reception(make, tmp_path):
+    recorder = make('wall')
+    recorder.open(START)
+    before = time.time_ns()
+    take(recorder)
+    after = time.time_ns()
+    recorder.close()
+    for stream in recorded(tmp_path).values():
+        times = [stamp for stamp, _ in stream]
+        assert times == sorted(times) and before <= times[0] and times[-1] <= after
+
+
+@pytest.mark.parametrize('topic', topics.RECORDED, ids=lambda topic: topic.name)
+def test_the_motion_is_complete_with_its_last_message(topic, make):
+    recorder = make()
+    recorder.open(START)
+    last = (topic, SAMPLES if topic.every else 0)
+    take(recorder, left_out=[last])
+    assert not recorder.complete()
+    recorder.take(topic, message(*last))
+    assert recorder.complete()
+    recorder.close()
+
+
+def test_what_never_comes_is_not_waited_for_and_reported(make, monkeypatch):
+    recorder = make()
+    recorder.open(START)
+    lost = [(topics.REFERENCE, 3), (topics.REFERENCE, 4), (topics.POSE, 10)]
+    take(recorder, left_out=lost)
+    assert not recorder.complete()
+    now = time.monotonic()
+    monkeypatch.setattr(time, 'monotonic', lambda: now + 10.0)
+    assert recorder.complete()
+    report = recorder.close()
+    assert 'reference: received 19, written 19, lost 2' in report
+    assert 'pose: received 2, written 2, lost 1' in report
+
+
+def test_a_long_silence_before_the_end_is_no_end(make, monkeypatch):
+    recorder = make()
+    recorder.open(START)
+    take(recorder, range(SAMPLES))
+    now = time.monotonic()
+    monkeypatch.setattr(time, 'monotonic', lambda: now + 1000.0)
+    assert not recorder.complete()
+    recorder.close()
+
+
+def test_a_motion_without_end_is_never_complete(make):
+    recorder = make(seconds=0.0)
+    recorder.open(START)
+    take(recorder, range(200))
+    assert not recorder.complete()
+    assert 'joint_states: received 200, written 200, lost unknown' in recorder.close()
+
+
+def test_by_hand_the_commands_of_lockstep_have_the_time_of_their_states(make, tmp_path):
+    """Without a common start the recorder listens at once; time is still the simulation's."""
+    recorder = make(seconds=0.0)
+    recorder.open()
+    take(recorder, range(5))
+    recorder.close()
+    found = recorded(tmp_path)
+    times = [stamp for stamp, _ in found['joint_states']]
+    assert [stamp for stamp, _ in found['effort_controller/commands']] == times
+
+
+def test_a_recorder_that_was_never_opened_leaves_nothing(make, tmp_path):
+    recorder = make()
+    take(recorder)
+    assert recorder.close() == [] and not list(tmp_path.iterdir())
+
+
+def test_a_bag_that_exists_is_refused(make, tmp_path):
+    (tmp_path / 'bag').mkdir()
+    with pytest.raises(BagError, match='exists'):
+        make().open(START)
+
+
+@pytest.mark.parametrize('data', [b'', b'\x00\x01\x00\x00', b'\x00\x01\x00\x00\x01'])
+def test_bytes_too_short_for_a_stamp_do_no_harm(data, make, tmp_path):
+    recorder = make()
+    recorder.open(START)
+    recorder.take(topics.JOINT_STATES, data)
+    take(recorder)
+    recorder.close()
+    assert len(recorded(tmp_path)['joint_states']) == SAMPLES + 1
+
+
+def test_a_full_disk_is_handed_over(tmp_path):
+    script = f"""
+        import os, resource, threading
+        from pathlib import Path
+        from parallel_robot_analysis.recorder import Recorder
+        from parallel_robot_interface import cdr, config, topics
+        from parallel_robot_interface.loop import LoopParameters
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+        failed, errors = threading.Event(), []
+        values = config.resolve('paper_circle')
+        loop = config.group(values, LoopParameters, '')
+        recorder = Recorder(Path({str(tmp_path / 'bag')!r}), loop, values,
+                            lambda error: (errors.append(error), failed.set()))
+        recorder.open()
+        layout = cdr.float64_multi_array(1000)
+        for _ in range(200):
+            recorder.take(topics.COMMANDS, layout.encode() + os.urandom(9000))
+        assert failed.wait(20.0)
+        recorder.close()
+        print({{f'{{type(error).__name__}}: {{error}}' for error in errors}})
+    """
+    done = subprocess.run(
+        [sys.executable, '-c', textwrap.dedent(script)],
+        cwd=Path(__file__).parents[1],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+    )
+    message = f'RunError: cannot write {tmp_path / "bag"}: File too large'
+    assert done.stdout == f'{ {message} }\n'
+    assert done.returncode == 0 and done.stderr == ''

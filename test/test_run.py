@@ -1,0 +1,142 @@
+"""The command `run`: real nodes, real bags, and nothing left behind."""
+
+import signal
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+from domain_coordinator import domain_id
+from mcap.reader import make_reader
+
+from parallel_robot_analysis import metrics, run_log
+from parallel_robot_analysis.processes import MODULES
+
+pytest_plugins = ['ros_fixtures']
+
+COMMAND_LINE = 'parallel_robot_analysis.command_line'
+FULL = ('/joint_states', '/reference', '/effort_controller/commands')
+SLOW = (
+    '/pose', '/pose_reference', '/controller/error', '/controller/synchronisation_error',
+    '/controller/cross_coupling_error', '/controller/sliding_variable',
+)  # fmt: skip
+
+
+@pytest.fixture
+def start(launch, domain):
+    """Start `run` for some seconds of motion."""
+
+    def start(out, seconds, *words):
+        return launch(COMMAND_LINE, 'run', 'paper_circle', '--duration', seconds,
+                      '--out', out, *words)  # fmt: skip
+
+    return start
+
+
+def streams(bag):
+    """(log time, payload) of every message, by topic, as stock readers order them."""
+    found = {}
+    with next(bag.glob('*.mcap')).open('rb') as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            found.setdefault(channel.topic, []).append((message.log_time, message.data))
+    return found
+
+
+def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
+    words = ('paper_circle', '--duration', '1.5', '--out')
+    with ExitStack() as stack:
+        processes = []
+        for name in ('first', 'second'):  # at once: what one does to the other's load is no matter
+            environment = {
+                'ROS_DOMAIN_ID': str(stack.enter_context(domain_id())),
+                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            }
+            process = launch(COMMAND_LINE, 'run', *words, name, '--time-mode', 'lockstep',
+                             **environment)  # fmt: skip
+            processes.append(process)
+        processes.append(launch(COMMAND_LINE, 'simulate', *words, 'third'))
+        for process in processes:
+            assert process.wait() == 0, process.stderr
+    first, second, third = (streams(tmp_path / name) for name in ('first', 'second', 'third'))
+    counts = {topic: len(stream) for topic, stream in first.items()}
+    assert counts == {
+        **dict.fromkeys(FULL, 1501), **dict.fromkeys(SLOW, 151), '/controller/active_law': 1
+    }  # fmt: skip
+    for topic in first:
+        assert first[topic] == second[topic] == third[topic]
+
+
+def test_a_run_in_real_time_is_complete(start, tmp_path):
+    process = start('bag', 1.5)
+    assert process.wait() == 0, process.stderr
+    assert process.stderr == ''
+    log = run_log.read(tmp_path / 'bag')
+    assert log.start_stamp > 10**18 and log.start_stamp % 10**6 == 0
+    assert np.array_equal(log.stamps, log.start_stamp + np.arange(1501) * 10**6)
+    assert not log.effort[0].any() and log.effort[-1].any()
+    assert {*map(tuple, log.effort[1:])} <= {(0.0, 0.0, 0.0), *map(tuple, log.command)}
+    counts = {f'/{name}': (n.count, n.missing) for name, n in log.messages.items()}
+    assert counts == {
+        **dict.fromkeys(FULL, (1501, 0)),
+        **dict.fromkeys(SLOW, (151, 0)),
+        '/controller/active_law': (1, 0),
+    }
+    for stream in streams(tmp_path / 'bag').values():
+        times = [time for time, _ in stream]
+        assert times == sorted(times) and times[0] >= log.start_stamp
+
+
+def under_way(process, bag):
+    """Wait until there is motion in the bag; return the nodes."""
+    process.until(lambda: any(file.stat().st_size > 30_000 for file in bag.glob('*.mcap')))
+    nodes = process.children()
+    assert set(nodes) == set(MODULES.values())
+    return nodes
+
+
+def check_end(bag, nodes):
+    """No node is left, and everything up to the end is in the bag."""
+    assert all(node.ended(seconds=20.0) for node in nodes.values())
+    log = run_log.read(bag)
+    assert len(log.time) > 100 and log.messages['joint_states'].missing == 0
+    assert (bag / 'metadata.yaml').is_file()
+
+
+def test_a_node_that_dies_ends_the_run(start, tmp_path):
+    process = start('bag', 30.0)
+    nodes = under_way(process, tmp_path / 'bag')
+    nodes[MODULES['plant']].kill()
+    assert process.wait() == 1
+    assert process.stderr == 'parallel_robot run: plant ended with signal SIGKILL\n'
+    check_end(tmp_path / 'bag', nodes)
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_signal_ends_the_run_in_order(name, start, tmp_path):
+    process = start('bag', 30.0)
+    nodes = under_way(process, tmp_path / 'bag')
+    assert process.end(getattr(signal, name)) not in (0, -getattr(signal, name))
+    assert process.stderr == f'parallel_robot run: stopped by {name}\n'
+    check_end(tmp_path / 'bag', nodes)
+    commands = run_log.read(tmp_path / 'bag').command
+    assert not commands[-1].any() and commands[:-1].any(axis=1).all()
+
+
+@pytest.mark.skipif(not Path('/proc/self/stat').exists(), reason='needs Linux')
+def test_no_node_outlives_its_supervisor(start, tmp_path):
+    process = start('bag', 30.0)
+    nodes = under_way(process, tmp_path / 'bag')
+    assert process.end(signal.SIGKILL) == -signal.SIGKILL
+    check_end(tmp_path / 'bag', nodes)
+
+
+def test_a_second_run_on_the_same_domain_leaves_the_first_alone(start, tmp_path):
+    first = start('first', 4.0)
+    under_way(first, tmp_path / 'first')
+    second = start('second', 1.0)
+    assert second.wait() != 0 and 'ROS_DOMAIN_ID' in second.stderr
+    assert first.wait() == 0, first.stderr
+    log = run_log.read(tmp_path / 'first')
+    states = log.messages['joint_states']
+    assert (states.count, states.missing) == (4001, 0)
+    assert metrics.evaluate(log, metrics.poses(log)).steady.xy_rms_m < 1e-3

@@ -1,0 +1,174 @@
+"""Bags as arrays: what is aligned with what, and what is missing."""
+
+import numpy as np
+import pytest
+from bags import JOINTS, MS, START, streams, write_foreign
+
+from parallel_robot_analysis import run_log
+from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.errors import BagError
+
+COUNT = 100
+RANDOM = np.random.default_rng(3)
+REFERENCE = RANDOM.normal(size=(COUNT, 3))
+POSITION = RANDOM.normal(size=(COUNT, 3))
+EFFORT = RANDOM.normal(size=(COUNT, 3))
+
+
+@pytest.fixture
+def record(tmp_path):
+    """Write streams as a foreign bag and read it."""
+
+    def record(found):
+        write_foreign(tmp_path / 'bag', found)
+        return run_log.read(tmp_path / 'bag')
+
+    return record
+
+
+def counts(log):
+    """Count and missing messages by topic."""
+    return {name: (found.count, found.missing) for name, found in log.messages.items()}
+
+
+def test_a_foreign_bag_is_read(record):
+    log = record(streams(REFERENCE, POSITION, EFFORT))
+    assert (log.scenario, log.law, log.joints) == ('paper_circle', 's_fotsmc', JOINTS)
+    assert log.start_stamp == START
+    assert np.array_equal(log.stamps, START + np.arange(COUNT) * MS)
+    assert np.array_equal(log.time, np.arange(COUNT) * MS / 1e9)
+    assert np.array_equal(log.position, POSITION) and not log.velocity.any()
+    assert np.array_equal(log.reference_position, REFERENCE)
+    assert np.array_equal(log.effort, EFFORT) and np.array_equal(log.command, EFFORT)
+    assert counts(log) == dict.fromkeys(counts(log), (COUNT, 0)) and len(counts(log)) == 3
+
+
+@pytest.mark.parametrize('path', ['bag', 'bag/bag_0.mcap'])
+def test_directory_or_file(path, tmp_path):
+    data = {'scenario': 'paper_line', 'law': 'x', 'joints': list(JOINTS), 'period': 1e-3}
+    metadata = {'config': str(data), 'start_stamp': str(START + 10 * MS)}
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, metadata) as writer:
+        for topic, messages in streams(REFERENCE, POSITION).items():
+            for log_time, payload in messages:
+                writer.write(topic.name, log_time, payload)
+    log = run_log.read(tmp_path / path)
+    assert (log.scenario, log.law, log.config) == ('paper_line', 'x', data)
+    assert log.start_stamp == START + 10 * MS and log.time[0] == 0.0
+    assert np.array_equal(log.position, POSITION[10:])  # what was before t = 0 is left out
+
+
+def test_messages_that_are_removed_are_missing(record):
+    found = streams(REFERENCE, POSITION)
+    for topic, lost in (
+        (topics.JOINT_STATES, [20]), (topics.REFERENCE, [30, 31, 50]), (topics.COMMANDS, [7, 8])
+    ):  # fmt: skip
+        found[topic] = [entry for k, entry in enumerate(found[topic]) if k not in lost]
+    pose = cdr.pose_stamped('base')
+    found[topics.POSE] = [
+        (START + k * MS, pose.encode(START + k * MS)) for k in range(0, COUNT, 10) if k != 40
+    ]
+    log = record(found)
+    assert counts(log) == {
+        'joint_states': (99, 1),
+        'reference': (97, 3),
+        'effort_controller/commands': (98, 1),  # of 99 states
+        'pose': (9, 1),
+    }
+    assert 20 not in np.rint(log.time * 1e3) and len(log.position) == 99
+    assert np.array_equal(log.position[20], POSITION[21])
+    # at rest, a reference that was lost is the one before it
+    assert np.array_equal(log.reference_position[[29, 30, 49]], REFERENCE[[29, 29, 49]])
+
+
+def test_references_are_extrapolated_to_the_states(record):
+    """theta = a + b t + c t^2 / 2, sampled at every fourth state, in between by the formula."""
+    a, b, c = RANDOM.normal(size=(3, 3))
+    t = np.arange(COUNT)[:, np.newaxis] * 1e-3
+    motion = a + b * t + c * t**2 / 2, b + c * t, c + 0 * t
+    found = streams(REFERENCE, POSITION)
+    records = cdr.joint_trajectory(JOINTS).records(
+        COUNT, START + np.arange(COUNT) * MS,
+        position=motion[0], velocity=motion[1], acceleration=motion[2],
+    )  # fmt: skip
+    found[topics.REFERENCE] = [(START + k * MS, records[k].tobytes()) for k in range(0, COUNT, 4)]
+    log = record(found)
+    read = log.reference_position, log.reference_velocity, log.reference_acceleration
+    assert np.abs(np.array(read) - motion).max() < 1e-12
+
+
+def test_messages_in_the_order_of_their_log_time(record):
+    found = streams(REFERENCE, POSITION, EFFORT)
+    shuffled = {
+        topic: [messages[k] for k in RANDOM.permutation(COUNT)]
+        for topic, messages in found.items()
+    }
+    log = record(shuffled)
+    assert np.array_equal(log.position, POSITION) and np.array_equal(log.command, EFFORT)
+
+
+def test_references_that_are_sent_ahead_and_later_are_cut(record):
+    found = streams(REFERENCE, POSITION)
+    found[topics.REFERENCE] = found[topics.REFERENCE][10:]
+    log = record(found)
+    assert log.start_stamp == START + 10 * MS
+    assert np.array_equal(log.position, POSITION[10:])
+
+
+@pytest.mark.parametrize('names', [('joint3', 'joint1', 'joint2'), JOINTS[::-1]])
+def test_joints_are_found_by_name(names, record):
+    found = streams(REFERENCE, POSITION, EFFORT)
+    others = streams(REFERENCE, POSITION, EFFORT, names)
+    log = record({**others, topics.COMMANDS: found[topics.COMMANDS]})
+    assert np.array_equal(log.position, POSITION) and np.array_equal(log.effort, EFFORT)
+    assert np.array_equal(log.reference_position, REFERENCE)
+
+
+def without_fields(found):
+    states = cdr.joint_state(JOINTS, ('position',))
+    stamps = START + np.arange(COUNT) * MS
+    rows = states.records(COUNT, stamps, position=POSITION)
+    return found | {topics.JOINT_STATES: [(int(s), r.tobytes()) for s, r in zip(stamps, rows)]}  # noqa: B905
+
+
+BROKEN = {
+    'no states': lambda found: found | {topics.JOINT_STATES: []},
+    'no references': lambda found: found | {topics.REFERENCE: []},
+    'no commands': lambda found: found | {topics.COMMANDS: []},
+    'other joints': lambda found: found | {
+        topics.JOINT_STATES: [(START, cdr.joint_state(('a', 'b', 'c')).encode(START))]},
+    'two joints': lambda found: found | {
+        topics.JOINT_STATES: [(START, cdr.joint_state(('joint1', 'joint2')).encode(START))]},
+    'no velocities': without_fields,
+    'joints that change': lambda found: found | {
+        topics.JOINT_STATES: found[topics.JOINT_STATES]
+        + [(START + 1, cdr.joint_state(('x', *JOINTS)).encode(START))]},
+    'broken bytes': lambda found: found | {topics.JOINT_STATES: [(START, b'\0\1\0\0\xff')]},
+    'references after the last state': lambda found: found | {
+        topics.REFERENCE: [(START + 10**9, cdr.joint_trajectory(JOINTS).encode(START + 10**9))]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('name', BROKEN)
+def test_what_is_no_run_is_refused_with_one_line(name, tmp_path):
+    write_foreign(tmp_path / 'bag', BROKEN[name](streams(REFERENCE, POSITION)))
+    with pytest.raises(BagError) as caught:
+        run_log.read(tmp_path / 'bag')
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('content', [b'', b'not an MCAP file', b'\x89MCAP0\r\n' + b'\xff' * 200])
+def test_a_file_that_is_no_bag_is_refused(content, tmp_path):
+    (tmp_path / 'bag.mcap').write_bytes(content)
+    for path in (tmp_path, tmp_path / 'bag.mcap', tmp_path / 'nothing'):
+        with pytest.raises(BagError, match=str(path)):
+            run_log.read(path)
+
+
+def test_metadata_of_another_suite_are_refused(tmp_path):
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, {'version': '99'}) as writer:
+        for topic, messages in streams(REFERENCE, POSITION).items():
+            for log_time, payload in messages:
+                writer.write(topic.name, log_time, payload)
+    with pytest.raises(BagError, match='config'):
+        run_log.read(tmp_path / 'bag')
