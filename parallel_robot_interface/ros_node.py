@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import importlib
 import signal
 import sys
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -26,10 +26,11 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import config, loop
-from parallel_robot_interface.errors import ParallelRobotError
+from parallel_robot_interface.errors import InputError, ParallelRobotError
 from parallel_robot_interface.fields import parameters
 from parallel_robot_interface.topics import DEPTH, Topic
 
+LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
 PATIENCE = 0.1  # s, longest time between a signal and the end of the executor
 NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
 
@@ -67,7 +68,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         Raises:
             InputError: a parameter is unknown or wrong.
         """
-        super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        try:
+            super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        except ValueError as error:  # an empty list has no type in ROS
+            raise InputError(f'a parameter has no usable value: {error}') from None
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
@@ -195,15 +199,11 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     Returns:
         0; 1 when the node failed; 2 when a parameter is wrong, after one line that says so.
     """
-    stop = threading.Event()
+    stop: list[int] = []  # not an Event: setting it in a handler that interrupts itself deadlocks
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+        signal.signal(number, lambda number, _: stop.append(number))
     try:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rclpy's errors for --ros-args have no common base
-        print(f'parallel_robot: {str(error).splitlines()[0]}', file=sys.stderr)
-        return 2
-    try:
+        _initialise()
         node = make()
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)
@@ -215,16 +215,30 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         gc.collect()
         gc.freeze()  # what lives from here on is small: collections stay short
         never = Future()
-        while node.exit_code is None and not stop.is_set():
+        while node.exit_code is None and not stop:
             executor.spin_until_future_complete(never, timeout_sec=PATIENCE)
     except ParallelRobotError as error:
         node.fail(error)
     finally:
+        faulthandler.dump_traceback_later(LAST_RESORT, exit=True)
         node.close()
         executor.remove_node(node)
         node.destroy_node()
         rclpy.try_shutdown()
+        faulthandler.cancel_dump_traceback_later()
     return node.exit_code or 0
+
+
+def _initialise() -> None:
+    """Start rclpy without its signal handlers.
+
+    Raises:
+        InputError: the ROS arguments of the command line are wrong.
+    """
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # base of all that rcl says of its arguments
+        raise InputError(str(error).splitlines()[0]) from None
 
 
 def _is_array(value: Any) -> bool:
