@@ -93,9 +93,15 @@ class BagWriter:
         self._last = max(self._last, log_time)
 
     def close(self) -> None:
-        """Complete the bag."""
-        self._writer.finish()
-        self._stream.close()
+        """Complete the bag.
+
+        Raises:
+            OSError: the disk is full or gone; what is finished of the file stays.
+        """
+        try:
+            self._writer.finish()
+        finally:
+            self._stream.close()
         name = self._path.name
         span = {
             'duration': {'nanoseconds': self._last - (self._first or 0)},

@@ -31,7 +31,7 @@ class JointReader:
         self._counts = counts
         self._class = message_class(topic.type)
         self._layout: cdr.Layout | None = None
-        self._order = np.arange(len(joints))
+        self._order = list(range(len(joints)))
         self.read(
             OWN[topic.type](joints).encode()
         )  # what the suite publishes, and no late imports
@@ -69,7 +69,7 @@ class JointReader:
         for name in self._fields:
             if name not in (layout.dtype.names or ()):
                 return f'{name} is missing or short'
-        self._order = np.array([names.index(joint) for joint in self._joints])
+        self._order = [names.index(joint) for joint in self._joints]
         self._layout = layout
         return ''
 

@@ -104,7 +104,7 @@ def run(
     command = np.empty((count, 3))
     sliding_variable = np.empty((count, 3))
     integrals = np.empty((count, 3))
-    integral = np.zeros(3)
+    integral: Array = np.zeros(3)
     status = FOUND
     steps = count
     for k in range(count):

@@ -140,7 +140,7 @@ def step(
     for i in range(3):
         limit = stepping.torque_limit[i]
         torque[i] = min(max(command[i], -limit), limit)
-    y = np.empty(6)
+    y: Array = np.empty(6)
     y[:3] = state.pose
     y[3:] = state.rate
     h = period / stepping.substeps
