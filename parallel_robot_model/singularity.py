@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_model.kernel import kernel
-from parallel_robot_model.kinematics import Legs, determinant, jacobian_x
+from parallel_robot_model.kinematics import determinant, jacobian_x
 from parallel_robot_model.parameters import RobotParameters
 
 Array = NDArray[np.float64]
@@ -50,7 +50,17 @@ def measures(robot: RobotParameters, phi: float, theta: Array, beta: Array) -> S
     return Singularity(smallest, leg, type_2)
 
 
-def condition_number(robot: RobotParameters, pose: Array, legs: Legs) -> float:
-    """Condition number of Jx with its angle column divided by l3, so that it has no unit."""
-    jacobian = jacobian_x(robot, float(pose[2]), legs.beta)
-    return float(np.linalg.cond(jacobian / np.array([1.0, 1.0, robot.l3])))
+def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
+    """Condition number of Jx, its angle column divided by l3 so that it has no unit.
+
+    Args:
+        robot: The robot.
+        phi: Platform angles [rad], shape (N,).
+        beta: Distal angles [rad], shape (N, 3).
+
+    Returns:
+        Shape (N,); infinite in a type 2 singularity.
+    """
+    scale = np.array([1.0, 1.0, robot.l3])
+    jacobians = [jacobian_x(robot, *pair) / scale for pair in zip(phi, beta, strict=True)]
+    return np.linalg.cond(np.reshape(jacobians, (-1, 3, 3)))

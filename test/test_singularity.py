@@ -6,8 +6,8 @@ from geometry import ROBOT, jacobian, legs, poses
 from hypothesis import given
 from scipy.optimize import brentq
 
-from parallel_robot_model.kinematics import Legs, inverse_kinematics
-from parallel_robot_model.singularity import condition_number, measures
+from parallel_robot_model.kinematics import inverse_kinematics
+from parallel_robot_model.singularity import condition_numbers, measures
 
 
 def on_circle(phi):
@@ -23,9 +23,7 @@ def test_figures_of_the_papers_circle(phi, sine, condition):
     circle = on_circle(phi)
     found = [inverse_kinematics(ROBOT, pose) for pose in circle]
     sines = [measures(ROBOT, phi, leg.theta, leg.beta).type_1 for leg in found]
-    conditions = [
-        condition_number(ROBOT, pose, leg) for pose, leg in zip(circle, found, strict=True)
-    ]
+    conditions = condition_numbers(ROBOT, circle[:, 2], np.array([leg.beta for leg in found]))
     assert abs(min(sines) - sine) < 0.005
     assert abs(max(conditions) - condition) < 0.005
 
@@ -38,7 +36,7 @@ def test_measures_are_sine_and_determinant(pose):
     singular = np.linalg.svd(jacobian(ROBOT, pose), compute_uv=False)
     assert np.isclose(found.type_1, sines.min(), rtol=1e-12) and found.leg == sines.argmin()
     assert np.isclose(found.type_2, singular.prod(), rtol=1e-9)
-    condition = condition_number(ROBOT, pose, Legs(theta, beta, -1))
+    condition = condition_numbers(ROBOT, pose[2:], beta[np.newaxis])[0]
     assert np.isclose(condition, singular[0] / singular[-1], rtol=1e-9)
 
 

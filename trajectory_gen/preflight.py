@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_interface.errors import MotionError
-from parallel_robot_model.kinematics import jacobian_x
+from parallel_robot_model.singularity import condition_numbers
 from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
 
 
@@ -61,15 +61,9 @@ def _type_1(reference: Reference, reached: slice, limits: TrajectoryParameters) 
 def _type_2(
     trajectory: Trajectory, reference: Reference, reached: slice, limits: TrajectoryParameters
 ) -> Failure:
-    robot = trajectory.robot
-    scale = np.array([1.0, 1.0, robot.l3])
-    jacobians = np.array(
-        [
-            jacobian_x(robot, phi, beta) / scale
-            for phi, beta in zip(reference.pose[reached, 2], reference.beta[reached], strict=True)
-        ]
-    ).reshape(-1, 3, 3)
-    conditions = np.linalg.cond(jacobians)
+    conditions = condition_numbers(
+        trajectory.robot, reference.pose[reached, 2], reference.beta[reached]
+    )
     return _first(
         conditions > limits.max_condition,
         conditions,
