@@ -29,6 +29,7 @@ setup(
         'parallel_robot_model',
         'trajectory_gen',
         'parallel_robot_control',
+        'parallel_robot_control.laws',
         'parallel_robot_sim',
         'parallel_robot_analysis',
     ],

@@ -2,7 +2,7 @@
 
 A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
 n joints and knows nothing of the robot but its model. See
-:mod:`parallel_robot_control.s_fotsmc`.
+:mod:`parallel_robot_control.laws.s_fotsmc`.
 """
 
 from __future__ import annotations

@@ -34,3 +34,12 @@ def sig(x: Array, exponent: float) -> Array:
     for i in range(len(x)):
         result[i] = math.copysign(abs(x[i]) ** exponent, x[i])
     return result
+
+
+@kernel
+def saturate(x: Array) -> Array:
+    """Each element of `x` clipped to -1 ... 1, shape (n,)."""
+    result = np.empty(len(x))
+    for i in range(len(x)):
+        result[i] = min(max(x[i], -1.0), 1.0)
+    return result

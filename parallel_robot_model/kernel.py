@@ -26,7 +26,7 @@ def _cache_directory() -> str:
     digest = hashlib.sha256()
     packages = Path(__file__).resolve().parents[1]
     for path in sorted(
-        [*packages.glob('parallel_robot_*/*.py'), *packages.glob('trajectory_gen/*.py')]
+        [*packages.glob('parallel_robot_*/**/*.py'), *packages.glob('trajectory_gen/*.py')]
     ):
         content = path.read_bytes()
         if any(mark in content for mark in (b'@kernel', b'@inlined', b'NamedTuple')):

@@ -7,9 +7,10 @@ import pytest
 from geometry import PAPER_START, PI12_START, legs
 from test_s_fotsmc import ring
 
-from parallel_robot_control import laws, s_fotsmc
+from parallel_robot_control import laws
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import CYCLE_TEXT, TORQUE_NOT_FINITE, Cycle, run_cycle
+from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.dynamics import actuated_dynamics
 from parallel_robot_model.kinematics import FOUND, GUESS_OUT_OF_REACH, NOT_CONVERGED
 

@@ -40,7 +40,7 @@ def setup():
 def modules(packages):
     """Every module of the suite: dotted name and parsed source."""
     for package in packages:
-        for path in sorted((ROOT / package).glob('*.py')):
+        for path in sorted((ROOT / package.replace('.', '/')).glob('*.py')):
             yield f'{package}.{path.stem}', ast.parse(path.read_text())
 
 
@@ -58,8 +58,8 @@ def test_package_xml_and_setup_agree(setup):
 
 
 def test_every_package_is_installed(setup):
-    assert set(setup['packages']) == {path.parent.name for path in ROOT.glob('*/__init__.py')}
-    assert not list(ROOT.glob('parallel_robot_*/*/*.py')), 'packages are flat'
+    folders = {path.parent.relative_to(ROOT) for path in ROOT.glob('[!.]*/**/__init__.py')}
+    assert set(setup['packages']) == {'.'.join(folder.parts) for folder in folders}
 
 
 def test_there_is_one_command(setup):

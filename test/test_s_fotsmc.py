@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from parallel_robot_control import s_fotsmc
 from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_interface import config
 from parallel_robot_model.dynamics import Model
 

@@ -7,15 +7,41 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import s_fotsmc
 from parallel_robot_control.contract import Feedback, JointReference, Law
+from parallel_robot_control.laws import (
+    adaptive_s_fotsmc,
+    computed_torque,
+    fotsmc,
+    nftsmc,
+    pid,
+    s_fotsmc,
+    s_fotsmc_ft,
+    s_smc,
+    smc,
+    smc_k,
+    super_twisting,
+)
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import UnknownNameError
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import FirstClass
 
 LAWS: dict[str, Law] = {
+    # the paper's
+    'smc': smc,
+    's_smc': s_smc,
+    'nftsmc': nftsmc,
     's_fotsmc': s_fotsmc,
+    # its ablations: the same without coupling
+    'smc_k': smc_k,
+    'fotsmc': fotsmc,
+    # baselines
+    'pid': pid,
+    'computed_torque': computed_torque,
+    'super_twisting': super_twisting,
+    # extensions
+    'adaptive_s_fotsmc': adaptive_s_fotsmc,
+    's_fotsmc_ft': s_fotsmc_ft,
 }
 
 

@@ -1,0 +1,85 @@
+"""S-FOTSMC whose switching gain is estimated on line: no bound of the uncertainty is needed."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.laws import s_fotsmc
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+
+initial_memory = s_fotsmc.initial_memory
+_fixed_gain = s_fotsmc.update
+
+
+class Gains(NamedTuple):
+    """Gains of S-FOTSMC; in place of G and g, the barrier function that estimates G."""
+
+    lambda_: Annotated[float, Field('1/s', 'weight of the synchronisation errors', 0.0)]
+    slope: Annotated[float, Field('1/s', 'slope of the gain at S = 0', 0.0)]
+    width: Annotated[float, Field('rad/s^2', '|S| at which the barrier stands', 1e-6)]
+    G_max: Annotated[float, Field('rad/s^3', 'largest gain', 0.0)]
+    Gamma1: Annotated[float, Field('rad^(1-gamma1)/s^2', 'weight of the coupled error', 0.0)]
+    Gamma2: Annotated[float, Field('(rad/s)^(1-gamma2)/s', 'weight of its rate', 0.0)]
+    gamma1: Annotated[float, Field('', 'exponent of the coupled error', 0.0, 1.0)]
+    gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: s_fotsmc.Memory,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle: S-FOTSMC with a gain for each joint.
+
+        G_i = min(G_max, slope |S_i| / (1 - |S_i| / width)),   G_max where |S_i| >= width.
+
+    S = Xi - tau_sw is what the switching control has not yet cancelled of the uncertainty, so the
+    gain is small where little is left and rises without a known bound where S nears the barrier:
+    as long as |Xi'| < G_max, |S| stays below width. The gain falls with S, so it is never
+    overestimated for long, and near S = 0 the switching control is smooth: no chattering.
+    slope dt must stay well below 1.
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: That of S-FOTSMC.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s^2], new memory.
+
+    Source:
+        Doan, Le, Vo (2019), Remark 1, for the aim; Obeid, Fridman, Laghrouche, Harmouche (2018),
+        Barrier function-based adaptive sliding mode control, Automatica 93, for the barrier.
+    """
+    still = s_fotsmc.Gains(
+        gains.lambda_, 0.0, 0.0, gains.Gamma1, gains.Gamma2, gains.gamma1, gains.gamma2
+    )
+    output = _fixed_gain(still, model, reference, feedback, memory, dt)
+    S = output.sliding_variable
+    switching = output.memory.switching.copy()
+    for i in range(len(S)):
+        left = 1.0 - abs(S[i]) / gains.width
+        G = gains.G_max
+        if left > 0.0:
+            G = min(gains.G_max, gains.slope * abs(S[i]) / left)
+        switching[i] += dt * G * np.sign(S[i])
+    advanced = output.memory
+    return ControlOutput(
+        output.torque,
+        S,
+        s_fotsmc.Memory(
+            advanced.coupling, advanced.surface, switching, advanced.v, advanced.started
+        ),
+    )

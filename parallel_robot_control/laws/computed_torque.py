@@ -1,0 +1,60 @@
+"""Computed torque control: the model inverted, a PD law around it."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains, the same for every joint."""
+
+    Kp: Annotated[float, Field('1/s^2', 'gain of the error', 0.0)]
+    Kd: Annotated[float, Field('1/s', 'gain of its rate', 0.0)]
+
+
+def initial_memory(joints: int) -> Array:
+    """No memory."""
+    return np.zeros(0)
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Array,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle: M (thdd_d + Kd e' + Kp e) + Q thd.
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: None is needed.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], e [rad] in place of a sliding variable, memory.
+
+    Source:
+        Siciliano et al. (2009), Robotics, section 8.5.2.
+    """
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    acceleration = reference.acceleration + gains.Kd * e_dot + gains.Kp * e
+    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    return ControlOutput(torque, e, memory)

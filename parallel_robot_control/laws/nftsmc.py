@@ -1,0 +1,83 @@
+"""Nonsingular Fast Terminal Sliding Mode Control with a boundary layer (NFTSMC)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import saturate, sig
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains of Table 2."""
+
+    form: Annotated[
+        Literal['printed', 'classical'],
+        Field('', 'printed: the paper; classical: the surface of its source'),
+    ]
+    G: Annotated[float, Field('rad/s^2', 'bound of the lumped uncertainty', 0.0)]
+    g: Annotated[float, Field('rad/s^2', 'margin above the bound', 0.0)]
+    Gamma1: Annotated[float, Field('', 'first weight of the surface', 0.0)]
+    Gamma2: Annotated[float, Field('', 'second weight of the surface', 0.0)]
+    gamma1: Annotated[float, Field('', 'first exponent', 0.0)]
+    gamma2: Annotated[float, Field('', 'second exponent', 0.0)]
+    u: Annotated[float, Field('', 'thickness of the boundary layer, unit of S', 1e-6)]
+
+
+def initial_memory(joints: int) -> Array:
+    """No memory."""
+    return np.zeros(0)
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Array,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle.
+
+        printed    S = e' + Gamma1 sig(e, gamma1) + Gamma2 sig(e, gamma2)
+                   w = (Gamma1 gamma1 |e|^(gamma1-1) + Gamma2 gamma2 |e|^(gamma2-1)) e'
+        classical  S = e + Gamma1 sig(e, gamma1) + Gamma2 sig(e', gamma2)
+                   w = sig(e', 2-gamma2) (1 + Gamma1 gamma1 |e|^(gamma1-1)) / (Gamma2 gamma2)
+        tau = M (thdd_d + M^-1 Q thd + w + (G + g) sat(S / u))
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: None is needed.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s] (printed) or [rad] (classical), memory.
+
+    Source:
+        Doan, Le, Vo (2019), eqs. (A9)-(A16).
+    """
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    slope = gains.Gamma1 * gains.gamma1 * np.abs(e) ** (gains.gamma1 - 1.0)
+    if gains.form == 'printed':
+        S = e_dot + gains.Gamma1 * sig(e, gains.gamma1) + gains.Gamma2 * sig(e, gains.gamma2)
+        w = (slope + gains.Gamma2 * gains.gamma2 * np.abs(e) ** (gains.gamma2 - 1.0)) * e_dot
+    else:
+        S = e + gains.Gamma1 * sig(e, gains.gamma1) + gains.Gamma2 * sig(e_dot, gains.gamma2)
+        w = sig(e_dot, 2.0 - gains.gamma2) * (1.0 + slope) / (gains.Gamma2 * gains.gamma2)
+    acceleration = reference.acceleration + w + (gains.G + gains.g) * saturate(S / gains.u)
+    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    return ControlOutput(torque, S, memory)

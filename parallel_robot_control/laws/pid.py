@@ -1,0 +1,65 @@
+"""PID control of each joint, without a model: the baseline of the shop floor."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains, the same for every joint."""
+
+    Kp: Annotated[float, Field('N m/rad', 'proportional gain', 0.0)]
+    Ki: Annotated[float, Field('N m/(rad s)', 'integral gain', 0.0)]
+    Kd: Annotated[float, Field('N m s/rad', 'derivative gain', 0.0)]
+
+
+class Memory(NamedTuple):
+    """int e dt [rad s], shape (n,)."""
+
+    integral: Array
+
+
+def initial_memory(joints: int) -> Memory:
+    """Integral zero."""
+    return Memory(np.zeros(joints))
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Memory,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle: Kp e + Ki int e dt + Kd e'.
+
+    Args:
+        gains: See Gains.
+        model: Not used.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: See Memory.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], e [rad] in place of a sliding variable, new memory.
+
+    Source:
+        Astrom, Murray (2021), Feedback Systems, ch. 11.
+    """
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot
+    return ControlOutput(torque, e, Memory(memory.integral + dt * e))

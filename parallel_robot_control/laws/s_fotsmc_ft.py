@@ -1,0 +1,133 @@
+"""S-FOTSMC whose synchronisation errors converge in finite time too."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import sig
+from parallel_robot_control.laws import s_fotsmc
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+initial_memory = s_fotsmc.initial_memory
+
+
+class Gains(NamedTuple):
+    """Gains of S-FOTSMC, and the exponent of the coupling."""
+
+    lambda_: Annotated[float, Field('rad^(1-p)/s', 'weight of the synchronisation errors', 0.0)]
+    p: Annotated[float, Field('', 'exponent of the synchronisation errors', 0.1, 1.0)]
+    clip: Annotated[float, Field('rad', 'error below which the slope of sig is kept', 1e-9)]
+    G: Annotated[float, Field('rad/s^3', 'bound of the rate of the lumped uncertainty', 0.0)]
+    g: Annotated[float, Field('rad/s^3', 'margin above the bound', 0.0)]
+    Gamma1: Annotated[float, Field('rad^(1-gamma1)/s^2', 'weight of the coupled error', 0.0)]
+    Gamma2: Annotated[float, Field('(rad/s)^(1-gamma2)/s', 'weight of its rate', 0.0)]
+    gamma1: Annotated[float, Field('', 'exponent of the coupled error', 0.0, 1.0)]
+    gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
+
+
+@kernel
+def _edges(error: Array) -> Array:
+    """e_i - e_(i+1) around the ring, shape (n,)."""
+    n = len(error)
+    result = np.empty(n)
+    for i in range(n):
+        result[i] = error[i] - error[(i + 1) % n]
+    return result
+
+
+@kernel
+def _gather(edge: Array) -> Array:
+    """edge_i - edge_(i-1), shape (n,); its sum is zero whatever the edges are."""
+    result = np.empty(len(edge))
+    for i in range(len(edge)):
+        result[i] = edge[i] - edge[i - 1]
+    return result
+
+
+@kernel
+def _root(x: Array, p: float, clip: float) -> Array:
+    """sig(x, p), linear where |x| < clip so that its slope stays finite, shape (n,)."""
+    result = sig(x, p)
+    for i in range(len(x)):
+        if abs(x[i]) < clip:
+            result[i] = clip ** (p - 1.0) * x[i]
+    return result
+
+
+@kernel
+def _root_slope(x: Array, p: float, clip: float) -> Array:
+    """Derivative of :func:`_root`, shape (n,)."""
+    result = np.empty(len(x))
+    for i in range(len(x)):
+        if abs(x[i]) < clip:
+            result[i] = clip ** (p - 1.0)
+        else:
+            result[i] = p * abs(x[i]) ** (p - 1.0)
+    return result
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: s_fotsmc.Memory,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle: S-FOTSMC, its coupling edge by edge.
+
+        De_i = sig(e_s,i, p) - sig(e_s,(i-1), p),   e_s,i = e_i - e_(i+1).
+
+    On e_c = 0 the errors obey e' = -lambda De. With p = 1 that is the paper's linear coupling, and
+    synchronisation errors decay exponentially; with p < 1 they reach zero in finite time. The sum
+    of De is zero as before, so the mean error is not disturbed. Below `clip` the power is replaced
+    by a line: its slope would be infinite at zero, and De' with it.
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: That of S-FOTSMC.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s^2], new memory.
+
+    Source:
+        Doan, Le, Vo (2019), eqs. (12)-(17); Wang, Xiao (2010), Finite-time consensus problems for
+        networks of dynamic agents, IEEE TAC 55(4), for the edge-wise power.
+    """
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    edge = _edges(e)
+    De = _gather(_root(edge, gains.p, gains.clip))
+    De_dot = _gather(_root_slope(edge, gains.p, gains.clip) * _edges(e_dot))
+    e_c = e + gains.lambda_ * memory.coupling
+    e_c_dot = e_dot + gains.lambda_ * De
+    w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
+    v = e_c_dot + memory.surface
+    S = memory.started * (v - memory.v) / dt
+    acceleration = reference.acceleration + gains.lambda_ * De_dot + w + memory.switching
+    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    return ControlOutput(
+        torque,
+        S,
+        s_fotsmc.Memory(
+            memory.coupling + dt * De,
+            memory.surface + dt * w,
+            memory.switching + dt * (gains.G + gains.g) * np.sign(S),
+            v,
+            1.0,
+        ),
+    )

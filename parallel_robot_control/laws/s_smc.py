@@ -1,0 +1,87 @@
+"""Synchronization Sliding Mode Control with a boundary layer (S-SMC)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import coupling, saturate
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains of Table 2."""
+
+    lambda_: Annotated[float, Field('1/s', 'weight of the synchronisation errors', 0.0)]
+    z: Annotated[float, Field('1/s', 'slope of the sliding surface', 0.0)]
+    K: Annotated[float, Field('N m s/rad', 'gain of the sliding variable', 0.0)]
+    G: Annotated[float, Field('N m', 'bound of the lumped uncertainty', 0.0)]
+    g: Annotated[float, Field('N m', 'margin above the bound', 0.0)]
+    u: Annotated[float, Field('rad/s', 'thickness of the boundary layer', 1e-6)]
+
+
+class Memory(NamedTuple):
+    """int De~ dt [rad s], shape (n,)."""
+
+    coupling: Array
+
+
+def initial_memory(joints: int) -> Memory:
+    """Integral zero."""
+    return Memory(np.zeros(joints))
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Memory,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle.
+
+        S   = e~_c' + z e~_c,   e~_c = e~ + lambda int De~ dt,   e~ = theta - theta_d
+        tau = M thdd_R + Q thd_R - K S - (G + g) sat(S / u)
+        thd_R = thd_d - lambda De~ - z e~_c
+
+    The printed surface and reference velocity contradict each other; this is the standard form
+    with the coupled error, in which S = thd - thd_R holds.
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: See Memory.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s], new memory.
+
+    Source:
+        Doan, Le, Vo (2019), eqs. (A5)-(A8), restored.
+    """
+    e = feedback.position - reference.position
+    e_dot = feedback.velocity - reference.velocity
+    e_c = e + gains.lambda_ * memory.coupling
+    e_c_dot = e_dot + gains.lambda_ * coupling(e)
+    S = e_c_dot + gains.z * e_c
+    acceleration = reference.acceleration - gains.lambda_ * coupling(e_dot) - gains.z * e_c_dot
+    velocity = reference.velocity - gains.lambda_ * coupling(e) - gains.z * e_c
+    torque = (
+        multiply(model.M, acceleration)
+        + multiply(model.Q, velocity)
+        - gains.K * S
+        - (gains.G + gains.g) * saturate(S / gains.u)
+    )
+    return ControlOutput(torque, S, Memory(memory.coupling + dt * coupling(e)))

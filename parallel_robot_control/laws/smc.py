@@ -1,0 +1,72 @@
+"""Sliding Mode Control with a boundary layer (SMC)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import saturate
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains of Table 2."""
+
+    z: Annotated[float, Field('1/s', 'slope of the sliding surface', 0.0)]
+    G: Annotated[float, Field('N m', 'bound of the lumped uncertainty', 0.0)]
+    g: Annotated[float, Field('N m', 'margin above the bound', 0.0)]
+    u: Annotated[float, Field('rad/s', 'thickness of the boundary layer', 1e-6)]
+
+
+def initial_memory(joints: int) -> Array:
+    """No memory."""
+    return np.zeros(0)
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Array,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle.
+
+        S   = e~' + z e~,   e~ = theta - theta_d (the appendices' sign)
+        tau = M thdd_R + Q thd_R - (G + g) sat(S / u),   thd_R = thd_d - z e~
+
+    The switching term is a torque: it is not multiplied by M.
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: None is needed.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s], memory.
+
+    Source:
+        Doan, Le, Vo (2019), eqs. (A1)-(A4).
+    """
+    e = feedback.position - reference.position
+    e_dot = feedback.velocity - reference.velocity
+    S = e_dot + gains.z * e
+    torque = (
+        multiply(model.M, reference.acceleration - gains.z * e_dot)
+        + multiply(model.Q, reference.velocity - gains.z * e)
+        - (gains.G + gains.g) * saturate(S / gains.u)
+    )
+    return ControlOutput(torque, S, memory)

@@ -1,0 +1,74 @@
+"""Super-twisting control: a continuous second-order sliding mode."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import sig
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.dynamics import Model
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kinematics import multiply
+
+Array = NDArray[np.float64]
+
+
+class Gains(NamedTuple):
+    """Gains, the same for every joint."""
+
+    z: Annotated[float, Field('1/s', 'slope of the sliding surface', 0.0)]
+    k1: Annotated[float, Field('(rad/s)^0.5/s', 'gain of the square root', 0.0)]
+    k2: Annotated[float, Field('rad/s^3', 'gain of the integral', 0.0)]
+
+
+class Memory(NamedTuple):
+    """Integral term w [rad/s^2], shape (n,)."""
+
+    integral: Array
+
+
+def initial_memory(joints: int) -> Memory:
+    """Integral zero."""
+    return Memory(np.zeros(joints))
+
+
+@kernel
+def update(
+    gains: Gains,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Memory,
+    dt: float,
+) -> ControlOutput:
+    """Compute the joint torque of one control cycle.
+
+        S   = e' + z e
+        tau = M (thdd_d + z e' + k1 sig(S, 1/2) + w) + Q thd,   w' = k2 sgn(S)
+
+    Args:
+        gains: See Gains.
+        model: M and Q of the nominal robot at the feedback.
+        reference: Desired joint motion [rad, rad/s, rad/s^2].
+        feedback: Measured joint motion [rad, rad/s].
+        memory: See Memory.
+        dt: Control period [s].
+
+    Returns:
+        Torque [N m], S [rad/s], new memory.
+
+    Source:
+        Levant (1993), Int. J. Control 58(6); Moreno, Osorio (2012), IEEE TAC 57(4).
+    """
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    S = e_dot + gains.z * e
+    acceleration = (
+        reference.acceleration + gains.z * e_dot + gains.k1 * sig(S, 0.5) + memory.integral
+    )
+    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    return ControlOutput(torque, S, Memory(memory.integral + dt * gains.k2 * np.sign(S)))

@@ -1,0 +1,190 @@
+"""Every law against formulas written anew with matrices, and in the loop against its figures."""
+
+import numpy as np
+import pytest
+from assembly import simulate
+
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.laws import LAWS, prepare
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import UnknownNameError
+from parallel_robot_model.dynamics import Model
+
+VALUES = config.resolve('paper_circle')
+DT = 1e-3
+RING = np.array([[2.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 2.0]])
+EDGES = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [-1.0, 0.0, 1.0]])
+
+
+def sig(x, exponent):
+    return np.sign(x) * np.abs(x) ** exponent
+
+
+def root(x, p, clip):
+    return np.where(np.abs(x) < clip, clip ** (p - 1) * x, sig(x, p))
+
+
+def root_slope(x, p, clip):
+    return np.where(np.abs(x) < clip, clip ** (p - 1), p * np.maximum(np.abs(x), clip) ** (p - 1))
+
+
+def sat(x):
+    return np.clip(x, -1.0, 1.0)
+
+
+def smc(k, M, Q, r, f, past, coupling=0.0, K=0.0):
+    """Appendices A and B, in their own sign of the error."""
+    e, de = f.position - r.position, f.velocity - r.velocity
+    total = coupling * DT * RING @ sum((f.position - r.position for r, f in past), np.zeros(3))
+    e_c, de_c = e + total, de + coupling * RING @ e
+    S = de_c + k['z'] * e_c
+    velocity = r.velocity - coupling * RING @ e - k['z'] * e_c
+    acceleration = r.acceleration - coupling * RING @ de - k['z'] * de_c
+    return M @ acceleration + Q @ velocity - K * S - (k['G'] + k['g']) * sat(S / k['u'])
+
+
+def nftsmc(k, M, Q, r, f, past):
+    e, de = r.position - f.position, r.velocity - f.velocity
+    g1, g2, y1, y2 = k['Gamma1'], k['Gamma2'], k['gamma1'], k['gamma2']
+    if k['form'] == 'printed':
+        S = de + g1 * sig(e, y1) + g2 * sig(e, y2)
+        w = (g1 * y1 * np.abs(e) ** (y1 - 1) + g2 * y2 * np.abs(e) ** (y2 - 1)) * de
+    else:
+        S = e + g1 * sig(e, y1) + g2 * sig(de, y2)
+        w = sig(de, 2 - y2) * (1 + g1 * y1 * np.abs(e) ** (y1 - 1)) / (g2 * y2)
+    return M @ (r.acceleration + w + (k['G'] + k['g']) * sat(S / k['u'])) + Q @ f.velocity
+
+
+def full_order(k, M, Q, r, f, past, gain, couple, couple_rate):
+    """The whole history of a full-order law, summed anew at every sample."""
+    v, tau_sw, surface, integral, last = None, np.zeros(3), np.zeros(3), np.zeros(3), None
+    for r_k, f_k in [*past, (r, f)]:
+        e, de = r_k.position - f_k.position, r_k.velocity - f_k.velocity
+        e_c, de_c = e + k.get('lambda', 0.0) * integral, de + k.get('lambda', 0.0) * couple(e)
+        w = k['Gamma2'] * sig(de_c, k['gamma2']) + k['Gamma1'] * sig(e_c, k['gamma1'])
+        v = de_c + surface
+        S = np.zeros(3) if last is None else (v - last) / DT
+        drive = couple_rate(e, de)
+        used = tau_sw
+        last, surface, integral = v, surface + DT * w, integral + DT * couple(e)
+        tau_sw = tau_sw + DT * gain(S) * np.sign(S)
+    acceleration = r.acceleration + k.get('lambda', 0.0) * drive + w + used
+    return M @ acceleration + Q @ f.velocity
+
+
+def fixed(k):
+    return lambda S: k['G'] + k['g']
+
+
+def barrier(k):
+    def gain(S):
+        left = 1 - np.abs(S) / k['width']
+        raised = k['slope'] * np.abs(S) / np.where(left > 0, left, 1)
+        return np.where(left > 0, np.minimum(k['G_max'], raised), k['G_max'])
+
+    return gain
+
+
+def linear(e):
+    return RING @ e
+
+
+def linear_rate(e, de):
+    return RING @ de
+
+
+def sums(past):
+    e = sum((r.position - f.position for r, f in past), np.zeros(3))
+    return DT * e
+
+
+def super_twisting(k, M, Q, r, f, past):
+    def S(r, f):
+        return r.velocity - f.velocity + k['z'] * (r.position - f.position)
+
+    w = DT * k['k2'] * sum((np.sign(S(*pair)) for pair in past), np.zeros(3))
+    drive = k['z'] * (r.velocity - f.velocity) + k['k1'] * sig(S(r, f), 0.5) + w
+    return M @ (r.acceleration + drive) + Q @ f.velocity
+
+
+FORMULAS = {
+    'smc': smc,
+    's_smc': lambda k, *a: smc(k, *a, coupling=k['lambda'], K=k['K']),
+    'smc_k': lambda k, *a: smc(k, *a, K=k['K']),
+    'nftsmc': nftsmc,
+    's_fotsmc': lambda k, *a: full_order(k, *a, fixed(k), linear, linear_rate),
+    'fotsmc': lambda k, *a: full_order(k, *a, fixed(k), linear, linear_rate),
+    'adaptive_s_fotsmc': lambda k, *a: full_order(k, *a, barrier(k), linear, linear_rate),
+    's_fotsmc_ft': lambda k, *a: full_order(
+        k,
+        *a,
+        fixed(k),
+        lambda e: EDGES.T @ root(EDGES @ e, k['p'], k['clip']),
+        lambda e, de: EDGES.T @ (root_slope(EDGES @ e, k['p'], k['clip']) * (EDGES @ de)),
+    ),
+    'pid': lambda k, M, Q, r, f, past: (
+        k['Kp'] * (r.position - f.position)
+        + k['Ki'] * sums(past)
+        + k['Kd'] * (r.velocity - f.velocity)
+    ),
+    'computed_torque': lambda k, M, Q, r, f, past: (
+        M
+        @ (
+            r.acceleration
+            + k['Kd'] * (r.velocity - f.velocity)
+            + k['Kp'] * (r.position - f.position)
+        )
+        + Q @ f.velocity
+    ),
+    'super_twisting': super_twisting,
+}
+CASES = [(name, {}) for name in LAWS] + [('nftsmc', {'nftsmc.form': 'classical'})]
+
+
+def steady_rms(scenario, overrides):
+    return simulate(scenario, overrides=overrides).steady_rms()
+
+
+def gains_of(law, values):
+    return {k.partition('.')[2]: v for k, v in values.items() if k.startswith(f'{law}.')}
+
+
+@pytest.mark.parametrize(('law', 'changed'), CASES)
+@pytest.mark.parametrize('size', [1e-5, 1e-3, 0.3])
+def test_torque_of_every_sample_is_that_of_the_formula(law, changed, size):
+    values = VALUES | changed
+    prepared, k = prepare(law, values), gains_of(law, values)
+    draw = np.random.default_rng(7).standard_normal
+    memory, past = prepared.memory, []
+    for _ in range(25):
+        root = draw((3, 3))
+        M, Q = root @ root.T + np.eye(3), draw((3, 3))
+        r = JointReference(*draw((3, 3)))
+        f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))))
+        found = LAWS[law].update(prepared.gains, Model(M, Q), r, f, memory, DT)
+        assert np.allclose(found.torque, FORMULAS[law](k, M, Q, r, f, past), rtol=1e-9, atol=1e-9)
+        memory = found.memory
+        past.append((r, f))
+
+
+# Figures of two independent computations (m), each within 5 %.
+@pytest.mark.parametrize(('law', 'rms'), [('smc', 1.1e-3), ('s_smc', 0.26e-3), ('nftsmc', 3.6e-3)])
+def test_rivals_reach_the_known_accuracy(law, rms):
+    assert abs(steady_rms('paper_circle', {'law': law}) / rms - 1.0) < 0.05
+
+
+@pytest.mark.parametrize('law', ['adaptive_s_fotsmc', 's_fotsmc_ft'])
+@pytest.mark.parametrize('scenario', ['paper_circle', 'circle_pi12'])
+def test_extensions_are_as_accurate_as_the_paper_s_law(law, scenario):
+    assert steady_rms(scenario, {'law': law}) < 30e-6
+
+
+def test_without_coupling_the_laws_are_their_ablations():
+    for law, ablation in (('s_fotsmc', 'fotsmc'), ('s_smc', 'smc_k')):
+        zero = steady_rms('paper_circle', {'law': law, f'{law}.lambda': 0.0})
+        assert zero == steady_rms('paper_circle', {'law': ablation})
+
+
+def test_an_unknown_law_is_refused_with_the_nearest_name():
+    with pytest.raises(UnknownNameError, match="did you mean 'super_twisting'"):
+        prepare('super_twister', VALUES)
