@@ -20,6 +20,7 @@ from parallel_robot_interface.loop import validate as validate_loop
 from parallel_robot_model.kernel import kernel
 from parallel_robot_model.kinematics import FOUND
 from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantState, Stepping, measure, step
 from parallel_robot_sim.simulator import Simulator
@@ -73,6 +74,7 @@ def run(
     plant: Stepping,
     robot: RobotParameters,
     friction: FrictionParameters,
+    disturbance: DisturbanceParameters,
     state: PlantState,
     period: float,
 ) -> ClosedLoopRun:
@@ -88,6 +90,7 @@ def run(
         plant: Integration and motors.
         robot: True robot.
         friction: Friction of the true robot.
+        disturbance: Disturbance of the true robot.
         state: State 0.
         period: [s].
 
@@ -135,7 +138,7 @@ def run(
             status = cycle.status
             steps = k + 1
             break
-        state = step(plant, robot, friction, state, cycle.torque, period)
+        state = step(plant, robot, friction, disturbance, state, cycle.torque, period)
     return ClosedLoopRun(
         pose,
         theta,
@@ -234,6 +237,7 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
             simulator.stepping,
             simulator.robot,
             simulator.friction,
+            simulator.disturbance,
             simulator.state,
             loop.period,
         )

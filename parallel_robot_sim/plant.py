@@ -19,6 +19,7 @@ from parallel_robot_model.kinematics import (
     velocity_maps,
 )
 from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_sim.disturbance import DisturbanceParameters, disturbance_torque
 from parallel_robot_sim.friction import FrictionParameters, friction_torque
 from parallel_robot_sim.integrators import ode3, rk4
 
@@ -60,11 +61,13 @@ class PlantState(NamedTuple):
         pose: (x, y, phi) [m, m, rad], shape (3,).
         rate: Its derivative [m/s, m/s, rad/s], shape (3,).
         torque: Motor torque of the step that ended here [N m], shape (3,).
+        time: Since the start [s].
     """
 
     pose: Array
     rate: Array
     torque: Array
+    time: float = 0.0
 
 
 class Measurement(NamedTuple):
@@ -96,21 +99,26 @@ def initial_state(parameters: PlantParameters, robot: RobotParameters) -> PlantS
             f'plant.initial_pose {list(parameters.initial_pose)} is out of reach of leg {leg + 1} '
             f'(a leg spans {abs(robot.l2 - robot.l1):g} to {robot.l1 + robot.l2:g} m)'
         )
-    return PlantState(pose, np.zeros(3), np.zeros(3))
+    return PlantState(pose, np.zeros(3), np.zeros(3), 0.0)
 
 
 @kernel
-def _derivative(y: Array, arguments: tuple[RobotParameters, FrictionParameters, Array]) -> Array:
-    """d/dt (pose, rate): M_x Xdd = H^T (tau - friction) - Q_x Xdot."""
-    robot, friction, torque = arguments
-    rate = y[3:]
+def _derivative(
+    y: Array,
+    arguments: tuple[RobotParameters, FrictionParameters, DisturbanceParameters, Array],
+) -> Array:
+    """d/dt (pose, rate, time): M_x Xdd = H^T (tau - friction - delta) - Q_x Xdot."""
+    robot, friction, disturbance, torque = arguments
+    rate = y[3:6]
     legs = inverse_kinematics(robot, y[:3])
     M, Q, H, _ = pose_dynamics(robot, y[2], legs.theta, legs.beta, rate)
     drive = torque - friction_torque(friction, multiply(H, rate))
+    drive -= disturbance_torque(disturbance, y[6])
     force = multiply_transposed(H, drive) - multiply(Q, rate)
-    result = np.empty(6)
+    result = np.empty(7)
     result[:3] = rate
-    result[3:] = multiply(inverse(M), force)
+    result[3:6] = multiply(inverse(M), force)
+    result[6] = 1.0
     return result
 
 
@@ -119,6 +127,7 @@ def step(
     stepping: Stepping,
     robot: RobotParameters,
     friction: FrictionParameters,
+    disturbance: DisturbanceParameters,
     state: PlantState,
     command: Array,
     period: float,
@@ -129,6 +138,7 @@ def step(
         stepping: Integrator, substeps, torque limit.
         robot: The true robot.
         friction: Friction of the actuated joints.
+        disturbance: Disturbance of the actuated joints.
         state: State at the start of the period.
         command: Commanded torque [N m], shape (3,).
         period: [s].
@@ -140,17 +150,18 @@ def step(
     for i in range(3):
         limit = stepping.torque_limit[i]
         torque[i] = min(max(command[i], -limit), limit)
-    y: Array = np.empty(6)
+    y: Array = np.empty(7)
     y[:3] = state.pose
-    y[3:] = state.rate
+    y[3:6] = state.rate
+    y[6] = state.time
     h = period / stepping.substeps
-    arguments = (robot, friction, torque)
+    arguments = (robot, friction, disturbance, torque)
     for _ in range(stepping.substeps):
         if stepping.order == 3:
             y = ode3(_derivative, y, h, arguments)
         else:
             y = rk4(_derivative, y, h, arguments)
-    return PlantState(y[:3].copy(), y[3:].copy(), torque)
+    return PlantState(y[:3].copy(), y[3:6].copy(), torque, state.time + period)
 
 
 @kernel

@@ -11,6 +11,7 @@ from parallel_robot_interface import config
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.messages import state_layout, state_messages
 from parallel_robot_sim.plant import (
@@ -23,7 +24,12 @@ from parallel_robot_sim.plant import (
     stepping,
 )
 
-GROUPS = {'true_robot': RobotParameters, 'plant': PlantParameters, 'friction': FrictionParameters}
+GROUPS = {
+    'true_robot': RobotParameters,
+    'plant': PlantParameters,
+    'friction': FrictionParameters,
+    'disturbance': DisturbanceParameters,
+}
 
 
 class Simulator:
@@ -32,6 +38,7 @@ class Simulator:
     Attributes:
         robot: The true robot.
         friction: Its friction.
+        disturbance: What disturbs it.
         stepping: Integrator and motors.
         state: State now.
     """
@@ -47,6 +54,7 @@ class Simulator:
         self._period = loop.period
         self.robot = validate(config.group(values, RobotParameters, 'true_robot'), 'true_robot')
         self.friction = config.group(values, FrictionParameters, 'friction')
+        self.disturbance = config.group(values, DisturbanceParameters, 'disturbance')
         self.stepping = stepping(parameters)
         self.state: PlantState = initial_state(parameters, self.robot)
         self.layout = state_layout(loop.joints, parameters.publish_passive)
@@ -57,7 +65,15 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
-        state = step(self.stepping, self.robot, self.friction, self.state, command, self._period)
+        state = step(
+            self.stepping,
+            self.robot,
+            self.friction,
+            self.disturbance,
+            self.state,
+            command,
+            self._period,
+        )
         if not np.isfinite(state.pose).all() or not np.isfinite(state.rate).all():
             raise RunError(
                 'the robot was driven out of its workspace at pose '

@@ -10,6 +10,7 @@ from parallel_robot_interface import config
 from parallel_robot_model.parameters import RobotParameters
 from parallel_robot_sim import plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
+from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from trajectory_gen.trajectory import Reference, Trajectory
 
@@ -32,6 +33,7 @@ class Plant(NamedTuple):
     stepping: plant.Stepping
     robot: RobotParameters
     friction: FrictionParameters
+    disturbance: DisturbanceParameters
 
 
 def make_plant(values: Mapping[str, Any]) -> tuple[Plant, plant.PlantState]:
@@ -40,7 +42,8 @@ def make_plant(values: Mapping[str, Any]) -> tuple[Plant, plant.PlantState]:
     robot = config.group(values, RobotParameters, 'true_robot')
     friction = config.group(values, FrictionParameters, 'friction')
     stepping = plant.stepping(parameters)
-    return Plant(stepping, robot, friction), plant.initial_state(parameters, robot)
+    disturbance = config.group(values, DisturbanceParameters, 'disturbance')
+    return Plant(stepping, robot, friction, disturbance), plant.initial_state(parameters, robot)
 
 
 def simulate(
@@ -56,10 +59,10 @@ def simulate(
     reference = Trajectory.of(values).sample(np.arange(round(duration / period) + 1) * period)
     nominal = config.group(values, RobotParameters, 'robot')
     start = reference.pose[0] if guess is None else np.array(guess, dtype=float)
-    (stepping, robot, friction), state = make_plant(values)
+    parts, state = make_plant(values)
     out = run(
         law.update, law.gains, law.memory, nominal, start, reference,
-        stepping, robot, friction, state, period,
+        *parts, state, period,
     )  # fmt: skip
     return Simulation(out, reference)
 

@@ -179,6 +179,18 @@ def test_extensions_are_as_accurate_as_the_paper_s_law(law, scenario):
     assert steady_rms(scenario, {'law': law}) < 30e-6
 
 
+def test_the_adaptive_gain_needs_no_bound():
+    """Under a disturbance far beyond G: below 0.1 mm, with less variation than a fixed G of 50."""
+
+    def run(overrides):
+        done = simulate('disturbed_circle', overrides=overrides)
+        return done.steady_rms(), np.abs(np.diff(done.out.effort, axis=0)).sum()
+
+    adaptive, variation = run({'law': 'adaptive_s_fotsmc'})
+    assert adaptive < 1e-4 < 1e-3 < run({'law': 's_fotsmc'})[0]
+    assert variation < run({'law': 's_fotsmc', 's_fotsmc.G': 50.0})[1]
+
+
 def test_without_coupling_the_laws_are_their_ablations():
     for law, ablation in (('s_fotsmc', 'fotsmc'), ('s_smc', 'smc_k')):
         zero = steady_rms('paper_circle', {'law': law, f'{law}.lambda': 0.0})

@@ -1,0 +1,35 @@
+"""Torque disturbance of the actuated joints."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.kernel import kernel
+
+Array = NDArray[np.float64]
+
+
+class DisturbanceParameters(NamedTuple):
+    """delta_i = amplitude_i sin(2 pi frequency t + phase_i), eq. (1).
+
+    The paper gives no disturbance: zero in its scenarios.
+    """
+
+    amplitude: Annotated[tuple[float, float, float], Field('N m', 'amplitude per joint', 0.0)]
+    frequency: Annotated[float, Field('Hz', 'frequency, the same for all joints', 0.0)]
+    phase: Annotated[tuple[float, float, float], Field('rad', 'phase per joint')]
+
+
+@kernel
+def disturbance_torque(disturbance: DisturbanceParameters, time: float) -> Array:
+    """Torque against the motors [N m], shape (3,), at `time` since the start [s]."""
+    torque = np.empty(3)
+    for i in range(3):
+        angle = 2.0 * math.pi * disturbance.frequency * time + disturbance.phase[i]
+        torque[i] = disturbance.amplitude[i] * math.sin(angle)
+    return torque
