@@ -59,6 +59,7 @@ def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[st
         'scenario': log.scenario,
         'law': log.law,
         'duration_s': figures_of_merit.duration_s,
+        'transient': figures_of_merit.transient._asdict(),
         'steady': figures_of_merit.steady._asdict(),
         'torque': figures_of_merit.torque._asdict(),
         'messages': {name: asdict(count) for name, count in log.messages.items()},
@@ -75,6 +76,7 @@ def table(result: dict[str, Any]) -> str:
         ('synchronisation error, rms', steady['sync_rms_rad'] * 1e6, 'urad'),
         ('torque, max (whole run)', torque['max_nm'], 'N m'),
         ('torque, total variation', torque['total_variation_nm_per_s'], 'N m/s'),
+        ('torque, chattering', torque['chattering_nm'], 'N m'),
     ]
     lines = [
         f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s; '

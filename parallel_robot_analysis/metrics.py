@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from parallel_robot_analysis.run_log import RunLog
 from parallel_robot_control.controller import first_guess
@@ -12,6 +13,8 @@ from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_interface import config
 from parallel_robot_model.kinematics import pose_of
 from parallel_robot_model.parameters import RobotParameters
+
+SMOOTH = 0.02  # s, over which a torque that does not chatter hardly changes
 
 
 class Errors(NamedTuple):
@@ -36,18 +39,54 @@ class Torque(NamedTuple):
     Attributes:
         max_nm: Largest absolute torque of any joint [N m].
         total_variation_nm_per_s: Sum over the joints of |change of torque|, per second [N m/s].
+        chattering_nm: Root mean square, over all joints and the second half of the run, of the
+            torque less its mean over SMOOTH around each moment [N m].
     """
 
     max_nm: float
     total_variation_nm_per_s: float
+    chattering_nm: float
+
+
+class Transient(NamedTuple):
+    """How fast the platform comes to its reference, and stays.
+
+    Attributes:
+        to_1_mm_s: Time after which the distance is below 1 mm for good [s]; None if never.
+        to_0_1_mm_s: The same for 0.1 mm [s].
+    """
+
+    to_1_mm_s: float | None
+    to_0_1_mm_s: float | None
 
 
 class Metrics(NamedTuple):
-    """All figures of a run; `steady` is its second half."""
+    """All figures of a run; `steady` is over its second half."""
 
     duration_s: float
+    transient: Transient
     steady: Errors
     torque: Torque
+
+
+class Motion(Protocol):
+    """What the figures are computed from: a run log, or anything with these arrays."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """Since t = 0 [s], shape (N,)."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """Actuated angles [rad], shape (N, n)."""
+
+    @property
+    def reference_position(self) -> np.ndarray:
+        """Desired angles [rad], shape (N, n)."""
+
+    @property
+    def effort(self) -> np.ndarray:
+        """Torques [N m], shape (N, n)."""
 
 
 class Poses(NamedTuple):
@@ -69,7 +108,7 @@ def poses(log: RunLog) -> Poses:
     return Poses(pose_of(robot, log.position, reference[0]), reference)
 
 
-def evaluate(log: RunLog, pose: Poses) -> Metrics:
+def evaluate(log: Motion, pose: Poses) -> Metrics:
     """Compute the figures of a run.
 
     Args:
@@ -78,19 +117,41 @@ def evaluate(log: RunLog, pose: Poses) -> Metrics:
     """
     half = slice(len(log.time) // 2, None)
     duration = float(log.time[-1] - log.time[0])
-    distance = np.linalg.norm((pose.actual - pose.reference)[half, :2], axis=1)
+    whole = np.linalg.norm((pose.actual - pose.reference)[:, :2], axis=1)
+    distance = whole[half]
     error = (log.reference_position - log.position)[half]
     variation = float(np.abs(np.diff(log.effort, axis=0)).sum())
     return Metrics(
         duration,
+        Transient(_settled(log.time, whole, 1e-3), _settled(log.time, whole, 1e-4)),
         Errors(
             _rms(distance),
             float(distance.max()),
             _rms(error),
             _rms(synchronisation_error(error)),
         ),
-        Torque(float(np.abs(log.effort).max()), variation / duration if duration else 0.0),
+        Torque(
+            float(np.abs(log.effort).max()),
+            variation / duration if duration else 0.0,
+            _rms(_rough(log.time, log.effort)[half]),
+        ),
     )
+
+
+def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | None:
+    """Time after the last sample at or above `bound` [s]; None when that is the last of all."""
+    above = np.flatnonzero(distance >= bound)
+    if not above.size:
+        return 0.0
+    return float(time[above[-1] + 1] - time[0]) if above[-1] + 1 < len(time) else None
+
+
+def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Torque less its moving mean over SMOOTH, shape (N, n)."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
+    window = max(1, 2 * round(0.5 * SMOOTH / step) + 1)  # odd: the mean is centred
+    mean = uniform_filter1d(torque, window, axis=0, mode='nearest')
+    return torque - mean
 
 
 def _rms(values: np.ndarray) -> float:

@@ -16,13 +16,18 @@ DURATION = 12.0  # s, two turns of the paper's circle
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument('scenario', help='name of a scenario in config/scenarios')
+    add_scenario_arguments(parser)
     parser.add_argument('--law', help='control law, default: that of the configuration')
     parser.add_argument(
-        '--duration', type=float, metavar='S', help=f'seconds of motion, default {DURATION:g}'
-    )
-    parser.add_argument(
         '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
+    )
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of every command that makes a run."""
+    parser.add_argument('scenario', help='name of a scenario in config/scenarios')
+    parser.add_argument(
+        '--duration', type=float, metavar='S', help=f'seconds of motion, default {DURATION:g}'
     )
     parser.add_argument(
         '--set',
@@ -37,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the arguments change in the configuration."""
     changed = config.parse_overrides(arguments.assignments)
-    if arguments.law is not None:
+    if getattr(arguments, 'law', None) is not None:
         changed['law'] = arguments.law
     if arguments.duration is not None:
         changed['duration'] = arguments.duration

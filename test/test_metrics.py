@@ -87,3 +87,12 @@ def test_a_run_of_one_state(robot):
     log = run(theta, theta)._replace(time=TIME[:1], effort=np.array([[1.0, -3.0, 2.0]]))
     found = metrics.evaluate(log, metrics.poses(log))
     assert found.duration_s == 0.0 and found.torque == (3.0, 0.0)
+
+
+def test_settling_is_the_time_after_the_last_excursion():
+    from parallel_robot_analysis.metrics import _settled
+
+    time = np.arange(6) * 0.5
+    assert _settled(time, np.array([9.0, 0.1, 2.0, 0.5, 0.2, 0.1]), 1.0) == 1.5
+    assert _settled(time, np.array([9.0, 0.1, 0.2, 0.5, 0.2, 1.0]), 1.0) is None
+    assert _settled(time, np.full(6, 0.1), 1.0) == 0.0

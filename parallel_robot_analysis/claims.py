@@ -1,0 +1,125 @@
+"""The paper's claims about its four laws, each judged by figures of merit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from parallel_robot_analysis.metrics import Metrics
+
+Figure = Callable[[Metrics], float]
+
+
+class Claim(NamedTuple):
+    """A law is said to be better than others in one figure.
+
+    Attributes:
+        text: What the paper says.
+        better: The law that is said to be ahead.
+        others: The laws it is said to be ahead of.
+        figure: What is compared; smaller is better.
+        unit: Of the figure as it is printed.
+        scale: From SI to that unit.
+    """
+
+    text: str
+    better: str
+    others: tuple[str, ...]
+    figure: Figure
+    unit: str
+    scale: float
+
+
+class Verdict(NamedTuple):
+    """A claim beside what was measured.
+
+    Attributes:
+        claim: The claim.
+        reproduced: Whether `better` really is ahead of all `others`.
+        figures: Law to figure, in the unit of the claim.
+    """
+
+    claim: Claim
+    reproduced: bool
+    figures: dict[str, float]
+
+
+def _error(metrics: Metrics) -> float:
+    return metrics.steady.xy_rms_m
+
+
+def _synchronisation(metrics: Metrics) -> float:
+    return metrics.steady.sync_rms_rad
+
+
+def _time(metrics: Metrics) -> float:
+    settled = metrics.transient.to_1_mm_s
+    return math.inf if settled is None else settled
+
+
+def _chattering(metrics: Metrics) -> float:
+    return metrics.torque.chattering_nm
+
+
+CLAIMS = (
+    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), _error, 'um', 1e6),
+    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), _error, 'um', 1e6),
+    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), _error, 'um', 1e6),
+    Claim(
+        'NFTSMC converges faster than SMC and S-SMC (to 1 mm)',
+        'nftsmc',
+        ('smc', 's_smc'),
+        _time,
+        's',
+        1.0,
+    ),
+    Claim(
+        'S-FOTSMC tracks best of the four',
+        's_fotsmc',
+        ('smc', 's_smc', 'nftsmc'),
+        _error,
+        'um',
+        1e6,
+    ),
+    Claim(
+        'S-FOTSMC converges fastest of the four (to 1 mm)',
+        's_fotsmc',
+        ('smc', 's_smc', 'nftsmc'),
+        _time,
+        's',
+        1.0,
+    ),
+    Claim(
+        'S-FOTSMC synchronises the joints best of the four',
+        's_fotsmc',
+        ('smc', 's_smc', 'nftsmc'),
+        _synchronisation,
+        'urad',
+        1e6,
+    ),
+    Claim(
+        'NFTSMC still chatters, S-FOTSMC does not',
+        's_fotsmc',
+        ('nftsmc',),
+        _chattering,
+        'N m',
+        1.0,
+    ),
+)
+
+
+def judge(results: Mapping[str, Metrics]) -> list[Verdict]:
+    """Judge the claims whose laws have results.
+
+    Args:
+        results: Law to its figures, all of one scenario.
+    """
+    verdicts = []
+    for claim in CLAIMS:
+        laws = (claim.better, *claim.others)
+        if all(law in results for law in laws):
+            figures = {law: claim.scale * claim.figure(results[law]) for law in laws}
+            ahead = all(figures[claim.better] < figures[law] for law in claim.others)
+            verdicts.append(Verdict(claim, ahead, figures))
+    return verdicts

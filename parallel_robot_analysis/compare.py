@@ -1,0 +1,133 @@
+"""The command ``compare``: all laws on one scenario, without ROS, beside the paper's claims."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_analysis import claims, metrics, simulate
+from parallel_robot_analysis.analyze import write_json
+from parallel_robot_control.laws import LAWS
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import InputError, UnknownNameError
+from parallel_robot_sim import closed_loop
+
+COLUMNS: tuple[tuple[str, str, Callable[[metrics.Metrics], float | None]], ...] = (
+    ('to 1 mm', 's', lambda m: m.transient.to_1_mm_s),
+    ('to 0.1 mm', 's', lambda m: m.transient.to_0_1_mm_s),
+    ('rms', 'um', lambda m: 1e6 * m.steady.xy_rms_m),
+    ('max', 'um', lambda m: 1e6 * m.steady.xy_max_m),
+    ('sync rms', 'urad', lambda m: 1e6 * m.steady.sync_rms_rad),
+    ('torque', 'N m', lambda m: m.torque.max_nm),
+    ('variation', 'N m/s', lambda m: m.torque.total_variation_nm_per_s),
+    ('chatter', 'N m', lambda m: m.torque.chattering_nm),
+)
+
+
+class Simulated(NamedTuple):
+    """Joints of a simulation, as the figures of merit want them; see metrics.Motion."""
+
+    time: np.ndarray
+    position: np.ndarray
+    reference_position: np.ndarray
+    effort: np.ndarray
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    simulate.add_scenario_arguments(parser)
+    parser.add_argument('--laws', nargs='+', metavar='LAW', help='laws to compare, default: all')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write table and claims as JSON')
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    laws = arguments.laws or list(LAWS)
+    for law in laws:
+        if law not in LAWS:
+            raise UnknownNameError('law', law, LAWS)
+    results = {}
+    for number, law in enumerate(laws, start=1):
+        if sys.stderr.isatty():
+            print(f'\r[{number}/{len(laws)}] {law:<24}', end='', file=sys.stderr)
+        changed = simulate.overrides(arguments) | {'law': law}
+        values = config.resolve(arguments.scenario, changed)
+        results[law] = evaluate(closed_loop.simulate(values))
+    if sys.stderr.isatty():
+        print('\r' + ' ' * 40 + '\r', end='', file=sys.stderr)
+    verdicts = claims.judge(results)
+    if arguments.json:
+        try:
+            write_json(arguments.json, as_data(arguments.scenario, results, verdicts), [])
+        except OSError as error:
+            raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
+    print(table(arguments.scenario, results))
+    for verdict in verdicts:
+        print(line(verdict))
+    return 0
+
+
+def evaluate(simulation: closed_loop.Simulation) -> metrics.Metrics:
+    """Figures of merit of a simulation that is not written to a bag."""
+    run, reference, loop = simulation.run, simulation.reference, simulation.loop
+    time = loop.period * np.arange(len(run.theta))
+    motion = Simulated(time, run.theta, reference.position, run.effort)
+    return metrics.evaluate(motion, metrics.Poses(run.pose, reference.pose))
+
+
+def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:
+    """One row a law, one column a figure."""
+    rows = [
+        f'{scenario}: time until the platform error stays below a bound; '
+        'errors and chattering over the second half'
+    ]
+    rows.append(f'{"law":<20}' + ''.join(f'{name:>11}' for name, _, _ in COLUMNS))
+    rows.append(f'{"":<20}' + ''.join(f'{"[" + unit + "]":>11}' for _, unit, _ in COLUMNS))
+    for law, result in results.items():
+        cells = [figure(result) for _, _, figure in COLUMNS]
+        rows.append(f'{law:<20}' + ''.join(f'{number(cell):>11}' for cell in cells))
+    return '\n'.join(rows)
+
+
+def line(verdict: claims.Verdict) -> str:
+    """One claim with its verdict and figures."""
+    figures = ', '.join(f'{law} {number(value)}' for law, value in verdict.figures.items())
+    word = 'reproduced' if verdict.reproduced else 'not reproduced'
+    return f'{word:<15} {verdict.claim.text}: {figures} {verdict.claim.unit}'
+
+
+def number(value: float | None) -> str:
+    """Four significant digits, or a word for what never came."""
+    return 'never' if value is None or math.isinf(value) else f'{value:.4g}'
+
+
+def as_data(
+    scenario: str, results: dict[str, metrics.Metrics], verdicts: list[claims.Verdict]
+) -> dict[str, Any]:
+    """Table and claims as plain data, for JSON."""
+    return {
+        'scenario': scenario,
+        'laws': {
+            law: {
+                'transient': result.transient._asdict(),
+                'steady': result.steady._asdict(),
+                'torque': result.torque._asdict(),
+            }
+            for law, result in results.items()
+        },
+        'claims': [
+            {
+                'claim': verdict.claim.text,
+                'reproduced': verdict.reproduced,
+                'figures': verdict.figures,
+                'unit': verdict.claim.unit,
+            }
+            for verdict in verdicts
+        ],
+    }

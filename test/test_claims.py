@@ -1,0 +1,72 @@
+"""Claims are judged by the figures they name, and `compare` shows table and verdicts."""
+
+import json
+import re
+
+import pytest
+
+from parallel_robot_analysis import claims
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.metrics import Errors, Metrics, Torque, Transient
+
+
+def figures(error, settled, chattering):
+    return Metrics(
+        12.0,
+        Transient(settled, None),
+        Errors(error, error, error, error),
+        Torque(1.0, 1.0, chattering),
+    )
+
+
+AS_CLAIMED = {
+    'smc': figures(4.0, None, 0.0),
+    's_smc': figures(3.0, 3.0, 0.0),
+    'nftsmc': figures(2.0, 2.0, 2.0),
+    's_fotsmc': figures(1.0, 1.0, 1.0),
+}
+
+
+def test_all_claims_hold_for_figures_as_claimed():
+    verdicts = claims.judge(AS_CLAIMED)
+    assert [v.claim for v in verdicts] == list(claims.CLAIMS)
+    assert all(v.reproduced for v in verdicts)
+
+
+@pytest.mark.parametrize('claim', claims.CLAIMS, ids=lambda claim: claim.text)
+def test_each_claim_falls_when_its_law_is_not_ahead(claim):
+    results = AS_CLAIMED | {claim.better: figures(9.0, None, 9.0)}
+    verdict = next(v for v in claims.judge(results) if v.claim == claim)
+    assert not verdict.reproduced
+    assert set(verdict.figures) == {claim.better, *claim.others}
+
+
+def test_a_tie_is_no_lead():
+    results = dict.fromkeys(AS_CLAIMED, figures(1.0, 1.0, 1.0))
+    assert not any(v.reproduced for v in claims.judge(results))
+
+
+def test_claims_about_laws_without_results_are_left_out():
+    assert [
+        v.claim.better for v in claims.judge({k: AS_CLAIMED[k] for k in ('smc', 's_smc')})
+    ] == ['s_smc']
+
+
+def test_compare_shows_what_was_measured(tmp_path, capsys):
+    report = tmp_path / 'report.json'
+    laws = ['s_fotsmc', 'pid']
+    words = ['compare', 'paper_circle', '--duration', '2', '--laws', *laws]
+    assert main([*words, '--json', str(report)]) == 0
+    captured = capsys.readouterr()
+    assert not captured.err
+    data = json.loads(report.read_text())
+    assert list(data['laws']) == laws and not data['claims']
+    for law in laws:
+        (row,) = re.findall(rf'^{law} .*$', captured.out, re.MULTILINE)
+        rms = data['laws'][law]['steady']['xy_rms_m']
+        assert f'{1e6 * rms:.4g}' in row.split()
+
+
+def test_compare_refuses_an_unknown_law(capsys):
+    assert main(['compare', 'paper_circle', '--laws', 'pidd']) == 2
+    assert "did you mean 'pid'" in capsys.readouterr().err
