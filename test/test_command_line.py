@@ -136,14 +136,15 @@ def test_simulate_and_analyze(tmp_path, capsys):
     assert main(['analyze', str(bag), '--json', str(report)]) == 0
     assert (bag / 'run.png').read_bytes().startswith(b'\x89PNG')
     found = json.loads(report.read_text())
-    assert list(found) == ['scenario', 'law', 'duration_s', 'steady', 'torque', 'messages']
+    keys = ['scenario', 'law', 'duration_s', 'transient', 'steady', 'torque', 'messages']
+    assert list(found) == keys
     assert (found['scenario'], found['law'], found['duration_s']) == (
         'paper_circle',
         's_fotsmc',
         4.0,
     )
     assert set(found['steady']) == {'xy_rms_m', 'xy_max_m', 'joint_rms_rad', 'sync_rms_rad'}
-    assert set(found['torque']) == {'max_nm', 'total_variation_nm_per_s'}
+    assert set(found['torque']) == {'max_nm', 'total_variation_nm_per_s', 'chattering_nm'}
     assert 0.0 < found['steady']['xy_rms_m'] < 1e-4 and 1.0 < found['torque']['max_nm'] < 20.0
     assert found['steady']['xy_rms_m'] <= found['steady']['xy_max_m']
     assert found['messages']['joint_states'] == {'count': 4001, 'missing': 0}

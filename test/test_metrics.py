@@ -86,7 +86,7 @@ def test_a_run_of_one_state(robot):
     theta = legs(robot, PAPER_START)[0][np.newaxis]
     log = run(theta, theta)._replace(time=TIME[:1], effort=np.array([[1.0, -3.0, 2.0]]))
     found = metrics.evaluate(log, metrics.poses(log))
-    assert found.duration_s == 0.0 and found.torque == (3.0, 0.0)
+    assert found.duration_s == 0.0 and found.torque == (3.0, 0.0, 0.0)
 
 
 def test_settling_is_the_time_after_the_last_excursion():
