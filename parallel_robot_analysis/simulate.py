@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,8 @@ def execute(arguments: argparse.Namespace) -> int:
     bag_writer.check(arguments.out)
     values = config.resolve(arguments.scenario, overrides(arguments))
     simulation = simulate(values)
+    for warning in simulation.law.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
     try:
         simulation_bag.write(arguments.out, values, simulation)
     except OSError as error:

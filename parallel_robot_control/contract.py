@@ -1,7 +1,8 @@
 """What a control law gets and gives: the seam between the laws and everything else.
 
 A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
-n joints and knows nothing of the robot but its model. See
+n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
+warnings or raises InputError where its theory forbids a set of gains. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
 """
 

@@ -35,6 +35,8 @@ class ControllerNode(SuiteNode):
         self.values['controller.guess'] = first_guess(self.values)
         self._controller = Controller(self.values)
         self.counts = self._controller.counts
+        for warning in self._controller.law.warnings:
+            self.get_logger().warning(warning)
         joints = self.loop.joints
         self._state_reader = JointReader(
             topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts

@@ -7,7 +7,7 @@ from assembly import simulate
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import LAWS, prepare
 from parallel_robot_interface import config
-from parallel_robot_interface.errors import UnknownNameError
+from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_model.dynamics import Model
 
 VALUES = config.resolve('paper_circle')
@@ -200,3 +200,32 @@ def test_without_coupling_the_laws_are_their_ablations():
 def test_an_unknown_law_is_refused_with_the_nearest_name():
     with pytest.raises(UnknownNameError, match="did you mean 'super_twisting'"):
         prepare('super_twister', VALUES)
+
+
+FULL_ORDER = ('s_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft')
+
+
+@pytest.mark.parametrize('law', FULL_ORDER)
+@pytest.mark.parametrize(
+    ('gain', 'value', 'reason'),
+    [
+        ('Gamma1', 0.0, 'Hurwitz'),
+        ('Gamma2', 0.0, 'Hurwitz'),
+        ('gamma1', 1.0, 'gamma1 must lie between 0 and 1'),
+        ('gamma2', 0.68, r'gamma2 must be 2 gamma1 / \(1 \+ gamma1\) = 0.6667'),
+        ('gamma1', 0.6, 'gamma2 must be'),
+    ],
+)
+def test_gains_that_the_theory_forbids_are_refused(law, gain, value, reason):
+    with pytest.raises(InputError, match=f'{law}: .*{reason}'):
+        prepare(law, VALUES | {f'{law}.{gain}': value})
+
+
+@pytest.mark.parametrize('form', ['printed', 'classical'])
+def test_table_2_of_nftsmc_is_outside_the_printed_condition_and_warns(form):
+    warnings = prepare('nftsmc', VALUES | {'nftsmc.form': form}).warnings
+    assert len(warnings) == (form == 'printed')
+
+
+def test_other_laws_have_nothing_against_their_gains():
+    assert not any(prepare(law, VALUES).warnings for law in LAWS if law != 'nftsmc')

@@ -22,7 +22,7 @@ from parallel_robot_control.laws import (
     super_twisting,
 )
 from parallel_robot_interface import config
-from parallel_robot_interface.errors import UnknownNameError
+from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import FirstClass
 
@@ -53,12 +53,14 @@ class PreparedLaw(NamedTuple):
         gains: Its gains.
         memory: Its memory before the first update.
         update: Its compiled update.
+        warnings: What the law's theory has against the gains, though they run.
     """
 
     name: str
     gains: Any
     memory: Any
     update: FirstClass
+    warnings: tuple[str, ...]
 
     @property
     def coupling_gain(self) -> float:
@@ -71,12 +73,17 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
 
     Raises:
         UnknownNameError: no such law.
-        InputError: a gain is wrong.
+        InputError: a gain is wrong, or the theory of the law forbids the set.
     """
     if name not in LAWS:
         raise UnknownNameError('law', name, LAWS)
     law = LAWS[name]
     gains = config.group(values, law.Gains, name)
+    judge = getattr(law, 'judge', None)  # optional in the contract
+    try:
+        warnings = tuple(f'{name}: {text}' for text in judge(gains)) if judge else ()
+    except InputError as error:
+        raise InputError(f'{name}: {error}') from None
     memory = law.initial_memory(joints)
     row, matrix = np.zeros(joints), np.eye(joints)
     update = FirstClass(
@@ -88,4 +95,4 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
         memory,
         1e-3,
     )
-    return PreparedLaw(name, gains, memory, update)
+    return PreparedLaw(name, gains, memory, update, warnings)

@@ -13,6 +13,7 @@ from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import kernel
 
 initial_memory = s_fotsmc.initial_memory
+judge = s_fotsmc.judge
 _fixed_gain = s_fotsmc.update
 
 

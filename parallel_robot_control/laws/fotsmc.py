@@ -11,6 +11,7 @@ from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import kernel
 
 initial_memory = s_fotsmc.initial_memory
+judge = s_fotsmc.judge
 _coupled = s_fotsmc.update
 
 

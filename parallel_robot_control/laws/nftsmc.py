@@ -33,6 +33,21 @@ class Gains(NamedTuple):
     u: Annotated[float, Field('', 'thickness of the boundary layer, unit of S', 1e-6)]
 
 
+def judge(gains: Gains) -> list[str]:
+    """Warn of exponents outside the condition under which the surface is proved.
+
+    Table 2's own exponents are outside the condition printed for them, so this is no refusal.
+    """
+    first, second = ('gamma1', 'gamma2') if gains.form == 'printed' else ('gamma2', 'gamma1')
+    low, high = getattr(gains, first), getattr(gains, second)
+    if 1.0 < low < 2.0 and high > low:
+        return []
+    return [
+        f'the {gains.form} surface is proved for 1 < {first} < 2 and {second} > {first}, '
+        f'not for {first} = {low:g} and {second} = {high:g}'
+    ]
+
+
 def initial_memory(joints: int) -> Array:
     """No memory."""
     return np.zeros(0)

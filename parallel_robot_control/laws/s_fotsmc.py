@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling, sig
+from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import kernel
 from parallel_robot_model.kinematics import multiply
 
 Array = NDArray[np.float64]
+
+ROUNDING = 0.005  # of gamma2, which the paper rounds to two digits
 
 
 class Gains(NamedTuple):
@@ -27,6 +30,34 @@ class Gains(NamedTuple):
     Gamma2: Annotated[float, Field('(rad/s)^(1-gamma2)/s', 'weight of its rate', 0.0)]
     gamma1: Annotated[float, Field('', 'exponent of the coupled error', 0.0, 1.0)]
     gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
+
+
+def judge(gains: Any) -> list[str]:
+    """Refuse gains that the theory of the full-order surface forbids.
+
+    Args:
+        gains: Gains of this law or of one with the same surface.
+
+    Returns:
+        Warnings: none.
+
+    Raises:
+        InputError: p^2 + Gamma2 p + Gamma1 is not Hurwitz, gamma1 is not inside (0, 1), or gamma2
+            is not 2 gamma1 / (1 + gamma1) but for rounding to two digits.
+    """
+    if not (gains.Gamma1 > 0.0 and gains.Gamma2 > 0.0):
+        raise InputError(
+            'p^2 + Gamma2 p + Gamma1 must be Hurwitz: Gamma1 and Gamma2 positive, not '
+            f'{gains.Gamma1:g} and {gains.Gamma2:g}'
+        )
+    if not 0.0 < gains.gamma1 < 1.0:
+        raise InputError(f'gamma1 must lie between 0 and 1, not be {gains.gamma1:g}')
+    wanted = 2.0 * gains.gamma1 / (1.0 + gains.gamma1)
+    if abs(gains.gamma2 - wanted) > ROUNDING:
+        raise InputError(
+            f'gamma2 must be 2 gamma1 / (1 + gamma1) = {wanted:.4g}, not {gains.gamma2:g}'
+        )
+    return []
 
 
 class Memory(NamedTuple):

@@ -18,6 +18,7 @@ from parallel_robot_model.kinematics import multiply
 Array = NDArray[np.float64]
 
 initial_memory = s_fotsmc.initial_memory
+judge = s_fotsmc.judge
 
 
 class Gains(NamedTuple):
