@@ -3,7 +3,7 @@
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PythonExpression
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 ARGUMENTS = {
@@ -22,10 +22,6 @@ def generate_launch_description() -> LaunchDescription:
     ]
     parameters = {name: LaunchConfiguration(name) for name in ('scenario', 'law', 'time_mode')}
     record = LaunchConfiguration('record')
-    # Nobody starts before the recorder listens too.
-    parameters['subscribers'] = PythonExpression(
-        ['2 if "', record, '".lower() in ("true", "1") else 1']
-    )
     nodes = [
         Node(
             package='parallel_robot',

@@ -10,6 +10,7 @@ from parallel_robot_analysis.metrics import Poses
 from parallel_robot_analysis.run_log import RunLog
 from parallel_robot_interface.errors import UnknownNameError
 
+FORMATS = ('.png', '.pdf', '.svg')
 COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
 
 
@@ -29,9 +30,9 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 6.6), layout='constrained')
-    formats = FigureCanvasAgg(figure).get_supported_filetypes()
-    if path.suffix[1:] not in formats:
-        raise UnknownNameError('picture format', path.suffix, [f'.{name}' for name in formats])
+    FigureCanvasAgg(figure)
+    if path.suffix not in FORMATS:
+        raise UnknownNameError('picture format', path.suffix, FORMATS)
     figure.suptitle(f'{log.scenario}, {log.law}', fontweight='bold')
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
 

@@ -25,7 +25,7 @@ MODULES = {
     'recorder': 'parallel_robot_analysis.recorder_node',
 }
 STOP_ORDER = ('controller', 'recorder', 'plant', 'trajectory')  # zero torque first
-GRACE = 10.0  # s, from SIGINT to SIGKILL
+GRACE = 30.0  # s, from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 
 

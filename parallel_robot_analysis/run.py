@@ -14,14 +14,15 @@ from parallel_robot_analysis import bag_writer, simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_sim.closed_loop import assemble
 
 READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled
-LEAD = NANOSECONDS  # ns, from the common start being set to t = 0
+LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
 START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
 STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
+OWN = ('start_stamp', 'subscribers', 'recorder.out')  # keys that run gives to its nodes
 LOOK = 0.1  # s, between two looks at the processes
 
 
@@ -31,14 +32,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--time-mode',
         choices=['wall', 'lockstep'],
-        default='wall',
-        help='wall: real time; lockstep: the plant waits for each command',
+        help='wall (default): real time; lockstep: the plant waits for each command',
     )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    changed = simulate.overrides(arguments) | {'time_mode': arguments.time_mode}
+    changed = simulate.overrides(arguments)
+    for key in OWN:
+        if key in changed:
+            raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
+    if arguments.time_mode is not None:
+        changed['time_mode'] = arguments.time_mode
     values = config.resolve(arguments.scenario, changed)
     loop = assemble(values).loop
     bag_writer.check(arguments.out)

@@ -82,9 +82,7 @@ def read(bag: Path) -> RunLog:
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if not data[needed]:
             raise BagError(f'{bag} has no messages on {needed.name}')
-    if metadata and 'config' not in metadata:
-        raise BagError(f'{bag}: its metadata {METADATA} hold no config')
-    values = yaml.safe_load(metadata['config']) if metadata else config.resolve('paper_circle')
+    values = _configuration(bag, metadata)
     references, desired = _decode(bag, topics.REFERENCE, data[topics.REFERENCE])
     joints = tuple(values['joints'])
     states, measured = _decode(bag, topics.JOINT_STATES, data[topics.JOINT_STATES])
@@ -117,6 +115,18 @@ def read(bag: Path) -> RunLog:
         commands['data'].copy(),
         counted,
     )
+
+
+def _configuration(bag: Path, metadata: dict[str, str]) -> dict[str, Any]:
+    """Configuration of the run over the defaults, so that bags of older versions stay readable."""
+    values = config.resolve('paper_circle')
+    if not metadata:
+        return values | {'scenario': 'unknown', 'law': 'unknown'}
+    try:
+        stored = yaml.safe_load(metadata['config'])
+        return values | dict(stored)
+    except (KeyError, TypeError, ValueError, yaml.YAMLError):
+        raise BagError(f'{bag}: its metadata {METADATA} hold no usable config') from None
 
 
 def _read_messages(bag: Path) -> tuple[dict[Topic, list[bytes]], dict[str, str]]:

@@ -53,7 +53,8 @@ def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag_writer.check(arguments.out)
-    values = config.resolve(arguments.scenario, overrides(arguments))
+    changed = overrides(arguments) | {'time_mode': 'lockstep'}  # whose stamps it has
+    values = config.resolve(arguments.scenario, changed)
     simulation = simulate(values)
     for warning in simulation.law.warnings:
         print(f'warning: {warning}', file=sys.stderr)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter, deque
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
@@ -21,6 +22,8 @@ from parallel_robot_model.kinematics import FOUND
 from parallel_robot_model.parameters import RobotParameters, validate
 from trajectory_gen.trajectory import Trajectory
 
+LOST = 0.25  # s, after which a state that comes again was not a copy in the queue
+LONGEST = NANOSECONDS // 20  # ns, over which a reference is extrapolated
 RESTART = NANOSECONDS // 2  # a jump of the stamps by more than this is a new run of the plant
 
 
@@ -75,6 +78,7 @@ class Controller:
         self._references: deque[tuple[int, JointReference]] = deque(maxlen=10_000)
         self._pending: tuple[int, Feedback] | None = None
         self._sample: Sample | None = None  # answer to the last state
+        self._answered_at = 0.0
         self._last: int | None = None
         self._pose = self._guess
         self._integral = np.zeros(3)
@@ -113,7 +117,8 @@ class Controller:
         """
         if self._last is not None and not 0 < stamp - self._last < RESTART:
             if self._loop.lockstep and stamp == self._last:
-                return self._sample  # the plant asks again: the answer was lost
+                lost = time.monotonic() - self._answered_at > LOST
+                return self._sample if lost else None  # the plant asks again
             if not self._loop.lockstep and abs(stamp - self._last) < RESTART:
                 self.counts['state stamps that repeat or go back'] += 1
                 return None
@@ -143,10 +148,13 @@ class Controller:
             self.law.coupling_gain,
         )
         self._sample = Sample(cycle.torque, telemetry)
+        self._answered_at = time.monotonic()
         return self._sample
 
     def _reference_at(self, stamp: int) -> JointReference | None:
         """Newest reference not after `stamp`, extrapolated to it with its own derivatives.
+
+        When it is older than LONGEST its position is held: a motion that has ended does not go on.
 
         In lockstep the sample of exactly this stamp, or a later one, must have come: what the
         answer is then does not depend on which message was faster.
@@ -161,6 +169,10 @@ class Controller:
         known, reference = references[0]
         if known == stamp:
             return reference
+        if stamp - known > LONGEST:
+            self.counts['states without a fresh reference: the last one is held'] += 1
+            still = np.zeros(len(reference.position))
+            return JointReference(reference.position, still, still)
         dt = (stamp - known) / NANOSECONDS
         return JointReference(
             reference.position + dt * reference.velocity + 0.5 * dt**2 * reference.acceleration,

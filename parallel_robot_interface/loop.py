@@ -7,6 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
+from parallel_robot_interface.topics import SLOW
 
 STEP_START = NANOSECONDS  # stamp of t = 0 in lockstep; 0 would mean "no time yet" in ROS
 WAIT = -1  # start_stamp of a node that waits to be told
@@ -49,11 +50,20 @@ class LoopParameters(NamedTuple):
 
 
 def validate(loop: LoopParameters) -> LoopParameters:
-    """Return `loop` when it makes sense for three joints.
+    """Return `loop` when it makes sense.
 
     Raises:
-        InputError: not three joints, or two with one name.
+        InputError: not three joints, or two with one name; a period of which ten do not fit into
+            0.1 s, the grid on which slow topics and common starts lie; a motion of no sample.
     """
     if len(loop.joints) != 3 or len(set(loop.joints)) != 3:
         raise InputError(f'joints must be three different names, not {list(loop.joints)}')
+    if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
+        raise InputError(
+            f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}'
+        )
+    if loop.samples == 0:
+        raise InputError(
+            f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}'
+        )
     return loop

@@ -220,8 +220,8 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     except ParallelRobotError as error:
         node.fail(error)
     finally:
-        faulthandler.dump_traceback_later(LAST_RESORT, exit=True)
         node.close()
+        faulthandler.dump_traceback_later(LAST_RESORT, exit=True)
         executor.remove_node(node)
         node.destroy_node()
         rclpy.try_shutdown()

@@ -32,10 +32,14 @@ def _cache_directory() -> str:
         if any(mark in content for mark in (b'@kernel', b'@inlined', b'NamedTuple')):
             digest.update(content)
     home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
-    for root in (Path(home), Path(tempfile.gettempdir())):
-        directory = root / 'parallel_robot' / digest.hexdigest()[:16]
+    own = Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}'
+    for root in (Path(home) / 'parallel_robot', own):
+        directory = root / digest.hexdigest()[:16]
         try:
-            directory.mkdir(parents=True, exist_ok=True)
+            root.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if root.stat().st_uid != os.getuid():
+                continue  # machine code that somebody else put there is not run
+            directory.mkdir(exist_ok=True)
         except OSError:
             continue
         if os.access(directory, os.W_OK):

@@ -44,7 +44,8 @@ def validate(robot: RobotParameters, name: str = 'robot') -> RobotParameters:
 
     Raises:
         RobotError: a length, mass or inertia is not positive; a centre of mass lies outside its
-            link; two base joints coincide; a working mode is neither +1 nor -1; no pose exists.
+            link; two base joints coincide or are too far apart for the legs and the platform; a
+            working mode is neither +1 nor -1.
     """
     for key in ('l1', 'l2', 'l3', 'm1', 'm2', 'mp', 'I1', 'I2', 'Ip'):
         if not getattr(robot, key) > 0.0:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.cycle import CYCLE_TEXT, run_cycle
-from parallel_robot_control.laws import PreparedLaw, prepare
+from parallel_robot_control.laws import LAWS, PreparedLaw, prepare
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import LoopParameters
@@ -25,7 +25,7 @@ from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantState, Stepping, measure, step
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen import preflight
-from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
+from trajectory_gen.trajectory import SHAPES, Reference, Trajectory, TrajectoryParameters
 
 Array = NDArray[np.float64]
 
@@ -201,6 +201,10 @@ def assemble(values: Mapping[str, Any]) -> Assembly:
     loop = validate_loop(config.group(values, LoopParameters, ''))
     if loop.samples is None:
         raise InputError('duration must be positive: a run needs an end')
+    for name, module in LAWS.items():
+        config.group(values, module.Gains, name)
+    for name, shape in SHAPES.items():
+        config.group(values, shape.Parameters, name)
     nominal = validate(config.group(values, RobotParameters, 'robot'))
     law = prepare(loop.law, values)
     simulator = Simulator(values)

@@ -24,7 +24,7 @@ from parallel_robot_sim.simulator import GROUPS, Simulator
 from trajectory_gen.messages import pose_messages
 
 HELD = NANOSECONDS // 10  # ns, for which the held pose is published before a common start
-REPEAT = 0.5  # s, between two publications of a first state that nobody answers (lockstep)
+REPEAT = 0.5  # s, between two publications of a state that nobody answers (lockstep by hand)
 
 
 class PlantNode(SuiteNode):
@@ -105,10 +105,16 @@ class PlantNode(SuiteNode):
         self._delays.append((time.time_ns() - stamp) * 1e-6)
 
     def _begin_lockstep(self) -> None:
-        """Publish the first state, again and again until it is answered (no common start)."""
-        if self.loop.start_stamp == 0 and not self._index and not self.missing():
+        """Publish the first state once somebody can answer, and any that nobody did again."""
+        if self.loop.start_stamp != 0 or self.missing() or self._finished():
+            return
+        if self._index is None:
+            if not self.count_publishers(topics.COMMANDS.name):
+                return
             self._start, self._index = STEP_START, 0
-            self._publish(STEP_START)
+        elif time.monotonic_ns() - self._published_at < REPEAT * NANOSECONDS:
+            return
+        self._publish(self._start + self._index * self.loop.period_ns)
 
     def _on_command(self, data: bytes) -> None:
         command = self._read(data)

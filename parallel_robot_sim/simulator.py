@@ -86,6 +86,13 @@ class Simulator:
         return measure(self.robot, self.state)
 
     def message(self, stamp: int) -> bytes:
-        """The state as a sensor_msgs/JointState; `stamp` in nanoseconds."""
-        rows = [row[np.newaxis] for row in (*self.measurement(), self.state.torque)]
+        """The state as a sensor_msgs/JointState; `stamp` in nanoseconds.
+
+        Raises:
+            RunError: the robot was driven out of its workspace.
+        """
+        measurement = self.measurement()
+        if not np.isfinite(measurement.theta_dot).all():
+            raise RunError('the robot was driven out of its workspace')
+        rows = [row[np.newaxis] for row in (*measurement, self.state.torque)]
         return state_messages(self.layout, stamp, *rows).tobytes()

@@ -176,3 +176,31 @@ def test_help_names_every_command(capsys):
         main(['--help'])
     out = capsys.readouterr().out
     assert all(name in out for name in ('run', 'simulate', 'analyze'))
+
+
+@pytest.mark.parametrize(
+    ('assignment', 'message'),
+    [
+        ('hold.pose=nonsense', 'hold.pose must be a list of 3 numbers'),
+        ('pid.Kp=.nan', 'pid.Kp must be finite'),
+        ('period=0.003', 'period must divide 0.01 s'),
+        ('duration=1e-9', 'duration must be 0 or at least one period'),
+    ],
+)
+def test_keys_that_are_not_used_are_checked_too(assignment, message, tmp_path, capsys):
+    out = tmp_path / 'bag'
+    words = ['simulate', 'paper_circle', '--set', assignment, '--out', str(out)]
+    assert main(words) == 2 and not out.exists()
+    error = capsys.readouterr().err
+    assert message in error and error.count('\n') == 1
+
+
+def test_run_refuses_the_keys_it_owns(tmp_path, capsys):
+    words = ['run', 'paper_circle', '--set', 'start_stamp=5', '--out', str(tmp_path / 'bag')]
+    assert main(words) == 2
+    assert 'start_stamp is set by run itself' in capsys.readouterr().err
+
+
+def test_a_very_slow_motion_is_checked_in_bounded_memory(tmp_path):
+    words = ['simulate', 'paper_circle', '--duration', '0.01', '--set', 'circle.rate=1e-300']
+    assert main([*words, '--out', str(tmp_path / 'bag')]) == 0

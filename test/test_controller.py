@@ -153,3 +153,26 @@ def test_a_state_without_a_pose_gets_no_torque_and_is_counted(theta, motion):
     assert set(core.counts) <= set(CYCLE_TEXT.values())
     after = run(core, motion, [11])[0]
     assert after.any() and np.isfinite(after).all()
+
+
+def test_a_motion_that_has_ended_does_not_go_on(motion):
+    """References that stop are extrapolated for a moment, then held: no parabola for ever."""
+    references, states = motion
+    core = controller()
+    core.add_reference(START, references[0])
+    shown = {}
+    for k in range(0, 400, 10):
+        sample = core.add_state(START + k * MS, states[0])
+        shown[k] = states[0].position + errors(sample)[0]
+        if k > 50:
+            assert np.array_equal(errors(sample)[1], -states[0].velocity)
+    assert np.allclose(shown[390], references[0].position, rtol=0, atol=1e-12)
+    assert any('held' in text for text in core.counts)
+
+
+def test_in_lockstep_a_copy_of_a_state_is_not_answered_twice(motion):
+    references, states = motion
+    core = controller('lockstep')
+    assert core.add_state(START, states[0]) is None
+    assert core.add_reference(START, references[0]) is not None
+    assert core.add_state(START, states[0]) is None

@@ -111,6 +111,15 @@ def test_a_node_that_dies_ends_the_run(start, tmp_path):
     check_end(tmp_path / 'bag', nodes)
 
 
+def test_a_recorder_that_is_stopped_early_is_no_success(start, tmp_path):
+    process = start('bag', 30.0)
+    nodes = under_way(process, tmp_path / 'bag')
+    signal.pidfd_send_signal(nodes[MODULES['recorder']].descriptor, signal.SIGTERM)
+    assert process.wait() == 1
+    assert 'recorder ended with exit code 1: stopped before the end' in process.stderr
+    check_end(tmp_path / 'bag', nodes)
+
+
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_signal_ends_the_run_in_order(name, start, tmp_path):
     process = start('bag', 30.0)

@@ -9,12 +9,14 @@ from parallel_robot_interface.errors import MotionError
 from parallel_robot_model.singularity import condition_numbers
 from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
 
+MOST_SAMPLES = 100_000  # of a motion that is checked
+
 
 def check(trajectory: Trajectory, limits: TrajectoryParameters, period: float) -> None:
     """Refuse a motion that the robot cannot perform.
 
-    Every sample of the motion is checked for reach, both singularities and joint speed; only the
-    first failure is reported.
+    Every sample of the motion, of a very long one MOST_SAMPLES, is checked for reach, both
+    singularities and joint speed; only the first failure is reported.
 
     Args:
         trajectory: The motion.
@@ -24,7 +26,8 @@ def check(trajectory: Trajectory, limits: TrajectoryParameters, period: float) -
     Raises:
         MotionError: with the time and the leg that fail, and the figure that would be allowed.
     """
-    times = np.arange(int(np.ceil(trajectory.span / period)) + 1) * period
+    count = min(np.ceil(trajectory.span / period), MOST_SAMPLES)
+    times = np.linspace(0.0, max(trajectory.span, count * period), int(count) + 1)
     reference = trajectory.sample(times)
     unreached = np.flatnonzero(reference.out_of_reach >= 0)
     reached = slice(0, int(unreached[0]) if unreached.size else None)

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.loop import WAIT
+from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters, validate
 from trajectory_gen import preflight
@@ -38,6 +38,7 @@ class TrajectoryNode(SuiteNode):
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
         self._start_requested = False
+        self._asked = 0  # ns, stamp of the last state (lockstep)
         self._sent = -1  # index of the last sample of the motion that was published
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
@@ -89,11 +90,11 @@ class TrajectoryNode(SuiteNode):
         stamp = cdr.header_stamp(data)
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
-        if not self._start:
-            self._start = stamp
-        k = (stamp - self._start) // self.loop.period_ns
-        if k == 0:
-            self._sent = -1  # the plant repeats its first state until somebody answers
+        k = (stamp - (self._start or STEP_START)) // self.loop.period_ns
+        if not self._start or stamp == self._asked:
+            self._start = self._start or STEP_START
+            self._sent = k - 1  # begun anew, or the plant asks again: somebody lacks references
+        self._asked = stamp
         if self._sent < k + BATCH // 2:
             for index in range(self._sent + 1, k + BATCH + 1):
                 self._publish(index)
