@@ -32,7 +32,7 @@ test: setup ## check style, types and layers, then run the tests
 	$(BIN)/ruff format --quiet --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 clean: ## remove .venv and everything built; runs/ stays
 	@rm -rf .venv build install log *.egg-info .*_cache .hypothesis

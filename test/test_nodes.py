@@ -19,6 +19,7 @@ from parallel_robot_interface import config, topics
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
+pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 NAMES = list(MODULES)
 

@@ -13,6 +13,7 @@ from parallel_robot_analysis import metrics, run_log
 from parallel_robot_analysis.processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
+pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 COMMAND_LINE = 'parallel_robot_analysis.command_line'
 FULL = ('/joint_states', '/reference', '/effort_controller/commands')
