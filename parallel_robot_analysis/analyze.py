@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
 import json
+import os
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -29,9 +33,10 @@ def execute(arguments: argparse.Namespace) -> int:
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
     figure = arguments.figure or directory / 'run.png'
     try:
-        figures.draw_run(log, poses, figure)
-        if arguments.json:
-            write_json(arguments.json, result, [figure])
+        with contextlib.ExitStack() as drafts:
+            if arguments.json:
+                drafts.enter_context(json_draft(arguments.json, result))
+            figures.draw_run(log, poses, figure)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     print(table(result))
@@ -39,18 +44,22 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def write_json(path: Path, result: dict[str, Any], written: list[Path]) -> None:
-    """Write JSON; when that fails, nothing of what was `written` for it stays.
+@contextlib.contextmanager
+def json_draft(path: Path, result: dict[str, Any]) -> Iterator[None]:
+    """Write JSON beside `path`; it takes its place only when the block succeeds.
 
     Raises:
         OSError: the file cannot be written.
     """
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    draft = path.with_name(f'{path.name}.part')
     try:
-        path.write_text(json.dumps(result, indent=2) + '\n')
-    except OSError:
-        for other in written:
-            other.unlink()
-        raise
+        draft.write_text(json.dumps(result, indent=2) + '\n')
+        yield
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[str, Any]:

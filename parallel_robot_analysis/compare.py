@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import claims, metrics, simulate
-from parallel_robot_analysis.analyze import write_json
+from parallel_robot_analysis.analyze import json_draft
 from parallel_robot_control.laws import LAWS
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
@@ -64,7 +64,8 @@ def execute(arguments: argparse.Namespace) -> int:
     verdicts = claims.judge(results)
     if arguments.json:
         try:
-            write_json(arguments.json, as_data(arguments.scenario, results, verdicts), [])
+            with json_draft(arguments.json, as_data(arguments.scenario, results, verdicts)):
+                pass
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
     print(table(arguments.scenario, results))

@@ -12,7 +12,6 @@ from parallel_robot_control.controller import (
     Controller,
     ControllerParameters,
     Sample,
-    first_guess,
 )
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.messages import telemetry_messages
@@ -32,7 +31,6 @@ class ControllerNode(SuiteNode):
         """Prepare the law, then listen."""
         groups = {'robot': RobotParameters, 'controller': ControllerParameters}
         super().__init__('controller', groups | {name: law.Gains for name, law in LAWS.items()})
-        self.values['controller.guess'] = first_guess(self.values)
         self._controller = Controller(self.values)
         self.counts = self._controller.counts
         for warning in self._controller.law.warnings:
