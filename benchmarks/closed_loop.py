@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from parallel_robot_interface import config
-from parallel_robot_sim.closed_loop import assemble, simulate
+from parallel_robot_sim.simulation import assemble, simulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from mujoco_robot import open_loop

@@ -16,7 +16,7 @@ from parallel_robot_analysis.analyze import json_draft
 from parallel_robot_control.laws import LAWS
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_sim import closed_loop
+from parallel_robot_sim import simulation
 
 COLUMNS: tuple[tuple[str, str, Callable[[metrics.Metrics], float | None]], ...] = (
     ('to 1 mm', 's', lambda m: m.transient.to_1_mm_s),
@@ -53,12 +53,15 @@ def execute(arguments: argparse.Namespace) -> int:
         if law not in LAWS:
             raise UnknownNameError('law', law, LAWS)
     results = {}
+    notes: list[str] = []
     for number, law in enumerate(laws, start=1):
         if sys.stderr.isatty():
             print(f'\r[{number}/{len(laws)}] {law:<24}', end='', file=sys.stderr)
         changed = simulate.overrides(arguments) | {'law': law}
         values = config.resolve(arguments.scenario, changed)
-        results[law] = evaluate(closed_loop.simulate(values))
+        made = simulation.simulate(values)
+        results[law] = evaluate(made)
+        notes += simulate.remarks(made)
     if sys.stderr.isatty():
         print('\r' + ' ' * 40 + '\r', end='', file=sys.stderr)
     verdicts = claims.judge(results)
@@ -71,12 +74,14 @@ def execute(arguments: argparse.Namespace) -> int:
     print(table(arguments.scenario, results))
     for verdict in verdicts:
         print(line(verdict))
+    for note in notes:
+        print(f'warning: {note}', file=sys.stderr)
     return 0
 
 
-def evaluate(simulation: closed_loop.Simulation) -> metrics.Metrics:
+def evaluate(made: simulation.Simulation) -> metrics.Metrics:
     """Figures of merit of a simulation that is not written to a bag."""
-    run, reference, loop = simulation.run, simulation.reference, simulation.loop
+    run, reference, loop = made.run, made.reference, made.loop
     time = loop.period * np.arange(len(run.theta))
     motion = Simulated(time, run.theta, reference.position, run.effort)
     return metrics.evaluate(motion, metrics.Poses(run.pose, reference.pose))

@@ -16,7 +16,7 @@ from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
-from parallel_robot_sim.closed_loop import assemble
+from parallel_robot_sim.simulation import assemble
 
 READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0

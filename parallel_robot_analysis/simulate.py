@@ -7,10 +7,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from parallel_robot_analysis import bag_writer, simulation_bag
+from parallel_robot_control.faults import FAULT_TEXT
+from parallel_robot_control.messages import limits_text
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import RunError
-from parallel_robot_sim.closed_loop import simulate
+from parallel_robot_sim.simulation import Simulation, simulate
 
 DURATION = 12.0  # s, two turns of the paper's circle
 
@@ -50,14 +54,26 @@ def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     return {'duration': DURATION, **changed}
 
 
+def remarks(simulation: Simulation) -> list[str]:
+    """What a user should know of a simulation: doubts of the theory, limits, a fault."""
+    texts = list(simulation.law.warnings)
+    acted = int(np.bitwise_or.reduce(simulation.run.acted))
+    if acted:
+        texts.append(f'limits acted: {limits_text(acted)}')
+    if simulation.fault is not None:
+        time, code = simulation.fault
+        texts.append(f'fault at t = {time:.3f} s, safe action from there on: {FAULT_TEXT[code]}')
+    return texts
+
+
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag_writer.check(arguments.out)
     changed = overrides(arguments) | {'time_mode': 'lockstep'}  # whose stamps it has
     values = config.resolve(arguments.scenario, changed)
     simulation = simulate(values)
-    for warning in simulation.law.warnings:
-        print(f'warning: {warning}', file=sys.stderr)
+    for text in remarks(simulation):
+        print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(arguments.out, values, simulation)
     except OSError as error:

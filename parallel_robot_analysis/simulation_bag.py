@@ -10,12 +10,12 @@ import numpy as np
 
 from parallel_robot_analysis.bag_writer import BagWriter
 from parallel_robot_analysis.experiment import describe
-from parallel_robot_control.messages import Telemetry, telemetry_messages
+from parallel_robot_control.messages import Status, Telemetry, status_message, telemetry_messages
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.loop import STEP_START
-from parallel_robot_sim.closed_loop import Simulation
 from parallel_robot_sim.messages import state_layout, state_messages
 from parallel_robot_sim.plant import PlantParameters
+from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.messages import pose_messages, reference_messages
 
 
@@ -41,9 +41,8 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
     telemetry = Telemetry(
         reference.position[rows][slow] - run.theta[slow],
         reference.velocity[rows][slow] - run.theta_dot[slow],
-        run.integral[slow],
+        run.coupled_error[slow],
         run.sliding_variable[slow],
-        law.coupling_gain,
     )
     commands = cdr.float64_multi_array(len(loop.joints)).records(count, data=run.command[rows])
     states = state_messages(
@@ -65,8 +64,14 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
     }
     with BagWriter(directory, topics.RECORDED, describe(loop, values, STEP_START)) as writer:
         writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
+        status = None
+        acted = np.bitwise_or.accumulate(run.acted)
         for k in range(count):
             log_time = int(stamps[k])
+            now = Status(law.name, int(run.fault[k]), int(acted[k]))
+            if now != status:
+                status = now
+                writer.write(topics.STATUS.name, log_time, status_message(log_time, status))
             for topic, messages in records.items():
                 index, rest = divmod(k, topic.every)
                 if rest == 0:

@@ -4,6 +4,10 @@ A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``;
 n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
 warnings or raises InputError where its theory forbids a set of gains. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
+
+Around the law stands :mod:`parallel_robot_control.cycle`: it limits the torque, and after a fault
+replaces it by a safe action. A law may ask for anything, but what it integrates must not wind up
+while less is applied: see :mod:`parallel_robot_control.antiwindup`.
 """
 
 from __future__ import annotations
@@ -27,10 +31,17 @@ class JointReference(NamedTuple):
 
 
 class Feedback(NamedTuple):
-    """Measured joint motion at one time [rad, rad/s], each shape (n,)."""
+    """Measured joint motion at one time, and what became of the last torque, each shape (n,).
+
+    Attributes:
+        position: [rad].
+        velocity: [rad/s].
+        excess: Torque of the last update beyond what the limits let through [N m]; mostly zero.
+    """
 
     position: Array
     velocity: Array
+    excess: Array
 
 
 class ControlOutput(NamedTuple):
@@ -39,11 +50,13 @@ class ControlOutput(NamedTuple):
     Attributes:
         torque: [N m], shape (n,).
         sliding_variable: In the law's own unit, shape (n,).
+        coupled_error: e_c, for those who watch [rad], shape (n,); e in a law without coupling.
         memory: What the law must know at its next update.
     """
 
     torque: Array
     sliding_variable: Array
+    coupled_error: Array
     memory: Any
 
 
@@ -64,4 +77,4 @@ class Law(Protocol):
         memory: Any,
         dt: float,
     ) -> ControlOutput:
-        """Compute the joint torque of one control cycle."""
+        """Compute the joint torque of one control cycle; `dt` [s] is the time since the last."""

@@ -1,20 +1,36 @@
-"""Node that computes the effort command of every joint state from the newest reference."""
+"""Node that computes the effort command of every joint state from the newest reference.
+
+The law and its gains are parameters that can change while the robot moves. What goes wrong ends in
+a latched fault and a safe action: see docs/safety.md.
+"""
 
 from __future__ import annotations
 
 import sys
+import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from rclpy.duration import Duration
+from std_srvs.srv import Trigger
 
-from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control import faults
+from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import (
     Controller,
     ControllerParameters,
+    JointSample,
     Sample,
 )
-from parallel_robot_control.laws import LAWS
-from parallel_robot_control.messages import telemetry_messages
+from parallel_robot_control.laws import LAWS, available
+from parallel_robot_control.messages import (
+    Status,
+    limits_text,
+    status_message,
+    telemetry_messages,
+)
+from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_joints import JointReader
@@ -22,28 +38,36 @@ from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters
 
 LAST_WORD = Duration(seconds=1)  # how long the node waits until its zero torque has arrived
+LOOKS = 4  # at the age of the joint states within the time after which they are stale
 
 
 class ControllerNode(SuiteNode):
     """Answers each state with one command; what the controller thinks goes out more slowly."""
 
     def __init__(self) -> None:
-        """Prepare the law, then listen."""
-        groups = {'robot': RobotParameters, 'controller': ControllerParameters}
+        """Prepare the laws, then listen."""
+        groups = {
+            'robot': RobotParameters,
+            'controller': ControllerParameters,
+            'safety': SafetyParameters,
+        }
         super().__init__('controller', groups | {name: law.Gains for name, law in LAWS.items()})
+        for name, law in available(self.values).items():
+            if name not in LAWS:
+                self.declare_group(name, law.Gains)
         self._controller = Controller(self.values)
         self.counts = self._controller.counts
-        for warning in self._controller.law.warnings:
-            self.get_logger().warning(warning)
+        self._warn(self._controller.law.warnings)
         joints = self.loop.joints
         self._state_reader = JointReader(
-            topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts
+            topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts, 'effort'
         )
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, ('position', 'velocity', 'acceleration'), self.counts
         )
         self._layout = cdr.float64_multi_array(len(joints))
         self._stamp = 0
+        self._status: Status | None = None
         self._from = 0 if self.loop.start_stamp != WAIT else None  # ns; None: not yet
         self._commands = self.publisher(topics.COMMANDS)
         self._telemetry = {
@@ -55,14 +79,61 @@ class ControllerNode(SuiteNode):
                 topics.SLIDING_VARIABLE,
             )
         }
-        law = self.publisher(topics.ACTIVE_LAW, essential=False)
-        law.publish(cdr.text_message(self._controller.law.name))
+        self._active_law = self.publisher(topics.ACTIVE_LAW, essential=False)
+        self._active_law.publish(cdr.text_message(self._controller.law.name))
+        self._statuses = self.publisher(topics.STATUS, essential=False)
+        self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
+        self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
+        if not self.loop.lockstep:
+            timeout = self.values['safety.state_timeout']
+            self.create_timer(timeout / LOOKS, self._watch)
+
+    def is_settable(self, key: str) -> bool:
+        """Law, preset and gains."""
+        return (
+            super().is_settable(key)
+            or key in ('law', 'preset')
+            or key.partition('.')[0] in available(self.values)
+        )
+
+    def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+        """Let the controller judge law, preset and gains."""
+        fixed = {key: value for key, value in changes.items() if not self.is_settable(key)}
+        if fixed or 'start_stamp' in changes:
+            return super().judge(fixed or changes)
+        change = self._controller.judge(changes)
+
+        def apply() -> None:
+            self._warn(change.law.warnings)
+            self._controller.apply(change)
+            self.values = change.values
+
+        stored = {
+            key: value
+            for key, value in change.values.items()
+            if key in changes or value != self.values[key]
+        }
+        return stored, apply
 
     def set_start(self, stamp: int) -> None:
         """Answer no state from before the common start [ns]."""
         self._from = stamp
+        self._controller.begin(stamp)
+
+    def diagnose(self) -> dict[str, str]:
+        """What the controller is doing."""
+        status = self._status
+        return {
+            'law': self._controller.law.name,
+            'limits that acted': limits_text(status.acted) if status else 'none',
+        }
+
+    def alarm(self) -> str:
+        """The fault."""
+        fault = self._controller.fault
+        return f'fault: {faults.FAULT_TEXT[fault]}' if fault else ''
 
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
@@ -79,17 +150,68 @@ class ControllerNode(SuiteNode):
         message = self._state_reader.read(data)
         if message is not None and self._from is not None and message[0] >= self._from:
             self._stamp, vectors = message
-            self._publish(self._controller.add_state(self._stamp, Feedback(*vectors)))
+            self._publish(self._controller.add_state(self._stamp, JointSample(*vectors)))
 
     def _publish(self, sample: Sample | None) -> None:
         if sample is None:
             return
         self._commands.publish(self._layout.encode(data=sample.torque))
+        if sample.status != self._status:
+            self._tell(self._stamp, sample.status)
         if self._stamp // self.loop.period_ns % topics.SLOW == 0:
             stamps = np.array([self._stamp])
             messages = telemetry_messages(self.loop.joints, stamps, sample.telemetry)
             for topic, records in messages.items():
                 self._telemetry[topic].publish(records.tobytes())
+
+    def _tell(self, stamp: int, status: Status) -> None:
+        """Publish and log a new status since a stamp [ns]."""
+        before, self._status = self._status, status
+        self._statuses.publish(status_message(stamp, status))
+        if before is not None and status.law != before.law:
+            self._active_law.publish(cdr.text_message(status.law))
+            self.get_logger().info(f'law {status.law}')
+        if status.fault != (before.fault if before else faults.NONE):
+            if status.fault:
+                text = faults.FAULT_TEXT[status.fault]
+                self.get_logger().error(f'fault: {text}; ~/clear_fault ends the safe action')
+            else:
+                self.get_logger().info('fault cleared')
+        elif status.acted and status.acted != (before.acted if before else 0):
+            self.get_logger().warning(f'limits acted: {limits_text(status.acted)}')
+
+    def _watch(self) -> None:
+        """Take the torque away when the joint states are stale."""
+        if self._controller.watch():
+            self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
+            self._tell_now()
+
+    def _tell_now(self) -> None:
+        """Publish a fault that no state brought about."""
+        acted = self._status.acted if self._status else 0
+        law, fault = self._controller.law.name, self._controller.fault
+        stamp = self._stamp if self.loop.lockstep else time.time_ns()
+        self._tell(stamp, Status(law, fault, acted))
+
+    def _answer_emergency_stop(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        self._controller.trip(faults.EMERGENCY_STOP)
+        self._tell_now()
+        response.success = True
+        response.message = f'{self.alarm()}; ~/clear_fault ends it'
+        return response
+
+    def _answer_clear_fault(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.message = self._controller.clear_fault()
+        response.success = not response.message
+        return response
+
+    def _warn(self, warnings: tuple[str, ...]) -> None:
+        for warning in warnings:
+            self.get_logger().warning(warning)
 
 
 def main() -> int:

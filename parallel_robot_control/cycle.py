@@ -1,4 +1,4 @@
-"""One control cycle: forward kinematics, model, law; the same kernel with and without ROS."""
+"""One control cycle: kinematics, faults, law, limits; the same kernel with and without ROS."""
 
 from __future__ import annotations
 
@@ -7,38 +7,71 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.coupling import coupling
+from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
 from parallel_robot_model.dynamics import actuated_dynamics
 from parallel_robot_model.kernel import kernel
-from parallel_robot_model.kinematics import FOUND, STATUS_TEXT, forward_kinematics
+from parallel_robot_model.kinematics import FOUND, forward_kinematics
 from parallel_robot_model.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 
-# Outcomes of a cycle beside those of the forward kinematics.
-TORQUE_NOT_FINITE = 10
-CYCLE_TEXT = {**STATUS_TEXT, TORQUE_NOT_FINITE: 'the law gave a torque that is not finite'}
+
+class CycleState(NamedTuple):
+    """What one cycle hands to the next.
+
+    Attributes:
+        pose: Pose by forward kinematics, shape (3,); the guess of the next one.
+        last: What the cycle saw and did.
+        excess: Torque of the law that the limits cut off [N m], shape (n,).
+        held: Joint angles at the moment of the fault [rad], shape (n,).
+        fault: NONE or the key of FAULT_TEXT that the controller is in; it stays.
+    """
+
+    pose: Array
+    last: Last
+    excess: Array
+    held: Array
+    fault: int
 
 
 class Cycle(NamedTuple):
     """Result of one control cycle.
 
     Attributes:
-        torque: [N m], shape (n,); zero unless `status` is FOUND.
-        sliding_variable: In the law's unit, shape (n,).
-        pose: Pose by forward kinematics, shape (3,); the guess of the next cycle.
-        integral: int De dt [rad s], shape (n,), for the cross-coupling error that is published.
-        memory: Memory of the law; unchanged unless `status` is FOUND.
-        status: FOUND or a key of CYCLE_TEXT.
+        torque: [N m], shape (n,).
+        sliding_variable: In the law's unit, shape (n,); zero in a fault.
+        coupled_error: e_c [rad], shape (n,); e in a fault.
+        acted: Bits of the limits that acted.
+        state: For the next cycle.
+        memory: Memory of the law for the next cycle.
     """
 
     torque: Array
     sliding_variable: Array
-    pose: Array
-    integral: Array
+    coupled_error: Array
+    acted: int
+    state: CycleState
     memory: Any
-    status: int
+
+
+def initial_state(pose: Array, joints: int = 3) -> CycleState:
+    """State before the first cycle: no torque, and the first torque may be any.
+
+    Args:
+        pose: Where the forward kinematics starts, shape (3,).
+        joints: n.
+    """
+    zero = np.zeros(joints)
+    return CycleState(pose, Last(zero, zero, zero, zero, False, False), zero, zero, faults.NONE)
+
+
+def taking_over(state: CycleState, torque: Array) -> CycleState:
+    """The state, the next torque going on from the one given [N m], shape (n,)."""
+    return state._replace(
+        last=state.last._replace(torque=torque, takes_over=True), excess=np.zeros(len(torque))
+    )
 
 
 @kernel
@@ -46,37 +79,63 @@ def run_cycle(
     update: Any,
     gains: Any,
     robot: RobotParameters,
+    limits: Limits,
     reference: JointReference,
-    feedback: Feedback,
-    pose: Array,
-    integral: Array,
+    position: Array,
+    velocity: Array,
+    state: CycleState,
     memory: Any,
     dt: float,
 ) -> Cycle:
-    """Compute the torque for one state.
+    """Compute the torque for one joint state.
 
     Args:
         update: The law, as FirstClass.
         gains: Gains of the law.
         robot: Nominal robot.
+        limits: See SafetyParameters.
         reference: Desired joint motion at the state's stamp.
-        feedback: The state.
-        pose: Guess of the forward kinematics, shape (3,).
-        integral: int De dt up to this state [rad s], shape (3,).
-        memory: Memory of the law.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        state: Of the cycle before.
+        memory: Of the law.
         dt: Time since the state before [s].
     """
-    idle = np.zeros(len(feedback.position))
-    assembly = forward_kinematics(robot, feedback.position, pose)
-    if assembly.status != FOUND:
-        return Cycle(idle, idle, pose, integral, memory, assembly.status)
-    model = actuated_dynamics(
-        robot, assembly.pose[2], feedback.position, assembly.beta, feedback.velocity
-    )
-    output = update(gains, model, reference, feedback, memory, dt)
-    if not np.all(np.isfinite(output.torque)):
-        return Cycle(idle, idle, assembly.pose, integral, memory, TORQUE_NOT_FINITE)
-    advanced = integral + dt * coupling(reference.position - feedback.position)
+    fault = state.fault
+    pose, held, last = state.pose, state.held, state.last
+    demand = np.zeros(len(position))
+    sliding_variable = np.zeros(len(position))
+    coupled_error = reference.position - position
+    assembly = forward_kinematics(robot, position, pose)
+    if assembly.status == FOUND:
+        pose = assembly.pose
+    if fault == faults.NONE:
+        fault = find_fault(limits, robot, assembly, reference, position, velocity, last, dt)
+        if fault == faults.NONE:
+            model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
+            feedback = Feedback(position, velocity, state.excess)
+            output = update(gains, model, reference, feedback, memory, dt)
+            if np.all(np.isfinite(output.torque)):
+                demand = output.torque
+                sliding_variable = output.sliding_variable
+                coupled_error = output.coupled_error
+                memory = output.memory
+            else:
+                fault = faults.TORQUE_NOT_FINITE
+    if fault != faults.NONE:
+        if state.fault == faults.NONE or not last.known:
+            held = position
+        demand = safe_torque(limits.safe, held, position, velocity)
+        last = Last(
+            last.position, last.reference, last.torque, np.zeros(len(demand)), False, last.known
+        )
+    torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
+    last = Last(position, reference.position, torque, offset, False, True)
     return Cycle(
-        output.torque, output.sliding_variable, assembly.pose, advanced, output.memory, FOUND
+        torque,
+        sliding_variable,
+        coupled_error,
+        acted,
+        CycleState(pose, last, excess, held, fault),
+        memory,
     )

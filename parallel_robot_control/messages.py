@@ -6,8 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_control import faults, safety
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_interface import cdr, topics
+
+OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 
 
 class Telemetry(NamedTuple):
@@ -16,16 +19,28 @@ class Telemetry(NamedTuple):
     Attributes:
         error: e = reference - feedback [rad].
         error_rate: Its derivative [rad/s].
-        integral: int De dt [rad s].
+        coupled_error: e_c of the law [rad].
         sliding_variable: In the law's unit.
-        coupling_gain: lambda of the law [1/s]; 0 for laws without coupling.
     """
 
     error: np.ndarray
     error_rate: np.ndarray
-    integral: np.ndarray
+    coupled_error: np.ndarray
     sliding_variable: np.ndarray
-    coupling_gain: float
+
+
+class Status(NamedTuple):
+    """What the controller is doing.
+
+    Attributes:
+        law: Name of the active law.
+        fault: NONE or a key of FAULT_TEXT.
+        acted: Bits of the limits that acted since the start of the run.
+    """
+
+    law: str
+    fault: int
+    acted: int
 
 
 def telemetry_messages(
@@ -37,14 +52,35 @@ def telemetry_messages(
     count = len(telemetry.error)
     e, e_dot = telemetry.error, telemetry.error_rate
     e_s, e_s_dot = synchronisation_error(e), synchronisation_error(e_dot)
-    coupled = e_s - np.roll(e_s, 1, axis=-1)
-    e_c = e + telemetry.coupling_gain * telemetry.integral
-    e_c_dot = e_dot + telemetry.coupling_gain * coupled
     return {
         topics.ERROR: both.records(count, stamps, position=e, velocity=e_dot),
         topics.SYNCHRONISATION_ERROR: both.records(count, stamps, position=e_s, velocity=e_s_dot),
-        topics.CROSS_COUPLING_ERROR: both.records(count, stamps, position=e_c, velocity=e_c_dot),
+        topics.CROSS_COUPLING_ERROR: single.records(
+            count, stamps, position=telemetry.coupled_error
+        ),
         topics.SLIDING_VARIABLE: single.records(
             count, stamps, position=telemetry.sliding_variable
         ),
     }
+
+
+def limits_text(acted: int) -> str:
+    """The limits that acted, by name."""
+    return ', '.join(text for bit, text in safety.ACTED_TEXT.items() if acted & bit) or 'none'
+
+
+def status_message(stamp: int, status: Status) -> bytes:
+    """A status since a stamp [ns] as a diagnostic_msgs/DiagnosticArray of one status."""
+    if status.fault != faults.NONE:
+        level, text = ERROR, f'fault: {faults.FAULT_TEXT[status.fault]}'
+    elif status.acted:
+        level, text = WARN, f'acted: {limits_text(status.acted)}'
+    else:
+        level, text = OK, 'ok'
+    values = {
+        'law': status.law,
+        'fault': faults.FAULT_TEXT[status.fault] if status.fault else 'none',
+        'limits that acted': limits_text(status.acted),
+    }
+    layout = cdr.diagnostic_array('controller: status', level, text, values)
+    return cdr.filled(layout.encode(stamp))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -212,9 +212,25 @@ def pose_stamped(frame: str) -> Layout:
     return layout
 
 
+def diagnostic_array(
+    name: str, level: int, text: str, values: Mapping[str, str], hardware: str = ''
+) -> Layout:
+    """diagnostic_msgs/DiagnosticArray with one status; only its stamp varies."""
+    layout = Layout('diagnostic_msgs/msg/DiagnosticArray').header()
+    layout.constant('I', 1).constant('B', level)
+    layout.text(name).text(text).text(hardware).constant('I', len(values))
+    for key, value in values.items():
+        layout.text(key).text(value)
+    return layout
+
+
 def text_message(value: str) -> bytes:
-    """Serialise a std_msgs/String, filled up to four bytes as DDS does on the wire."""
-    data = Layout('std_msgs/msg/String').text(value).template.tobytes()
+    """Serialise a std_msgs/String, filled up as on the wire."""
+    return filled(Layout('std_msgs/msg/String').text(value).template.tobytes())
+
+
+def filled(data: bytes) -> bytes:
+    """A message filled up to four bytes, as DDS does on the wire."""
     return data + bytes(-len(data) % 4)
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
+from parallel_robot_interface import plugins
 from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_interface.fields import build, parameters
+from parallel_robot_interface.fields import build, defaults, parameters
 
 Group = TypeVar('Group')
 
 PACKAGE = 'parallel_robot'
+PRESET = 'paper'  # the gains in config/laws
 
 
 def directory() -> Path:
@@ -42,8 +44,9 @@ def scenarios() -> list[str]:
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Merge defaults, a scenario and overrides.
 
-    Later wins: ``defaults.yaml``, ``robot.yaml``, ``laws/*.yaml``, the scenario's ``base``, the
-    scenario, `overrides`. A ``true_robot`` key that nobody sets equals its ``robot`` key.
+    Later wins: ``defaults.yaml``, ``robot.yaml``, ``laws/*.yaml`` and the defaults of one's own
+    laws, the scenario's ``base``, the scenario, `overrides`. A ``true_robot`` key that nobody sets
+    equals its ``robot`` key; ``preset`` says whether the gains are those of the preset.
 
     Args:
         scenario: Name of a file in ``config/scenarios``.
@@ -54,24 +57,57 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
 
     Raises:
         UnknownNameError: no such scenario, or a key that the defaults do not have.
+        InputError: the preset is asked for together with other gains, or a law of one's own
+            cannot be loaded.
     """
     root = directory()
-    files = [root / 'defaults.yaml', root / 'robot.yaml', *sorted((root / 'laws').glob('*.yaml'))]
     config: dict[str, Any] = {}
-    for path in files:
+    for path in (root / 'defaults.yaml', root / 'robot.yaml'):
         config.update(_flatten(_read(path)))
-    known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
     changed = dict(overrides or {})
     if changed.pop('scenario', scenario) != scenario:
         raise InputError(f'the scenario is {scenario}; it cannot be changed by a parameter')
-    for values in (_scenario(scenario), {'scenario': scenario}, changed):
+    of_scenario = _scenario(scenario)
+    gains = preset({**config, **of_scenario, **changed}['own_laws'])
+    config.update(gains)
+    known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
+    for values in (of_scenario, {'scenario': scenario}, changed):
         for key in values:
             if key not in known:
                 raise UnknownNameError('parameter', key, known)
         config.update(values)
     for key in [key for key in config if key.startswith('robot.')]:
         config.setdefault(f'true_{key}', config[key])
+    other = next((key for key, value in gains.items() if config[key] != value), None)
+    if other and changed.get('preset') == PRESET:
+        raise InputError(
+            f'preset is {PRESET}, but {other} is {config[other]!r}, not {gains[other]!r}'
+        )
+    config['preset'] = 'custom' if other else PRESET
     return config
+
+
+def preset(own_laws: Any) -> dict[str, Any]:
+    """Gains of all laws as the files say: Table 2 for the laws of the paper.
+
+    Args:
+        own_laws: Files of one's own laws, whose defaults belong to it.
+
+    Raises:
+        InputError: a file is not a law, or has the name of one that exists.
+    """
+    gains: dict[str, Any] = {}
+    laws = sorted((directory() / 'laws').glob('*.yaml'))
+    for path in laws:
+        gains.update(_flatten(_read(path)))
+    if isinstance(own_laws, str) or not isinstance(own_laws, Sequence):
+        raise InputError(f'own_laws must be a list of texts, not {own_laws!r}')
+    for path in own_laws:
+        name, law = plugins.load(str(path))
+        if name in {file.stem for file in laws}:
+            raise InputError(f'own_laws: {path}: there is already a law {name}; rename the file')
+        gains.update(defaults(law.Gains, f'{name}.'))
+    return gains
 
 
 def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:

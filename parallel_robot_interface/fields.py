@@ -49,6 +49,20 @@ def parameters(group: type) -> tuple[Parameter, ...]:
     return tuple(found)
 
 
+def defaults(group: type, prefix: str) -> dict[str, Any]:
+    """Defaults of a group by key, for a group that stands in code alone.
+
+    Raises:
+        InputError: a field has no default.
+    """
+    given = getattr(group, '_field_defaults', {})
+    values = {name.rstrip('_'): value for name, value in given.items()}
+    for parameter in parameters(group):
+        if parameter.key not in values:
+            raise InputError(f'{prefix}{parameter.key} has no default')
+    return {f'{prefix}{key}': value for key, value in values.items()}
+
+
 def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Group:
     """Make a group of parameters from plain values, checked one by one.
 

@@ -18,6 +18,11 @@ class LoopParameters(NamedTuple):
 
     scenario: Annotated[str, Field('', 'scenario, a file of config/scenarios')]
     law: Annotated[str, Field('', 'control law')]
+    preset: Annotated[
+        Literal['paper', 'custom'],
+        Field('', 'paper: gains of all laws as in config/laws, Table 2; custom: others'),
+    ]
+    own_laws: Annotated[tuple[str, ...], Field('', "Python files with laws of one's own")]
     joints: Annotated[tuple[str, ...], Field('', 'names of the actuated joints, in order')]
     period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
     duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]

@@ -22,13 +22,22 @@ class JointReader:
     """
 
     def __init__(
-        self, topic: Topic, joints: tuple[str, ...], fields: Sequence[str], counts: Counter[str]
+        self,
+        topic: Topic,
+        joints: tuple[str, ...],
+        fields: Sequence[str],
+        counts: Counter[str],
+        optional: str = '',
     ) -> None:
-        """Prepare to read `fields` (position, velocity, acceleration) of `joints`, in order."""
+        """Prepare to read `fields` (position, velocity, acceleration) of `joints`, in order.
+
+        The field `optional` is zero where a message does not have it, or has no number there.
+        """
         self._topic = topic
         self._joints = joints
         self._fields = fields
         self._counts = counts
+        self._optional = optional
         self._class = message_class(topic.type)
         self._layout: cdr.Layout | None = None
         self._order = list(range(len(joints)))
@@ -40,7 +49,8 @@ class JointReader:
         """Read one message.
 
         Returns:
-            Stamp [ns] and one array of shape (n,) for each field; None when it cannot be used.
+            Stamp [ns] and one array of shape (n,) for each field, the optional one last; None when
+            it cannot be used.
         """
         records = self._layout.decode(data) if self._layout else None
         if records is None:
@@ -53,7 +63,15 @@ class JointReader:
         if not all(np.isfinite(vector).all() for vector in vectors):
             self._counts[f'{self._topic.name}: not finite'] += 1
             return None
+        if self._optional:
+            vectors.append(self._read_optional(records))
         return int(cdr.stamps_of(records)[0]), vectors
+
+    def _read_optional(self, records: np.ndarray) -> np.ndarray:
+        if self._optional not in (records.dtype.names or ()):
+            return np.zeros(len(self._joints))
+        values = records[self._optional][0][self._order]
+        return np.where(np.isfinite(values), values, 0.0)
 
     def _learn(self, data: bytes) -> str:
         """Set layout and order for messages like this one, or say why it cannot be used."""

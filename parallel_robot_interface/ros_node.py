@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import gc
 import importlib
+import math
 import signal
 import sys
 import time
@@ -14,11 +15,18 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -26,8 +34,8 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import config, loop
-from parallel_robot_interface.errors import InputError, ParallelRobotError
-from parallel_robot_interface.fields import parameters
+from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
+from parallel_robot_interface.fields import Field, parameters
 from parallel_robot_interface.topics import DEPTH, Topic
 
 LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
@@ -46,6 +54,21 @@ def qos_of(topic: Topic) -> QoSProfile:
     if topic.latched:
         return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     return QoSProfile(depth=DEPTH)
+
+
+class _WholeSets(ParameterService):  # type: ignore[misc]
+    """Parameter services that take the parameters of one request together or not at all.
+
+    Gains are judged as a set; rclpy would set them one after the other and stop half-way.
+    """
+
+    def _set_parameters_callback(
+        self, request: SetParameters.Request, response: SetParameters.Response
+    ) -> SetParameters.Response:
+        changed = [Parameter.from_parameter_msg(message) for message in request.parameters]
+        result = self._get_node().set_parameters_atomically(changed)
+        response.results = [result] * len(changed)
+        return response
 
 
 class SuiteNode(Node):  # type: ignore[misc]
@@ -69,12 +92,17 @@ class SuiteNode(Node):  # type: ignore[misc]
             InputError: a parameter is unknown or wrong.
         """
         try:
-            super().__init__(name, automatically_declare_parameters_from_overrides=True)
+            super().__init__(
+                name,
+                automatically_declare_parameters_from_overrides=True,
+                start_parameter_services=False,
+            )
         except ValueError as error:  # an empty list has no type in ROS
             raise InputError(f'a parameter has no usable value: {error}') from None
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
+        self._inputs: list[str] = []
         self._started_at: int | None = None
         given = {
             key: list(parameter.value) if _is_array(parameter.value) else parameter.value
@@ -85,13 +113,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.values = config.resolve(str(scenario), given)
         self.loop = loop.validate(config.group(self.values, loop.LoopParameters, ''))
         for prefix, group in {'': loop.LoopParameters, **groups}.items():
-            if prefix:
-                config.group(self.values, group, prefix)
-            self._declare(prefix, group)
+            self.declare_group(prefix, group)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._publish_diagnostics)
         self.create_service(Trigger, '~/ready', self._answer_ready)
-        self.add_on_set_parameters_callback(self._on_parameters)
+        self._parameter_service = _WholeSets(self)
 
     def publisher(self, topic: Topic, essential: bool = True) -> Publisher:
         """Create a publisher; the node is ready when essential ones have their subscribers."""
@@ -104,6 +130,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         """Subscribe to the serialised messages of a topic."""
         kind = message_class(topic.type)
         self.create_subscription(kind, topic.name, callback, qos_of(topic), raw=True)
+        self._inputs.append(topic.name)
 
     def missing(self) -> str:
         """What the node still waits for; empty when it is ready."""
@@ -120,6 +147,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         """Key figures of the last second for the diagnostics."""
         return {}
 
+    def alarm(self) -> str:
+        """What is wrong enough to be an error in the diagnostics; mostly nothing."""
+        return ''
+
     def close(self) -> None:
         """Release what the node holds, before its publishers go."""
 
@@ -133,45 +164,85 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.get_logger().fatal(str(error) or type(error).__name__)
         self.finish(1)
 
-    def _declare(self, prefix: str, group: Any) -> None:
-        for parameter in parameters(group):
+    def declare_group(self, prefix: str, group: Any) -> None:
+        """Declare the parameters of a group with unit, meaning and range.
+
+        Raises:
+            InputError: a value is wrong.
+        """
+        values = config.group(self.values, group, prefix)
+        for parameter, value in zip(parameters(group), values, strict=True):
             key = f'{prefix}.{parameter.key}' if prefix else parameter.key
-            field = parameter.field
-            text = field.description + (f' [{field.unit}]' if field.unit else '')
-            descriptor = ParameterDescriptor(description=text, dynamic_typing=True)
             if self.has_parameter(key):
-                self.set_descriptor(key, descriptor)
-            else:
-                self.declare_parameter(key, self.values[key], descriptor)
+                self.undeclare_parameter(key)  # it may be an integer where a float is meant
+            plain = list(value) if isinstance(value, tuple) else value
+            descriptor = _descriptor(parameter.field, plain)
+            descriptor.read_only = not self.is_settable(key)
+            self.declare_parameter(key, plain, descriptor, ignore_override=True)
 
-    def _on_parameters(self, changed: list[Parameter]) -> SetParametersResult:
-        for parameter in changed:
-            if parameter.name != 'start_stamp':
-                return SetParametersResult(
-                    successful=False, reason=f'{parameter.name} is fixed at the start of the node'
-                )
-            reason = self._begin(parameter.value)
-            if reason:
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
+    def is_settable(self, key: str) -> bool:
+        """Whether a parameter can change while the node runs."""
+        return key == 'start_stamp'
 
-    def _begin(self, stamp: Any) -> str:
-        """Pass a new start stamp on, once; return why it is refused, else ''."""
-        if stamp == self._started_at:
-            return ''  # the request was sent twice
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters together: all are good, or none is set."""
+        others = [p for p in parameter_list if p.name.startswith(NOT_OURS)]
+        changes = {
+            p.name: list(p.value) if _is_array(p.value) else p.value
+            for p in parameter_list
+            if not p.name.startswith(NOT_OURS)
+        }
+        try:
+            changes, effect = self.judge(changes) if changes else ({}, lambda: None)
+        except ParallelRobotError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        changed = [Parameter(key, value=value) for key, value in changes.items()]
+        result = super().set_parameters_atomically(others + changed)
+        if result.successful:
+            effect()
+        return result
+
+    def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+        """Look whether changes of parameters are good.
+
+        Args:
+            changes: Key to value, of parameters of the suite.
+
+        Returns:
+            Key to value as they will be stored, and what to call once they are.
+
+        Raises:
+            InputError: a change is refused; none of them is made.
+        """
+        for key in changes:
+            if key not in self.values:
+                raise UnknownNameError('parameter', key, self.values)
+            if key != 'start_stamp':
+                raise InputError(f'{key} is fixed at the start of the node')
+        stamp = changes['start_stamp']
+        if stamp != self._started_at:  # else the request was sent twice
+            self._check_start(stamp)
+        return changes, lambda: self._begin(stamp)
+
+    def _check_start(self, stamp: Any) -> None:
         if self.loop.start_stamp != loop.WAIT or self._started_at is not None:
-            return 'the node does not wait for a start'
+            raise InputError('the node does not wait for a start')
         if not isinstance(stamp, int) or stamp <= 0 or stamp % self.loop.period_ns:
-            return f'start_stamp must be a whole multiple of the period in ns, not {stamp!r}'
+            raise InputError(
+                f'start_stamp must be a whole multiple of the period in ns, not {stamp!r}'
+            )
         if not self.loop.lockstep and stamp <= time.time_ns():
-            return f'start_stamp {stamp} lies in the past'
+            raise InputError(f'start_stamp {stamp} lies in the past')
+
+    def _begin(self, stamp: int) -> None:
+        """Pass a new start stamp on, once."""
+        if stamp == self._started_at:
+            return
+        self._started_at = stamp
         try:
             self.set_start(stamp)
         except ParallelRobotError as error:
             self.fail(error)
-            return str(error)
-        self._started_at = stamp
-        return ''
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
@@ -180,17 +251,41 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _publish_diagnostics(self) -> None:
         figures = {**self.diagnose(), **self.counts}
-        level = DiagnosticStatus.WARN if self.counts else DiagnosticStatus.OK
+        for name in self._inputs:
+            count = self.count_publishers(name)
+            if count > 1:
+                figures[f'{name}: publishers'] = count
+        alarm = self.alarm()
+        warnings = [key for key in figures if key in self.counts or key.endswith(': publishers')]
+        level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
         status = DiagnosticStatus(
-            level=level,
+            level=DiagnosticStatus.ERROR if alarm else level,
             name=f'{self.get_name()}: loop',
-            message=', '.join(self.counts) or 'ok',
+            message=alarm or ', '.join(warnings) or 'ok',
             hardware_id=self.get_fully_qualified_name(),
             values=[KeyValue(key=key, value=str(value)) for key, value in figures.items()],
         )
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+
+def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
+    """Description of a parameter whose value may be `value`."""
+    text = field.description + (f' [{field.unit}]' if field.unit else '')
+    descriptor = ParameterDescriptor(
+        description=text, dynamic_typing=isinstance(value, list) and not value
+    )
+    if isinstance(value, float):
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(field.low), to_value=float(field.high))
+        ]
+    elif isinstance(value, int) and not isinstance(value, bool) and field.low > -math.inf:
+        high = min(field.high, 2**63 - 1)
+        descriptor.integer_range = [
+            IntegerRange(from_value=int(field.low), to_value=int(high), step=1)
+        ]
+    return descriptor
 
 
 def run_node(make: Callable[[], SuiteNode]) -> int:

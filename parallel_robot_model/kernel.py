@@ -65,6 +65,17 @@ def inlined(function: Function) -> Function:
     return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
 
 
+def distinguish(*values: Any) -> None:
+    """Make the classes of tuples known to Numba's dispatcher by module and name.
+
+    It tells NamedTuples apart by the names of class and fields, so the ``Memory`` of one law could
+    pass for that of another; every call then takes the slow way, ten times as long.
+    """
+    for kind in map(type, values):
+        if issubclass(kind, tuple):
+            kind.__name__ = f'{kind.__module__}.{kind.__qualname__}'
+
+
 class _FunctionType(types.FunctionType):  # type: ignore[misc]
     """Type of a function by address, told apart by the types of its arguments.
 

@@ -37,6 +37,13 @@ class PlantParameters(NamedTuple):
     torque_limit: Annotated[
         tuple[float, float, float], Field('N m', 'saturation of the motors', 0.0)
     ]
+    command_timeout: Annotated[
+        float, Field('s', 'time without a command until the safe action (wall time)', 1e-3)
+    ]
+    timeout_action: Annotated[
+        Literal['zero', 'damp', 'hold'],
+        Field('', 'what the motors do then, with the gains safety.damping and safety.stiffness'),
+    ]
     publish_passive: Annotated[bool, Field('', 'passive joints in joint_states')]
 
 

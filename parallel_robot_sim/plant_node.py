@@ -50,7 +50,7 @@ class PlantNode(SuiteNode):
         self.subscribe(topics.COMMANDS, self._on_command)
         self.create_service(Trigger, '~/reset', self._answer_reset)
         self._simulator.message(0)  # compiles what the loop will need
-        self._simulator.advance(np.zeros(3))
+        self._simulator.wait(np.zeros(3))
         self._simulator = Simulator(self.values)
         self._thread: DeadlineThread | None = None
         if self.loop.lockstep:
@@ -146,7 +146,11 @@ class PlantNode(SuiteNode):
         return command
 
     def _step(self) -> None:
-        self._simulator.advance(self._command)
+        if self._commanded or self.loop.lockstep:
+            self._simulator.advance(self._command)
+        elif self._simulator.wait(self._command):
+            self.counts['command time-outs'] += 1
+            self.get_logger().warning('no commands: the motors take their safe action')
         self._index = (self._index or 0) + 1
 
     def _finished(self) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_control.safety import SafetyParameters, safe_action, safe_torque
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import LoopParameters
@@ -29,6 +30,7 @@ GROUPS = {
     'plant': PlantParameters,
     'friction': FrictionParameters,
     'disturbance': DisturbanceParameters,
+    'safety': SafetyParameters,
 }
 
 
@@ -56,6 +58,11 @@ class Simulator:
         self.friction = config.group(values, FrictionParameters, 'friction')
         self.disturbance = config.group(values, DisturbanceParameters, 'disturbance')
         self.stepping = stepping(parameters)
+        safety = config.group(values, SafetyParameters, 'safety')
+        self._safe = safe_action(parameters.timeout_action, safety)
+        self._patience = round(parameters.command_timeout / loop.period)
+        self._silent = 0  # steps since the last command
+        self._held: np.ndarray = np.zeros(3)
         self.state: PlantState = initial_state(parameters, self.robot)
         self.layout = state_layout(loop.joints, parameters.publish_passive)
 
@@ -80,6 +87,31 @@ class Simulator:
                 f'{np.round(self.state.pose, 4).tolist()} (m, m, rad)'
             )
         self.state = state
+        self._silent = 0
+
+    def wait(self, command: np.ndarray) -> bool:
+        """Advance by one period for which no new command came.
+
+        Args:
+            command: The last one [N m], shape (3,); it holds until the time-out.
+
+        Returns:
+            Whether the safe action of the motors begins with this period.
+
+        Raises:
+            RunError: the robot was driven out of its workspace.
+        """
+        self._silent += 1
+        joints = self.measurement()
+        if self._silent == self._patience:
+            self._held = joints.theta
+        safe = safe_torque(self._safe, self._held, joints.theta, joints.theta_dot)
+        if self._silent >= self._patience:
+            command = safe
+        silent = self._silent
+        self.advance(command)
+        self._silent = silent
+        return silent == self._patience
 
     def measurement(self) -> Measurement:
         """Joints at the state."""

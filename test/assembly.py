@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control import laws
+from parallel_robot_control.cycle import initial_state
+from parallel_robot_control.safety import SafetyParameters, limits_of
 from parallel_robot_interface import config
 from parallel_robot_model.parameters import RobotParameters
 from parallel_robot_sim import plant
@@ -60,9 +62,10 @@ def simulate(
     nominal = config.group(values, RobotParameters, 'robot')
     start = reference.pose[0] if guess is None else np.array(guess, dtype=float)
     parts, state = make_plant(values)
+    limits = limits_of(config.group(values, SafetyParameters, 'safety'))
     out = run(
-        law.update, law.gains, law.memory, nominal, start, reference,
-        *parts, state, period,
+        law.update, law.gains, nominal, limits, reference,
+        *parts, state, initial_state(start), law.memory, period,
     )  # fmt: skip
     return Simulation(out, reference)
 

@@ -10,13 +10,17 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 import rclpy
 from domain_coordinator import domain_id
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
+from parallel_robot_control.controller import Controller
+from parallel_robot_interface import config
 from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 30.0  # s; what takes so long never comes
@@ -155,8 +159,16 @@ class Peer:
         self._context.try_shutdown()
 
 
+@pytest.fixture(scope='session')
+def compiled():
+    """Kernels on disk, so that a node starts within PATIENCE."""
+    values = config.resolve('paper_circle')
+    Controller(values)
+    Simulator(values).advance(np.zeros(3))
+
+
 @pytest.fixture
-def launch(tmp_path):
+def launch(tmp_path, compiled):
     """Start ``python -m words`` in `tmp_path`; nothing outlives the test."""
     with ExitStack() as stack:
 

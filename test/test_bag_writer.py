@@ -12,6 +12,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import BagError
 
@@ -30,6 +31,10 @@ def message(topic, stamp):
     """A message of a topic with random numbers."""
     if topic == topics.ACTIVE_LAW:
         return cdr.text_message('s_fotsmc')
+    if topic == topics.STATUS:
+        return status_message(stamp, Status('s_fotsmc', 11, 3))
+    if topic == topics.STATUS:
+        return status_message(stamp, Status('s_fotsmc', 11, 3))
     layout = LAYOUTS[topic.type]
     record = layout.records(1, stamp if layout.stamped else None)
     for name in record.dtype.names:
@@ -65,7 +70,8 @@ def plain(value):
         return [plain(item) for item in value]
     if names is None:
         return value
-    return {name: plain(getattr(value, name)) for name in names if not name.startswith('_')}
+    names = [name for name in names if not name.startswith('_') and not name.isupper()]
+    return {name: plain(getattr(value, name)) for name in names}
 
 
 def test_every_type_is_written_and_read_back(bag):

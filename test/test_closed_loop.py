@@ -11,10 +11,11 @@ from mujoco_robot import open_loop as mujoco_open_loop
 from test_s_fotsmc import ring
 
 from parallel_robot_control import laws
-from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.cycle import run_cycle
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.cycle import initial_state, run_cycle
+from parallel_robot_control.safety import SafetyParameters, limits_of
 from parallel_robot_interface import config
-from parallel_robot_model.kinematics import FOUND, GUESS_OUT_OF_REACH
+from parallel_robot_model.kinematics import GUESS_OUT_OF_REACH
 from parallel_robot_sim.plant import measure
 
 HEAVY = {'true_robot.m1': 1.1 * 5.12, 'true_robot.m2': 1.1 * 7.39, 'true_robot.mp': 1.1 * 3.84}
@@ -36,7 +37,7 @@ def circle():
 )
 def test_steady_error(scenario, overrides, bound):
     done = simulate(scenario, overrides=overrides)
-    assert done.out.status == FOUND and done.out.steps == 12001
+    assert not done.out.fault.any() and not done.out.acted.any() and done.out.steps == 12001
     assert done.steady_rms() < bound
 
 
@@ -98,26 +99,28 @@ def test_recorded_commands_move_mujoco_alike(robot):
     assert np.abs(out.pose - theirs).max() < 2e-10
 
 
-def test_integral_is_that_of_the_coupled_error(circle):
+def test_the_coupled_error_is_the_error_and_the_integral_of_the_coupling(circle):
     error = circle.reference.position - circle.out.theta
     summed = 1e-3 * (np.cumsum(error @ ring(3), axis=0) - error @ ring(3))
-    assert np.abs(circle.out.integral - summed).max() < 1e-12
+    assert np.abs(circle.out.coupled_error - (error + 0.9 * summed)).max() < 1e-12
 
 
 def test_the_same_run_gives_the_same_bits(circle):
     again = simulate('paper_circle')
-    for first, second in zip(circle.out, again.out, strict=True):
+    for first, second in zip(circle.out[:11], again.out[:11], strict=True):
         assert np.array_equal(first, second)
 
 
-def test_a_controller_that_cannot_answer_ends_the_run():
+def test_a_controller_without_a_pose_leaves_the_robot_damped():
     out = simulate(duration=0.1, guess=[5.0, 5.0, 0.0]).out
-    assert (out.status, out.steps) == (GUESS_OUT_OF_REACH, 1)
-    assert not out.command[0].any()
+    assert (out.fault == GUESS_OUT_OF_REACH).all() and out.steps == 101
+    assert np.array_equal(out.command, -40.0 * out.theta_dot)
 
 
 def test_a_plant_out_of_its_workspace_ends_the_run():
     pull = {'friction.viscous': [0.0] * 3, 's_fotsmc.G': 1e7, 'plant.torque_limit': [1e4] * 3}
+    pull |= {f'safety.{key}': [1e9] * 3 for key in ('torque_limit', 'torque_rate', 'speed_limit')}
+    pull |= {'safety.min_sin_psi': 0.0, 'safety.min_determinant': 0.0, 'safety.action': 'zero'}
     out = simulate(duration=2.0, overrides=pull).out
     assert out.steps < 2001
     assert all(np.isfinite(rows[: out.steps]).all() for rows in out[:9])
@@ -142,16 +145,16 @@ def test_memory_does_not_grow_with_the_steps_of_a_run():
 @pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='needs Linux')
 def test_memory_does_not_grow_with_single_cycles(values, robot):
     law, theta, still = laws.prepare('s_fotsmc', values), legs(robot, PAPER_START)[0], np.zeros(3)
-    reference, feedback = JointReference(theta, still, still), Feedback(theta, still)
+    reference = JointReference(theta, still, still)
+    limits = limits_of(config.group(values, SafetyParameters, 'safety'))
 
     def cycles(count):
-        memory = law.memory
+        state, memory = initial_state(PAPER_START), law.memory
         for _ in range(count):
             cycle = run_cycle(
-                law.update, law.gains, robot, reference, feedback,
-                PAPER_START, still, memory, 1e-3,
-            )  # fmt: skip
-            memory = cycle.memory
+                law.update, law.gains, robot, limits, reference, theta, still, state, memory, 1e-3
+            )
+            state, memory = cycle.state, cycle.memory
 
     cycles(1000)
     before = resident()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.controller import Controller
-from parallel_robot_control.cycle import CYCLE_TEXT
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller import Controller, JointSample
+from parallel_robot_control.faults import FAULT_TEXT, REFERENCE_STALE
 from parallel_robot_interface import config
 from trajectory_gen.trajectory import Trajectory
 
@@ -24,7 +24,9 @@ def motion():
     samples = Trajectory.of(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
     rows = zip(samples.position, samples.velocity, samples.acceleration, strict=True)
     references = [JointReference(*row) for row in rows]
-    return references, [Feedback(row.position - OFFSET, row.velocity) for row in references]
+    return references, [
+        JointSample(row.position - OFFSET, row.velocity, np.zeros(3)) for row in references
+    ]
 
 
 def errors(sample):
@@ -73,7 +75,7 @@ def test_a_state_before_every_reference_has_no_answer(motion):
     core = controller()
     assert core.add_state(START - MS, states[0]) is None
     core.add_reference(START, references[0])
-    assert core.add_state(START - MS // 2, states[0]) is None and not core.waiting
+    assert core.add_state(START - MS // 2, states[0]) is None
     assert core.add_state(START, states[0]) is not None
 
 
@@ -81,11 +83,11 @@ def test_in_lockstep_a_state_waits_for_the_sample_of_its_stamp(motion):
     references, states = motion
     core = controller('lockstep')
     core.add_reference(START, references[0])
-    assert core.add_state(START + 2 * MS, states[2]) is None and core.waiting
-    assert core.add_reference(START + MS, references[1]) is None and core.waiting
+    assert core.add_state(START + 2 * MS, states[2]) is None
+    assert core.add_reference(START + MS, references[1]) is None
     sample = core.add_reference(START + 2 * MS, references[2])
     assert np.array_equal(errors(sample)[0], references[2].position - states[2].position)
-    assert not core.waiting and core.add_reference(START + 3 * MS, references[3]) is None
+    assert core.add_reference(START + 3 * MS, references[3]) is None
 
 
 def test_in_lockstep_the_order_of_arrival_does_not_matter(motion):
@@ -102,7 +104,7 @@ def test_in_lockstep_the_order_of_arrival_does_not_matter(motion):
 def test_a_state_that_repeats_or_goes_back_is_left_out(back, motion):
     core, untouched = controller(), controller()
     run(core, motion, range(10)), run(untouched, motion, range(10))
-    assert core.add_state(START + (9 - back) * MS, motion[1][0]) is None
+    assert core.add_state(START + (9 - back) * MS, motion[1][9 - back]) is None
     assert core.counts == {'state stamps that repeat or go back': 1}
     after = run(core, motion, range(10, 20)), run(untouched, motion, range(10, 20))
     assert np.array_equal(*after)
@@ -112,7 +114,7 @@ def test_a_state_that_repeats_or_goes_back_is_left_out(back, motion):
 def test_a_reference_that_repeats_or_goes_back_is_left_out(back, motion):
     core = controller()
     run(core, motion, range(10))
-    core.add_reference(START + (9 - back) * MS, motion[0][50])
+    core.add_reference(START + (9 - back) * MS, motion[0][9 - back])
     assert core.counts == {'reference stamps that repeat or go back': 1}
     error, _ = errors(core.add_state(START + 10 * MS, motion[1][10]))
     assert np.abs(error - OFFSET).max() < 1e-5
@@ -129,45 +131,38 @@ def test_a_new_run_of_the_plant_starts_with_a_new_memory(jump, motion):
 
 
 def test_the_period_is_the_time_between_two_stamps(motion):
-    """Twice the time adds twice the error to the integral that is published."""
+    """Twice the time adds twice the error to the integral of the coupled error."""
     references, states = motion
     integrals = []
     for step in (1, 2):
         core = controller()
+        core.begin(START)
         for k in (0, step, 2 * step):
             core.add_reference(START + k * MS, references[0])
             sample = core.add_state(START + k * MS, states[0])
-        integrals.append(sample.telemetry.integral[0])
+        integrals.append((sample.telemetry.coupled_error[0] - errors(sample)[0]) / 0.9)
     ring = 2 * OFFSET - np.roll(OFFSET, 1) - np.roll(OFFSET, -1)
     assert np.abs(integrals[1] - (1e-3 + 2e-3) * ring).max() < 1e-15
     assert np.abs(integrals[0] - 2e-3 * ring).max() < 1e-15
 
 
 @pytest.mark.parametrize('theta', [[0.0, np.pi, -np.pi / 2], [-2.5, 0.5, 3.0]])
-def test_a_state_without_a_pose_gets_no_torque_and_is_counted(theta, motion):
-    core, untouched = controller(), controller()
-    run(core, motion, range(10)), run(untouched, motion, range(10))
-    core.add_reference(START + 10 * MS, motion[0][10])
-    lost = core.add_state(START + 10 * MS, Feedback(np.array(theta), np.zeros(3)))
-    assert not lost.torque.any() and core.counts.total() == 1
-    assert set(core.counts) <= set(CYCLE_TEXT.values())
-    after = run(core, motion, [11])[0]
-    assert after.any() and np.isfinite(after).all()
+def test_a_state_without_a_pose_is_a_fault_that_is_counted(theta, motion):
+    core = controller()
+    core.add_reference(START, motion[0][0])
+    lost = core.add_state(START, JointSample(np.array(theta), np.full(3, 0.1), np.zeros(3)))
+    assert np.allclose(lost.torque, -4.0) and core.counts.total() == 1
+    assert set(core.counts) <= set(FAULT_TEXT.values()) and core.fault == lost.status.fault != 0
 
 
-def test_a_motion_that_has_ended_does_not_go_on(motion):
-    """References that stop are extrapolated for a moment, then held: no parabola for ever."""
+def test_references_that_stop_are_extrapolated_for_a_moment_then_a_fault(motion):
     references, states = motion
     core = controller()
     core.add_reference(START, references[0])
-    shown = {}
     for k in range(0, 400, 10):
         sample = core.add_state(START + k * MS, states[0])
-        shown[k] = states[0].position + errors(sample)[0]
-        if k > 50:
-            assert np.array_equal(errors(sample)[1], -states[0].velocity)
-    assert np.allclose(shown[390], references[0].position, rtol=0, atol=1e-12)
-    assert any('held' in text for text in core.counts)
+        assert (sample.status.fault == REFERENCE_STALE) == (k > 50)
+    assert np.array_equal(sample.torque, -40.0 * states[0].velocity)
 
 
 def test_in_lockstep_a_copy_of_a_state_is_not_answered_twice(motion):

@@ -5,27 +5,31 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from geometry import PAPER_START, PI12_START, legs
-from test_s_fotsmc import ring
 
 from parallel_robot_control import laws
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.cycle import CYCLE_TEXT, TORQUE_NOT_FINITE, Cycle, run_cycle
+from parallel_robot_control.cycle import Cycle, CycleState, initial_state, run_cycle
+from parallel_robot_control.faults import FAULT_TEXT, NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
+from parallel_robot_control.safety import SafetyParameters, limits_of
+from parallel_robot_interface import config
 from parallel_robot_model.dynamics import actuated_dynamics
-from parallel_robot_model.kinematics import FOUND, GUESS_OUT_OF_REACH, NOT_CONVERGED
+from parallel_robot_model.kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
+
+LIMITS = limits_of(config.group(config.resolve('paper_circle'), SafetyParameters, 'safety'))
 
 
 class Situation(NamedTuple):
-    """A state of the robot with a reference close to it."""
+    """A state of the robot with a reference close to it, and what a cycle remembers."""
 
     reference: JointReference
-    feedback: Feedback
-    guess: np.ndarray
-    integral: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    state: CycleState
 
     def solve(self, law, robot, memory=None) -> Cycle:
         memory = law.memory if memory is None else memory
-        return run_cycle(law.update, law.gains, robot, *self, memory, 1e-3)
+        return run_cycle(law.update, law.gains, robot, LIMITS, *self, memory, 1e-3)
 
 
 @pytest.fixture
@@ -44,40 +48,32 @@ def situation(robot, pose):
     theta, (velocity, rate_d, acceleration_d) = legs(robot, pose)[0], rng.standard_normal((3, 3))
     return Situation(
         JointReference(theta + 0.01 * rng.standard_normal(3), rate_d, acceleration_d),
-        Feedback(theta, velocity),
-        pose + np.array([0.002, -0.001, 0.01]),
-        np.array([0.1, 0.2, -0.3]),
+        theta,
+        velocity,
+        initial_state(pose + np.array([0.002, -0.001, 0.01])),
     )
 
 
 def test_torque_is_the_laws_at_the_true_pose(law, robot, pose, situation):
     cycle = situation.solve(law, robot)
     theta, beta = legs(robot, pose)
-    model = actuated_dynamics(robot, pose[2], theta, beta, situation.feedback.velocity)
-    alone = s_fotsmc.update(
-        law.gains, model, situation.reference, situation.feedback, law.memory, 1e-3
-    )
-    assert cycle.status == FOUND and np.abs(cycle.pose - pose).max() < 1e-12
+    model = actuated_dynamics(robot, pose[2], theta, beta, situation.velocity)
+    feedback = Feedback(theta, situation.velocity, np.zeros(3))
+    alone = s_fotsmc.update(law.gains, model, situation.reference, feedback, law.memory, 1e-3)
+    assert cycle.state.fault == NONE and np.abs(cycle.state.pose - pose).max() < 1e-12
     assert np.allclose(cycle.torque, alone.torque, rtol=1e-9)
     for after, expected in zip(cycle.memory, alone.memory, strict=True):
         assert np.allclose(after, expected, rtol=1e-12, atol=1e-15)
 
 
-def test_the_published_integral_is_that_of_the_coupling(law, robot, situation):
-    e = situation.reference.position - situation.feedback.position
-    advanced = situation.integral + 1e-3 * ring(3) @ e
-    assert np.allclose(situation.solve(law, robot).integral, advanced, rtol=1e-14)
-
-
 def bad_position(situation):
-    position = situation.feedback.position.copy()
+    position = situation.position.copy()
     position[1] = np.nan
-    return situation._replace(feedback=situation.feedback._replace(position=position))
+    return situation._replace(position=position)
 
 
 def bad_velocity(situation):
-    velocity = np.array([0.0, np.inf, 0.0])
-    return situation._replace(feedback=situation.feedback._replace(velocity=velocity))
+    return situation._replace(velocity=np.array([0.0, np.inf, 0.0]))
 
 
 def bad_reference(situation):
@@ -86,32 +82,34 @@ def bad_reference(situation):
 
 
 def bad_guess(situation):
-    return situation._replace(guess=np.array([5.0, 5.0, 0.0]))
+    return situation._replace(state=initial_state(np.array([5.0, 5.0, 0.0])))
 
 
 @pytest.mark.parametrize(
-    ('spoil', 'status'),
+    ('spoil', 'fault'),
     [
         (bad_position, NOT_CONVERGED),
-        (bad_velocity, TORQUE_NOT_FINITE),
+        (bad_velocity, SPEED),
         (bad_reference, TORQUE_NOT_FINITE),
         (bad_guess, GUESS_OUT_OF_REACH),
     ],
 )
-def test_in_doubt_there_is_no_torque_and_nothing_is_remembered(
-    law, robot, situation, spoil, status
+def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
+    law, robot, situation, spoil, fault
 ):
     memory = situation.solve(law, robot).memory
-    cycle = spoil(situation).solve(law, robot, memory)
-    assert cycle.status == status and CYCLE_TEXT[cycle.status]
-    assert not cycle.torque.any() and not cycle.sliding_variable.any()
-    assert np.array_equal(cycle.integral, situation.integral)
+    spoilt = spoil(situation)
+    cycle = spoilt.solve(law, robot, memory)
+    assert cycle.state.fault == fault and FAULT_TEXT[fault]
+    damped = np.where(np.isfinite(spoilt.velocity), -40.0 * spoilt.velocity, 0.0)
+    assert np.array_equal(cycle.torque, np.clip(damped, -60.0, 60.0))
+    assert not cycle.sliding_variable.any()
     for after, before in zip(cycle.memory, memory, strict=True):
         assert np.array_equal(after, before)
 
 
-def test_after_a_bad_sample_the_cycle_goes_on(law, robot, situation):
-    failed = bad_position(situation).solve(law, robot)
-    again = situation._replace(guess=failed.pose).solve(law, robot, failed.memory)
-    assert again.status == FOUND
-    assert np.array_equal(again.torque, situation.solve(law, robot).torque)
+def test_a_fault_stays_when_its_cause_is_gone(law, robot, situation):
+    failed = bad_velocity(situation).solve(law, robot)
+    again = situation._replace(state=failed.state).solve(law, robot, failed.memory)
+    assert again.state.fault == SPEED
+    assert np.allclose(again.torque, np.clip(-40.0 * situation.velocity, -60.0, 60.0))

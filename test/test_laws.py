@@ -160,7 +160,7 @@ def test_torque_of_every_sample_is_that_of_the_formula(law, changed, size):
         root = draw((3, 3))
         M, Q = root @ root.T + np.eye(3), draw((3, 3))
         r = JointReference(*draw((3, 3)))
-        f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))))
+        f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))), np.zeros(3))
         found = LAWS[law].update(prepared.gains, Model(M, Q), r, f, memory, DT)
         assert np.allclose(found.torque, FORMULAS[law](k, M, Q, r, f, past), rtol=1e-9, atol=1e-9)
         memory = found.memory

@@ -13,8 +13,8 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.controller import Controller
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_interface import config, topics
 from trajectory_gen.trajectory import Trajectory
 
@@ -22,6 +22,7 @@ pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 NAMES = list(MODULES)
+PATIENT = ['safety.state_timeout:=1.0', 'safety.reference_timeout:=1.0']  # the machine is shared
 
 
 @pytest.fixture
@@ -78,7 +79,7 @@ def test_nodes_started_by_hand_close_the_loop(start, peer):
     heard, states = peer.listen(topics.ERROR), peer.listen(topics.JOINT_STATES)
     commands, nodes = peer.listen(topics.COMMANDS), {}
     for name in ('controller', 'plant', 'trajectory'):
-        nodes[name] = start(name)
+        nodes[name] = start(name, *PATIENT)
         peer.see(f'/{name}')
     peer.until(lambda: heard)
     assert np.abs(heard[0].position).max() > 5e-3
@@ -125,7 +126,7 @@ def test_joints_are_found_by_name(start, peer):
     theta, theta_dot = desired[0] + [1e-3, -2e-3, 3e-3], np.array([0.01, 0.02, 0.03])
     core = Controller(values)
     core.add_reference(10**9, JointReference(*desired))
-    expected = core.add_state(10**9, Feedback(theta, theta_dot)).torque
+    expected = core.add_state(10**9, JointSample(theta, theta_dot, np.zeros(3))).torque
 
     start('controller', 'time_mode:=lockstep')
     commands = peer.listen(topics.COMMANDS)

@@ -10,6 +10,7 @@ import pytest
 from bags import content
 
 from parallel_robot_analysis.recorder import Recorder
+from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.loop import LoopParameters
@@ -29,6 +30,8 @@ def message(topic, k):
     """Message of a topic for state k."""
     if topic == topics.ACTIVE_LAW:
         return LAW
+    if topic == topics.STATUS:
+        return status_message(START + k * MS, Status('s_fotsmc', 0, 0))
     if topic == topics.COMMANDS:
         return cdr.float64_multi_array(3).encode(data=[k, k, k])
     return LAYOUTS[topic.type].encode(START + k * MS)
@@ -93,7 +96,10 @@ def test_before_the_start_only_the_latched_is_kept(make, tmp_path):
     assert not recorder.complete() and not (tmp_path / 'bag').exists()
     recorder.open(START)
     recorder.close()
-    assert recorded(tmp_path) == {'controller/active_law': [(START, LAW)]}
+    assert recorded(tmp_path) == {
+        'controller/active_law': [(START, LAW)],
+        'controller/status': [(START, message(topics.STATUS, 0))],
+    }
 
 
 def test_in_real_time_the_log_time_is_that_of_reception(make, tmp_path):

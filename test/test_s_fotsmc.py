@@ -50,7 +50,7 @@ def play(gains, reference, feedback, M, Q, dt):
     for k in range(reference.shape[1]):
         out = s_fotsmc.update(
             gains, Model(M[k], Q[k]), JointReference(*reference[:, k]),
-            Feedback(*feedback[:, k]), memory, dt,
+            Feedback(*feedback[:, k], np.zeros(reference.shape[2])), memory, dt,
         )  # fmt: skip
         memory = out.memory
         torques.append(out.torque)
@@ -129,7 +129,8 @@ def test_torque_drives_the_error_down():
     memory, theta, rate = s_fotsmc.initial_memory(3), np.array([0.02, -0.01, 0.015]), np.zeros(3)
     model, desired = Model(np.eye(3), np.zeros((3, 3))), JointReference(*np.zeros((3, 3)))
     for _ in range(8000):
-        out = s_fotsmc.update(GAINS, model, desired, Feedback(theta, rate), memory, 1e-3)
+        feedback = Feedback(theta, rate, np.zeros(3))
+        out = s_fotsmc.update(GAINS, model, desired, feedback, memory, 1e-3)
         memory, rate = out.memory, rate + 1e-3 * out.torque
         theta = theta + 1e-3 * rate
     assert np.abs(theta).max() < 1e-5
@@ -138,7 +139,8 @@ def test_torque_drives_the_error_down():
 def test_an_update_changes_nothing_that_it_was_given():
     reference, feedback, M, Q = random_run(3, count=2)
     memory = s_fotsmc.initial_memory(3)._replace(started=1.0)
-    given = (Model(M[0], Q[0]), JointReference(*reference[:, 0]), Feedback(*feedback[:, 0]))
+    feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]))
+    given = (Model(M[0], Q[0]), JointReference(*reference[:, 0]), feedback)
     copies = [[array.copy() for array in group] for group in given]
     s_fotsmc.update(GAINS, *given, memory, 1e-3)
     for group, copy in zip(given, copies, strict=True):

@@ -10,8 +10,8 @@ from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import simulation_bag
 from parallel_robot_interface import config
-from parallel_robot_sim.closed_loop import simulate
 from parallel_robot_sim.plant import measure
+from parallel_robot_sim.simulation import simulate
 
 N = 400
 VALUES = config.resolve('paper_line', {'duration': N * 1e-3, 'true_robot.m2': 8.0})
@@ -50,8 +50,8 @@ def test_every_topic_is_on_the_grid(messages):
         if hasattr(stream[0][1], 'header'):
             headers = [message.header.stamp for _, message in stream]
             assert [stamp.sec * 10**9 + stamp.nanosec for stamp in headers] == stamps
-        assert (len(stream) == 1) == (topic == '/controller/active_law')
-    assert len(messages) == 10
+        assert (len(stream) == 1) == (topic in ('/controller/active_law', '/controller/status'))
+    assert len(messages) == 11
 
 
 def test_metadata_say_where_zero_is_and_how_it_was_made(bag):

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import typeof
+from numba.core.errors import NumbaError
 
-from parallel_robot_control.contract import Feedback, JointReference, Law
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
 from parallel_robot_control.laws import (
     adaptive_s_fotsmc,
     computed_torque,
@@ -21,10 +23,10 @@ from parallel_robot_control.laws import (
     smc_k,
     super_twisting,
 )
-from parallel_robot_interface import config
+from parallel_robot_interface import config, plugins
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_model.dynamics import Model
-from parallel_robot_model.kernel import FirstClass
+from parallel_robot_model.kernel import FirstClass, distinguish
 
 LAWS: dict[str, Law] = {
     # the paper's
@@ -49,7 +51,7 @@ class PreparedLaw(NamedTuple):
     """A law ready to run.
 
     Attributes:
-        name: Key of LAWS.
+        name: Key of LAWS, or the name of one's own.
         gains: Its gains.
         memory: Its memory before the first update.
         update: Its compiled update.
@@ -62,10 +64,11 @@ class PreparedLaw(NamedTuple):
     update: FirstClass
     warnings: tuple[str, ...]
 
-    @property
-    def coupling_gain(self) -> float:
-        """Lambda of the cross-coupling error [1/s]; 0 for a law without coupling."""
-        return float(getattr(self.gains, 'lambda_', 0.0))
+
+def available(values: Mapping[str, Any]) -> dict[str, Law]:
+    """LAWS and the laws of one's own in a resolved configuration, by name."""
+    own: dict[str, Any] = dict(map(plugins.load, values['own_laws']))
+    return LAWS | own
 
 
 def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLaw:
@@ -75,9 +78,10 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
         UnknownNameError: no such law.
         InputError: a gain is wrong, or the theory of the law forbids the set.
     """
-    if name not in LAWS:
-        raise UnknownNameError('law', name, LAWS)
-    law = LAWS[name]
+    laws = available(values)
+    if name not in laws:
+        raise UnknownNameError('law', name, laws)
+    law = laws[name]
     gains = config.group(values, law.Gains, name)
     judge = getattr(law, 'judge', None)  # optional in the contract
     try:
@@ -85,14 +89,29 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
     except InputError as error:
         raise InputError(f'{name}: {error}') from None
     memory = law.initial_memory(joints)
+    distinguish(gains, memory)
+    try:
+        update = _compiled(law, gains, memory, joints)
+    except NumbaError as error:
+        reason = next(line for line in str(error).splitlines()[::-1] if line.strip())
+        raise InputError(f'{name}: update does not compile: {reason.strip()}') from error
+    row = np.zeros(joints)
+    if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
+        raise InputError(
+            f'{name}: update must return ControlOutput(torque, sliding_variable, coupled_error, '
+            'memory), three float arrays and a memory of the type of initial_memory'
+        )
+    return PreparedLaw(name, gains, memory, update, warnings)
+
+
+def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
     row, matrix = np.zeros(joints), np.eye(joints)
-    update = FirstClass(
+    return FirstClass(
         law.update,
         gains,
         Model(matrix, matrix),
         JointReference(row, row, row),
-        Feedback(row, row),
+        Feedback(row, row, row),
         memory,
         1e-3,
     )
-    return PreparedLaw(name, gains, memory, update, warnings)

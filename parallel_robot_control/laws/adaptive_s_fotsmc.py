@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_interface.fields import Field
@@ -69,17 +70,19 @@ def update(
     )
     output = _fixed_gain(still, model, reference, feedback, memory, dt)
     S = output.sliding_variable
-    switching = output.memory.switching.copy()
+    advance = np.zeros(len(S))
     for i in range(len(S)):
         left = 1.0 - abs(S[i]) / gains.width
         G = gains.G_max
         if left > 0.0:
             G = min(gains.G_max, gains.slope * abs(S[i]) / left)
-        switching[i] += dt * G * np.sign(S[i])
+        advance[i] = dt * G * np.sign(S[i])
     advanced = output.memory
+    switching = advanced.switching + unless_saturated(advance, feedback.excess)
     return ControlOutput(
         output.torque,
         S,
+        output.coupled_error,
         s_fotsmc.Memory(
             advanced.coupling, advanced.surface, switching, advanced.v, advanced.started
         ),

@@ -57,4 +57,4 @@ def update(
     e_dot = reference.velocity - feedback.velocity
     acceleration = reference.acceleration + gains.Kd * e_dot + gains.Kp * e
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    return ControlOutput(torque, e, memory)
+    return ControlOutput(torque, e, e, memory)

@@ -95,4 +95,4 @@ def update(
         w = sig(e_dot, 2.0 - gains.gamma2) * (1.0 + slope) / (gains.Gamma2 * gains.gamma2)
     acceleration = reference.acceleration + w + (gains.G + gains.g) * saturate(S / gains.u)
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    return ControlOutput(torque, S, memory)
+    return ControlOutput(torque, S, e, memory)

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
@@ -62,4 +63,5 @@ def update(
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
     torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot
-    return ControlOutput(torque, e, Memory(memory.integral + dt * e))
+    advance = unless_saturated(dt * e, feedback.excess)
+    return ControlOutput(torque, e, e, Memory(memory.integral + advance))

@@ -7,6 +7,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling, sig
 from parallel_robot_interface.errors import InputError
@@ -99,7 +100,8 @@ def update(
 
     S needs the acceleration, which no joint state carries; its integral v = e_c' + int w dt needs
     velocities alone, and sgn(S_k) = sgn(v_k - v_(k-1)). The first update has no v before it and
-    takes S = 0. Integrals advance by forward Euler after the torque is computed.
+    takes S = 0. Integrals advance by forward Euler after the torque is computed; int w dt matters
+    by its differences alone and cannot wind up.
 
     Args:
         gains: See Gains.
@@ -125,13 +127,15 @@ def update(
     S = memory.started * (v - memory.v) / dt
     acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + memory.switching
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    switching = dt * (gains.G + gains.g) * np.sign(S)
     return ControlOutput(
         torque,
         S,
+        e_c,
         Memory(
-            memory.coupling + dt * coupling(e),
+            memory.coupling + unless_any_saturated(dt * coupling(e), feedback.excess),
             memory.surface + dt * w,
-            memory.switching + dt * (gains.G + gains.g) * np.sign(S),
+            memory.switching + unless_saturated(switching, feedback.excess),
             v,
             1.0,
         ),

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import sig
 from parallel_robot_control.laws import s_fotsmc
@@ -121,13 +122,15 @@ def update(
     S = memory.started * (v - memory.v) / dt
     acceleration = reference.acceleration + gains.lambda_ * De_dot + w + memory.switching
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    switching = dt * (gains.G + gains.g) * np.sign(S)
     return ControlOutput(
         torque,
         S,
+        e_c,
         s_fotsmc.Memory(
-            memory.coupling + dt * De,
+            memory.coupling + unless_any_saturated(dt * De, feedback.excess),
             memory.surface + dt * w,
-            memory.switching + dt * (gains.G + gains.g) * np.sign(S),
+            memory.switching + unless_saturated(switching, feedback.excess),
             v,
             1.0,
         ),

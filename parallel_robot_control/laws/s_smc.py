@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling, saturate
 from parallel_robot_interface.fields import Field
@@ -84,4 +85,5 @@ def update(
         - gains.K * S
         - (gains.G + gains.g) * saturate(S / gains.u)
     )
-    return ControlOutput(torque, S, Memory(memory.coupling + dt * coupling(e)))
+    advance = unless_any_saturated(dt * coupling(e), feedback.excess)
+    return ControlOutput(torque, S, -e_c, Memory(memory.coupling + advance))

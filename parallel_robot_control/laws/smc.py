@@ -69,4 +69,4 @@ def update(
         + multiply(model.Q, reference.velocity - gains.z * e)
         - (gains.G + gains.g) * saturate(S / gains.u)
     )
-    return ControlOutput(torque, S, memory)
+    return ControlOutput(torque, S, -e, memory)

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import sig
 from parallel_robot_interface.fields import Field
@@ -71,4 +72,5 @@ def update(
         reference.acceleration + gains.z * e_dot + gains.k1 * sig(S, 0.5) + memory.integral
     )
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    return ControlOutput(torque, S, Memory(memory.integral + dt * gains.k2 * np.sign(S)))
+    advance = unless_saturated(dt * gains.k2 * np.sign(S), feedback.excess)
+    return ControlOutput(torque, S, e, Memory(memory.integral + advance))

@@ -1,0 +1,48 @@
+"""Control laws of one's own, from Python files that are not part of the suite."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from parallel_robot_interface.errors import InputError
+
+NEEDED = ('Gains', 'initial_memory', 'update')
+
+
+def load(path: str) -> tuple[str, ModuleType]:
+    """Import a law file once.
+
+    Args:
+        path: The file; its stem is the name of the law.
+
+    Returns:
+        Name and module.
+
+    Raises:
+        InputError: the file does not exist, cannot be imported or is not a law.
+    """
+    file = Path(path).expanduser().resolve()
+    if file.suffix != '.py' or not file.stem.isidentifier() or not file.is_file():
+        raise InputError(f'own_laws: {path} is not a Python file whose name can name a law')
+    return file.stem, _module(file)
+
+
+@functools.cache
+def _module(file: Path) -> ModuleType:
+    name = f'parallel_robot_own_{file.stem}'
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None and spec.loader is not None  # of a .py file there always is one
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever the code of somebody else may raise
+        raise InputError(f'own_laws: {file}: {type(error).__name__}: {error}') from error
+    for attribute in NEEDED:
+        if not hasattr(module, attribute):
+            raise InputError(f'own_laws: {file} has no {attribute}: it is not a law')
+    return module
