@@ -22,7 +22,11 @@ pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 NAMES = list(MODULES)
-PATIENT = ['safety.state_timeout:=1.0', 'safety.reference_timeout:=1.0']  # the machine is shared
+PATIENT = [  # the machine is shared
+    'safety.state_timeout:=5.0',
+    'safety.reference_timeout:=5.0',
+    'plant.command_timeout:=60.0',
+]
 
 
 @pytest.fixture
