@@ -1,0 +1,229 @@
+"""Messages of a bag as arrays of bytes, whoever recorded it and however it ended."""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import re
+import shutil
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import numpy as np
+import yaml
+import zstandard
+from mcap.records import Channel, Header, Metadata, Schema
+
+from parallel_robot_analysis.bag_writer import METADATA
+from parallel_robot_analysis.mcap_records import (
+    HEAD,
+    MESSAGE_HEAD,
+    Block,
+    Damage,
+    Record,
+    plain,
+    scan,
+)
+from parallel_robot_interface.errors import BagError
+
+# Written in C where that is installed, seven times faster.
+LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+
+
+class Messages(NamedTuple):
+    """Messages of one length, in the order of their log time.
+
+    Attributes:
+        log_times: When they were recorded [ns], shape (N,).
+        payloads: The bytes, shape (N, L).
+    """
+
+    log_times: np.ndarray
+    payloads: np.ndarray
+
+
+class Stream(NamedTuple):
+    """What a bag holds of a topic.
+
+    Attributes:
+        type: ROS type; empty when the bag does not say.
+        parts: Messages by length.
+    """
+
+    type: str
+    parts: list[Messages]
+
+
+class Bag(NamedTuple):
+    """What was asked of a bag.
+
+    Attributes:
+        streams: By full name of the topic.
+        metadata: What the suite wrote about the experiment; empty when another recorded it.
+        warnings: What is wrong with the bag, one line each.
+    """
+
+    streams: dict[str, Stream]
+    metadata: dict[str, str]
+    warnings: tuple[str, ...]
+
+
+def read(bag: Path, names: Iterable[str]) -> Bag:
+    """Read some topics of a bag.
+
+    Args:
+        bag: Directory of the bag, or one file of it.
+        names: Names of topics without namespace; those in any namespace are read.
+
+    Raises:
+        BagError: nothing there is an MCAP file.
+    """
+    ends = tuple(f'/{name}' for name in names)
+    types: dict[str, str] = {}
+    found: dict[str, dict[int, list[tuple[np.ndarray, np.ndarray]]]] = {}
+    facts: dict[str, str] = {}
+    damage: list[Damage] = []
+    understood = False
+    for file in files(bag):
+        schemas: dict[int, Schema] = {}
+        wanted: dict[int, str] = {}
+        for record in scan_file(file):
+            understood = understood or not isinstance(record, (Damage, Header))
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel) and f'/{record.topic}'.endswith(ends):
+                topic = f'/{record.topic.lstrip("/")}'
+                wanted[record.id] = topic
+                types[topic] = (
+                    schemas[record.schema_id].name if record.schema_id in schemas else ''
+                )
+                found.setdefault(topic, defaultdict(list))
+            elif isinstance(record, Metadata) and record.name == METADATA:
+                facts = record.metadata
+            elif isinstance(record, Damage):
+                damage.append(record)
+            elif isinstance(record, Block):
+                _collect(record, wanted, found)
+    if not understood:
+        raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
+    streams = {
+        topic: Stream(types[topic], [_sorted(pieces) for pieces in lengths.values()])
+        for topic, lengths in found.items()
+    }
+    if damage or not facts:
+        facts = custom_data(bag) or facts
+    return Bag(streams, facts, (warning(bag, damage),) if damage else ())
+
+
+def files(bag: Path) -> list[Path]:
+    """The MCAP files of a bag, in the order of recording.
+
+    Raises:
+        BagError: there is none.
+    """
+    if bag.is_dir():
+        found = {path.name: path for path in bag.iterdir()}
+        names = [name for name in found if name.endswith(('.mcap', '.mcap.zstd'))]
+        whole = [
+            name for name in names if name.removesuffix('.zstd') == name or name[:-5] not in found
+        ]
+        paths = [found[name] for name in sorted(whole, key=_numbers_by_value)]
+    else:
+        paths = [bag] if bag.is_file() else []
+    if not paths:
+        raise BagError(f'{bag} is not a bag: no MCAP file there')
+    return paths
+
+
+def scan_file(path: Path) -> Iterator[Record]:
+    """Records of a file, see :func:`mcap_records.scan`.
+
+    Raises:
+        BagError: it cannot be read.
+    """
+    return scan(_content(path))
+
+
+def custom_data(bag: Path) -> dict[str, str]:
+    """What metadata.yaml says about the experiment; empty when it is missing or broken."""
+    directory = bag if bag.is_dir() else bag.parent
+    try:
+        text = (directory / 'metadata.yaml').read_text()
+        facts = yaml.load(text, LOADER)['rosbag2_bagfile_information']['custom_data']
+        return {str(key): str(value) for key, value in facts.items()} if 'config' in facts else {}
+    except Exception:  # in a broken file, anything can stand anywhere
+        return {}
+
+
+def warning(bag: Path, damage: Iterable[Damage]) -> str:
+    """One line about what is lost of a bag."""
+    places = [place for place in damage if place.what != 'end']
+    what = 'was not closed and ends with its last finished chunk'
+    if places:
+        where = f'{len(places)} places' if len(places) > 1 else 'one place'
+        what = f'is damaged in {where}, {sum(place.length for place in damage)} bytes are lost'
+    return f'{bag} {what}; parallel_robot recover makes a whole bag of it'
+
+
+def _content(path: Path) -> memoryview:
+    """Content of a file, mapped rather than loaded, unpacked if it is packed as a whole."""
+    try:
+        with path.open('rb') as stream:
+            if path.suffix != '.zstd':
+                return _mapped(stream)
+            with tempfile.TemporaryFile() as unpacked:
+                with contextlib.suppress(zstandard.ZstdError):  # what follows is lost
+                    shutil.copyfileobj(
+                        zstandard.ZstdDecompressor().stream_reader(stream), unpacked
+                    )
+                unpacked.flush()
+                return _mapped(unpacked)
+    except OSError as error:
+        raise BagError(f'{path} cannot be read: {error.strerror}') from None
+
+
+def _mapped(stream: IO[bytes]) -> memoryview:
+    if stream.seek(0, 2) == 0:  # nothing cannot be mapped
+        return memoryview(b'')
+    return memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
+
+
+def _numbers_by_value(name: str) -> list[tuple[int, str]]:
+    """Key that sorts bag_10 after bag_9."""
+    return [(int(part or 0), text) for text, part in re.findall(r'(\D*)(\d*)', name)]
+
+
+def _collect(
+    block: Block,
+    wanted: dict[int, str],
+    found: dict[str, dict[int, list[tuple[np.ndarray, np.ndarray]]]],
+) -> None:
+    """Add the wanted messages of a block to `found`: topic, length, pieces."""
+    heads = block.heads()
+    for channel, topic in wanted.items():
+        here = heads['channel'] == channel
+        lengths = heads['length'][here]
+        for length in {*lengths.tolist()} - {MESSAGE_HEAD}:  # what has no payload says nothing
+            these = np.flatnonzero(here)[lengths == length]
+            rows = block.cut(HEAD + MESSAGE_HEAD, length - MESSAGE_HEAD, these)
+            times = heads['log_time'][these].astype(np.int64)
+            if rows[0].tobytes().startswith(zstandard.FRAME_HEADER):
+                for k, row in enumerate(rows):
+                    payload = np.frombuffer(plain(row.tobytes()), np.uint8)
+                    piece = times[k : k + 1], payload.view(f'V{len(payload)}')
+                    found[topic][len(payload) + MESSAGE_HEAD].append(piece)
+            else:
+                found[topic][length].append((times, rows))
+
+
+def _sorted(pieces: list[tuple[np.ndarray, np.ndarray]]) -> Messages:
+    times = np.concatenate([times for times, _ in pieces])
+    rows = np.concatenate([rows for _, rows in pieces])
+    pieces.clear()  # half the memory
+    if (np.diff(times) < 0).any():
+        order = np.argsort(times, kind='stable')
+        times, rows = times[order], rows[order]
+    return Messages(times, rows.view(np.uint8).reshape(len(rows), -1))
