@@ -27,10 +27,10 @@ from parallel_robot_analysis.mcap_records import (
     plain,
     scan,
 )
+from parallel_robot_interface.config import LOADER
 from parallel_robot_interface.errors import BagError
 
-# Written in C where that is installed, seven times faster.
-LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+LARGE = 1 << 22  # bytes of messages that are sorted at once
 
 
 class Messages(NamedTuple):
@@ -90,7 +90,7 @@ def read(bag: Path, names: Iterable[str]) -> Bag:
     for file in files(bag):
         schemas: dict[int, Schema] = {}
         wanted: dict[int, str] = {}
-        for record in scan_file(file):
+        for record in _joined(scan_file(file)):
             understood = understood or not isinstance(record, (Damage, Header))
             if isinstance(record, Schema):
                 schemas[record.id] = record
@@ -194,6 +194,29 @@ def _mapped(stream: IO[bytes]) -> memoryview:
 def _numbers_by_value(name: str) -> list[tuple[int, str]]:
     """Key that sorts bag_10 after bag_9."""
     return [(int(part or 0), text) for text, part in re.findall(r'(\D*)(\d*)', name)]
+
+
+def _joined(records: Iterable[Record]) -> Iterator[Record]:
+    """Records whose small blocks are put together: numpy works on few large arrays."""
+    small: list[Block] = []
+    size = 0
+    for record in records:
+        if not isinstance(record, Block) or len(record.data) > LARGE:
+            yield record
+            continue
+        small.append(record)
+        size += len(record.data)
+        if size > LARGE:
+            yield _join(small)
+            small, size = [], 0
+    if small:
+        yield _join(small)
+
+
+def _join(blocks: list[Block]) -> Block:
+    begins = np.cumsum([0, *(len(block.data) for block in blocks)])
+    starts = [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
+    return Block(memoryview(b''.join(block.data for block in blocks)), np.concatenate(starts))
 
 
 def _collect(

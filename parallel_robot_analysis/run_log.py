@@ -11,7 +11,7 @@ import yaml
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_reader import LOADER, Messages, Stream
+from parallel_robot_analysis.bag_reader import Messages, Stream
 from parallel_robot_analysis.bag_writer import METADATA
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError, InputError
@@ -182,7 +182,7 @@ def _configuration(
         values = values | {'scenario': 'unknown', 'law': 'unknown'}
     try:
         if metadata:
-            values = values | dict(yaml.load(metadata['config'], LOADER))
+            values = values | dict(yaml.load(metadata['config'], config.LOADER))
         start = int(metadata.get('start_stamp', 0))
         return values, config.group(values, LoopParameters, ''), start
     except (KeyError, TypeError, ValueError, InputError, yaml.YAMLError):

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_interface import cdr, topics
@@ -45,7 +45,7 @@ def write_foreign(directory, streams, compression=None, space=''):
     """Write serialised messages, {topic: [(log time, bytes)]}, as rosbags does."""
     writer = Writer(directory, version=9, storage_plugin=StoragePlugin.MCAP)
     if compression:
-        writer.set_compression(Writer.CompressionMode[compression], Writer.CompressionFormat.ZSTD)
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
     with writer:
         for topic, messages in streams.items():
             name = f'{space}/{topic.name}'
