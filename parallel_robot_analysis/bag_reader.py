@@ -7,10 +7,10 @@ import mmap
 import re
 import shutil
 import tempfile
-from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import yaml
@@ -29,12 +29,15 @@ from parallel_robot_analysis.mcap_records import (
 )
 from parallel_robot_interface.config import LOADER
 from parallel_robot_interface.errors import BagError
+from parallel_robot_interface.topics import Topic
 
-LARGE = 1 << 22  # bytes of messages that are sorted at once
+Part = TypeVar('Part')
+
+LARGE = 1 << 21  # bytes of messages that are sorted at once
 
 
 class Messages(NamedTuple):
-    """Messages of one length, in the order of their log time.
+    """Some messages of one topic and one length, in the order of the file.
 
     Attributes:
         log_times: When they were recorded [ns], shape (N,).
@@ -45,74 +48,61 @@ class Messages(NamedTuple):
     payloads: np.ndarray
 
 
-class Stream(NamedTuple):
-    """What a bag holds of a topic.
-
-    Attributes:
-        type: ROS type; empty when the bag does not say.
-        parts: Messages by length.
-    """
-
-    type: str
-    parts: list[Messages]
-
-
-class Bag(NamedTuple):
+@dataclass(frozen=True)
+class Bag(Generic[Part]):
     """What was asked of a bag.
 
     Attributes:
-        streams: By full name of the topic.
+        streams: What was made of the messages, by full name of the topic.
         metadata: What the suite wrote about the experiment; empty when another recorded it.
         warnings: What is wrong with the bag, one line each.
     """
 
-    streams: dict[str, Stream]
+    streams: dict[str, list[Part]]
     metadata: dict[str, str]
     warnings: tuple[str, ...]
 
 
-def read(bag: Path, names: Iterable[str]) -> Bag:
-    """Read some topics of a bag.
+def read(
+    bag: Path, topics: Iterable[Topic], condense: Callable[[Topic, Messages], Part]
+) -> Bag[Part]:
+    """Read some topics of a bag, some megabytes at a time.
 
     Args:
         bag: Directory of the bag, or one file of it.
-        names: Names of topics without namespace; those in any namespace are read.
+        topics: What to read, in any namespace, where the type is the same or not known.
+        condense: Makes of some messages what is kept of them.
 
     Raises:
         BagError: nothing there is an MCAP file.
     """
-    ends = tuple(f'/{name}' for name in names)
-    types: dict[str, str] = {}
-    found: dict[str, dict[int, list[tuple[np.ndarray, np.ndarray]]]] = {}
+    streams: dict[str, list[Part]] = {}
     facts: dict[str, str] = {}
     damage: list[Damage] = []
     understood = False
     for file in files(bag):
-        schemas: dict[int, Schema] = {}
-        wanted: dict[int, str] = {}
+        schemas: dict[int, str] = {}
+        wanted: dict[int, tuple[str, Topic]] = {}
         for record in _joined(scan_file(file)):
             understood = understood or not isinstance(record, (Damage, Header))
             if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel) and f'/{record.topic}'.endswith(ends):
-                topic = f'/{record.topic.lstrip("/")}'
-                wanted[record.id] = topic
-                types[topic] = (
-                    schemas[record.schema_id].name if record.schema_id in schemas else ''
-                )
-                found.setdefault(topic, defaultdict(list))
+                schemas[record.id] = record.name
+            elif isinstance(record, Channel):
+                name = f'/{record.topic.lstrip("/")}'
+                for topic in topics:
+                    same = schemas.get(record.schema_id, '') in (topic.type, '')
+                    if same and name.endswith(f'/{topic.name}'):
+                        wanted[record.id] = name, topic
             elif isinstance(record, Metadata) and record.name == METADATA:
                 facts = record.metadata
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):
-                _collect(record, wanted, found)
+                for channel, messages in _messages(record, wanted):
+                    name, topic = wanted[channel]
+                    streams.setdefault(name, []).append(condense(topic, messages))
     if not understood:
         raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
-    streams = {
-        topic: Stream(types[topic], [_sorted(pieces) for pieces in lengths.values()])
-        for topic, lengths in found.items()
-    }
     if damage or not facts:
         facts = custom_data(bag) or facts
     return Bag(streams, facts, (warning(bag, damage),) if damage else ())
@@ -124,15 +114,15 @@ def files(bag: Path) -> list[Path]:
     Raises:
         BagError: there is none.
     """
-    if bag.is_dir():
-        found = {path.name: path for path in bag.iterdir()}
-        names = [name for name in found if name.endswith(('.mcap', '.mcap.zstd'))]
-        whole = [
-            name for name in names if name.removesuffix('.zstd') == name or name[:-5] not in found
-        ]
-        paths = [found[name] for name in sorted(whole, key=_numbers_by_value)]
-    else:
-        paths = [bag] if bag.is_file() else []
+    try:
+        names = {path.name for path in bag.iterdir()} if bag.is_dir() else set()
+        there = bag.is_file()
+    except OSError as error:
+        raise BagError(f'{bag} cannot be read: {error.strerror}') from None
+    packed = {name for name in names if name.endswith('.mcap.zstd') and name[:-5] not in names}
+    unpacked = {name for name in names if name.endswith('.mcap')}
+    paths = [bag / name for name in sorted(packed | unpacked, key=_numbers_by_value)]
+    paths = [bag] if there else paths
     if not paths:
         raise BagError(f'{bag} is not a bag: no MCAP file there')
     return paths
@@ -219,34 +209,19 @@ def _join(blocks: list[Block]) -> Block:
     return Block(memoryview(b''.join(block.data for block in blocks)), np.concatenate(starts))
 
 
-def _collect(
-    block: Block,
-    wanted: dict[int, str],
-    found: dict[str, dict[int, list[tuple[np.ndarray, np.ndarray]]]],
-) -> None:
-    """Add the wanted messages of a block to `found`: topic, length, pieces."""
+def _messages(block: Block, channels: Iterable[int]) -> Iterator[tuple[int, Messages]]:
+    """Messages of a block by channel and length."""
     heads = block.heads()
-    for channel, topic in wanted.items():
-        here = heads['channel'] == channel
+    for channel in channels:
+        here = np.flatnonzero(heads['channel'] == channel)
         lengths = heads['length'][here]
         for length in {*lengths.tolist()} - {MESSAGE_HEAD}:  # what has no payload says nothing
-            these = np.flatnonzero(here)[lengths == length]
-            rows = block.cut(HEAD + MESSAGE_HEAD, length - MESSAGE_HEAD, these)
+            these = here[lengths == length]
             times = heads['log_time'][these].astype(np.int64)
+            rows = block.cut(HEAD + MESSAGE_HEAD, length - MESSAGE_HEAD, these)
             if rows[0].tobytes().startswith(zstandard.FRAME_HEADER):
                 for k, row in enumerate(rows):
                     payload = np.frombuffer(plain(row.tobytes()), np.uint8)
-                    piece = times[k : k + 1], payload.view(f'V{len(payload)}')
-                    found[topic][len(payload) + MESSAGE_HEAD].append(piece)
+                    yield channel, Messages(times[k : k + 1], payload[np.newaxis])
             else:
-                found[topic][length].append((times, rows))
-
-
-def _sorted(pieces: list[tuple[np.ndarray, np.ndarray]]) -> Messages:
-    times = np.concatenate([times for times, _ in pieces])
-    rows = np.concatenate([rows for _, rows in pieces])
-    pieces.clear()  # half the memory
-    if (np.diff(times) < 0).any():
-        order = np.argsort(times, kind='stable')
-        times, rows = times[order], rows[order]
-    return Messages(times, rows.view(np.uint8).reshape(len(rows), -1))
+                yield channel, Messages(times, rows.view(np.uint8).reshape(len(rows), -1))

@@ -77,7 +77,7 @@ def write_parquet(table: Table, stream: IO[bytes]) -> None:
         import pyarrow.parquet
     except ImportError:
         raise InputError(
-            "pyarrow is not installed; pip install 'parallel_robot[export]', or export to .csv"
+            'pyarrow is not installed; pip install pyarrow, or export to .csv'
         ) from None
     arrays = {name: np.ascontiguousarray(column) for name, column in table.items()}
     pyarrow.parquet.write_table(pyarrow.table(arrays), stream)

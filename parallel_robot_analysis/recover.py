@@ -93,16 +93,19 @@ def recover(bag: Path, out: Path) -> Recovery:
     files = bag_reader.files(bag)
     check(out)
     recovery = Recovery()
+    numbers: dict[Channel, int] = {}
+    created = False
     try:
         with BagWriter(out, (), _facts(bag, files)) as writer:
-            numbers: dict[Channel, int] = {}
+            created = True
             for file in files:
                 _copy(file, writer, numbers, recovery)
             if not recovery.kept:
                 raise BagError(f'{bag} holds no message that is intact')
         recovery.missing = _missing(out)
     except BaseException as error:
-        shutil.rmtree(out, ignore_errors=True)  # it did not exist before
+        if created:  # and not by somebody else since the check
+            shutil.rmtree(out, ignore_errors=True)
         if isinstance(error, OSError):
             raise RunError(f'cannot write {out}: {error.strerror}') from None
         raise

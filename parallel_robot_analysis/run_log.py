@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +13,7 @@ import yaml
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_reader import Messages, Stream
+from parallel_robot_analysis.bag_reader import Messages
 from parallel_robot_analysis.bag_writer import METADATA
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError, InputError
@@ -19,7 +21,6 @@ from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_interface.topics import RECORDED, Topic
 
 NOTHING = np.zeros((0, 0))
-NO_STAMPS = np.zeros(0, np.int64)
 STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
 KINDS = 100  # how many kinds of messages a topic may have: joints and their order
 
@@ -80,14 +81,16 @@ class RunLog(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Decoded messages of a topic in the order of their log time.
+    """Decoded messages of a topic.
 
     Attributes:
+        joints: Names in the messages; empty where the type has none.
         log_times: When they were recorded [ns], shape (N,).
         stamps: Stamps of their headers [ns], shape (N,); zero where the type has none.
         numbers: Fields by name, each shape (N, n), in the order of the joints.
     """
 
+    joints: tuple[str, ...]
     log_times: np.ndarray
     stamps: np.ndarray
     numbers: dict[str, np.ndarray]
@@ -104,14 +107,14 @@ def read(bag: Path) -> RunLog:
     Raises:
         BagError: not a bag, or a topic that the log needs is not in it.
     """
-    found = bag_reader.read(bag, [topic.name for topic in RECORDED])
+    found = bag_reader.read(bag, RECORDED, _decoder(bag))
     streams = _streams(bag, found.streams)
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if needed not in streams:
             raise BagError(f'{bag} has no messages on {needed.name}')
     values, loop, start = _configuration(bag, found.metadata)
     states, references, commands = (
-        _decode(bag, topic, streams[topic], loop.joints)
+        _whole(bag, topic, streams[topic], loop.joints)
         for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
     )
     start = start or int(max(states.stamps[0], references.stamps[0]))
@@ -165,7 +168,7 @@ def to_frame(log: RunLog) -> Any:
     try:
         import pandas  # optional
     except ImportError:
-        raise InputError("pandas is not installed; pip install 'parallel_robot[export]'") from None
+        raise InputError('pandas is not installed; pip install pandas') from None
     return pandas.DataFrame(columns(log))
 
 
@@ -189,55 +192,70 @@ def _configuration(
         raise BagError(f'{bag}: its metadata {METADATA} hold no usable config') from None
 
 
-def _streams(bag: Path, found: dict[str, Stream]) -> dict[Topic, Stream]:
+def _streams(bag: Path, found: dict[str, list[list[Samples]]]) -> dict[Topic, list[Samples]]:
     """Streams of the suite's topics, all in one namespace.
 
     Raises:
         BagError: the states of several robots are there.
     """
     end = f'/{topics.JOINT_STATES.name}'
-    spaces = [name.removesuffix(end) for name, stream in found.items() if name.endswith(end)]
+    spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
     if len(spaces) > 1 and '' not in spaces:
         raise BagError(f'{bag} holds several runs, in {", ".join(sorted(spaces))}')
     space = '' if '' in spaces or not spaces else spaces[0]
-    streams = {}
-    for topic in RECORDED:
-        stream = found.get(f'{space}/{topic.name}')
-        if stream is not None and stream.parts and stream.type in (topic.type, ''):
-            streams[topic] = stream
-    return streams
+    streams = {topic: found.get(f'{space}/{topic.name}', []) for topic in RECORDED}
+    return {topic: [*itertools.chain(*parts)] for topic, parts in streams.items() if parts}
 
 
-def _decode(bag: Path, topic: Topic, stream: Stream, joints: tuple[str, ...]) -> Samples:
-    """Decode a topic; its messages may change their joints or the order of them.
+def _decoder(bag: Path) -> Callable[[Topic, Messages], list[Samples]]:
+    """Function that decodes messages of a topic, by kind of message.
+
+    Of the topics that only are counted, it decodes the stamps. It raises BagError when messages
+    are not those of their topic.
+    """
+    kinds: dict[Topic, tuple[cdr.Layout, tuple[str, ...]]] = {}  # of the newest messages
+
+    def decode(topic: Topic, messages: Messages) -> list[Samples]:
+        if topic not in LAYOUTS:
+            return [Samples((), messages.log_times, _header_stamps(topic, messages.payloads), {})]
+        decoded: list[Samples] = []
+        while len(messages.payloads):
+            same = np.zeros(len(messages.payloads), bool)
+            if topic in kinds:
+                same = _has_layout(messages.payloads, kinds[topic][0])
+            if not same.any():
+                kinds[topic] = _layout(bag, topic, messages.payloads[0].tobytes())
+                same = _has_layout(messages.payloads, kinds[topic][0])
+            if not same.any() or len(decoded) == KINDS:
+                raise BagError(f'{bag}: the messages on {topic.name} are not those of one run')
+            alike = messages if same.all() else Messages(*(each[same] for each in messages))
+            decoded.append(_samples(alike, *kinds[topic]))
+            messages = Messages(*(each[~same] for each in messages))
+        return decoded
+
+    return decode
+
+
+def _whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]) -> Samples:
+    """Samples of a topic in the order of their log time, numbers in the order of `joints`.
 
     Raises:
-        BagError: the messages are not those of the topic, or a joint is not in them.
+        BagError: a joint or a field is not in all of them.
     """
-    decoded: list[Samples] = []
-    for part in stream.parts:
-        rest = part
-        while len(rest.payloads):
-            layout, names = _layout(bag, topic, rest.payloads[0].tobytes())
-            same = _has_layout(rest.payloads, layout)
-            if not same[0] or len(decoded) == KINDS:
-                raise BagError(f'{bag}: the messages on {topic.name} are not those of one run')
-            order = _order(bag, topic, joints, names)
-            alike = rest if same.all() else Messages(*(each[same] for each in rest))
-            decoded.append(_samples(alike, layout, order))
-            rest = Messages(*(each[~same] for each in rest))
-    if len(decoded) == 1:
-        return decoded[0]
-    if len({tuple(samples.numbers) for samples in decoded}) > 1:
+    fields = tuple(parts[0].numbers)
+    if any(tuple(part.numbers) != fields for part in parts):
         raise BagError(f'{bag}: the messages on {topic.name} differ in their fields')
-    times = np.concatenate([samples.log_times for samples in decoded])
+    orders = [_order(bag, topic, joints, part.joints) for part in parts]
+    times = np.concatenate([part.log_times for part in parts])
     by_time = np.argsort(times, kind='stable')
+    pairs = [*zip(parts, orders, strict=True)]
     return Samples(
+        joints,
         times[by_time],
-        np.concatenate([samples.stamps for samples in decoded])[by_time],
+        np.concatenate([part.stamps for part in parts])[by_time],
         {
-            name: np.concatenate([samples.numbers[name] for samples in decoded])[by_time]
-            for name in decoded[0].numbers
+            name: np.concatenate([part.numbers[name][:, order] for part, order in pairs])[by_time]
+            for name in fields
         },
     )
 
@@ -263,12 +281,13 @@ def _has_layout(payloads: np.ndarray, layout: cdr.Layout) -> np.ndarray:
     return same
 
 
-def _samples(messages: Messages, layout: cdr.Layout, order: list[int]) -> Samples:
+def _samples(messages: Messages, layout: cdr.Layout, joints: tuple[str, ...]) -> Samples:
     whole = np.ascontiguousarray(messages.payloads[:, : len(layout.template)])
     records = whole.view(layout.dtype)[:, 0]
     stamps = cdr.stamps_of(records) if layout.stamped else np.zeros(len(records), np.int64)
     names = [name for name in layout.dtype.names or () if name not in ('sec', 'nanosec')]
-    return Samples(messages.log_times, stamps, {name: records[name][:, order] for name in names})
+    numbers = {name: np.ascontiguousarray(records[name]) for name in names}
+    return Samples(joints, messages.log_times, stamps, numbers)
 
 
 def _state_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
@@ -335,26 +354,26 @@ def _answers(heard: np.ndarray, commands: Samples) -> np.ndarray:
     return answers
 
 
-def _counts(streams: dict[Topic, Stream], period: int) -> dict[str, TopicCount]:
+def _counts(streams: dict[Topic, list[Samples]], period: int) -> dict[str, TopicCount]:
     """Messages of each topic, and the gaps of its rhythm; `period` in ns."""
     counts: dict[str, TopicCount] = {}
-    for topic, stream in streams.items():
-        count = sum(len(part.payloads) for part in stream.parts)
+    for topic, parts in streams.items():
+        stamps = np.sort(np.concatenate([part.stamps for part in parts]))
         missing = 0
         if topic == topics.COMMANDS:
             states = counts[topics.JOINT_STATES.name]
-            missing = max(0, states.count + states.missing - count)
+            missing = max(0, states.count + states.missing - len(stamps))
         elif topic.every:
-            steps = np.diff(_header_stamps(stream)) / (topic.every * period)
+            steps = np.diff(stamps) / (topic.every * period)
             missing = int(np.maximum(np.rint(steps) - 1, 0).sum())
-        counts[topic.name] = TopicCount(count, missing)
+        counts[topic.name] = TopicCount(len(stamps), missing)
     return counts
 
 
-def _header_stamps(stream: Stream) -> np.ndarray:
-    """Stamps of messages that begin with a header [ns], in order, shape (N,)."""
-    begin = len(cdr.ENCAPSULATION)
-    stamp = np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
-    rows = [part.payloads[:, begin : begin + stamp.itemsize] for part in stream.parts]
-    whole = [np.ascontiguousarray(row) for row in rows if row.shape[1] == stamp.itemsize]
-    return np.sort(cdr.stamps_of(np.concatenate(whole).view(stamp)[:, 0])) if whole else NO_STAMPS
+def _header_stamps(topic: Topic, payloads: np.ndarray) -> np.ndarray:
+    """Stamps of messages that begin with a header [ns], shape (N,); zero where there is none."""
+    begin, stamp = len(cdr.ENCAPSULATION), np.dtype([('sec', '<i4'), ('nanosec', '<u4')])
+    heads = np.ascontiguousarray(payloads[:, begin : begin + stamp.itemsize])
+    if topic.every == 0 or heads.shape[1] < stamp.itemsize:
+        return np.zeros(len(payloads), np.int64)
+    return cdr.stamps_of(heads.view(stamp)[:, 0])
