@@ -9,6 +9,7 @@ from setuptools import setup
 PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
+EXPORT = ['pandas>=2.1', 'pyarrow>=14']
 
 setup(
     name=NAME,
@@ -47,6 +48,7 @@ setup(
     zip_safe=True,
     python_requires='>=3.10,<3.14',
     install_requires=[
+        'lz4>=4.3',
         'matplotlib>=3.8',
         'mcap>=1.1',
         'numba>=0.59',
@@ -54,6 +56,7 @@ setup(
         'pyyaml>=6.0.1',
         'rosbags>=0.10.9',
         'scipy>=1.11',
+        'zstandard>=0.22',
     ],
     extras_require={
         # The middleware where no ROS is installed; rclpy does not import without [fastrtps].
@@ -61,8 +64,11 @@ setup(
             'ros-jazzy-rclpy[fastrtps]==7.1.6',
             'ros-jazzy-common-interfaces==5.3.6',
         ],
+        # Tables for others: .parquet, and pandas' frames.
+        'export': EXPORT,
         # Exact where another version may judge the same code differently.
         'test': [
+            *EXPORT,
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
             'mcap-ros2-support>=0.5',

@@ -7,13 +7,14 @@ import contextlib
 import errno
 import json
 import os
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis import figures, metrics, run_log
-from parallel_robot_interface.errors import InputError
+from parallel_robot_interface.errors import BagError, InputError, KinematicsError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     log = run_log.read(arguments.bag)
-    poses = metrics.poses(log)
+    for warning in log.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    try:
+        poses = metrics.poses(log)
+    except KinematicsError as error:
+        raise BagError(f'{arguments.bag}: {error}') from None
     result = summarise(log, metrics.evaluate(log, poses))
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
     figure = arguments.figure or directory / 'run.png'
