@@ -3,7 +3,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
-  launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py parallel_robot_*/*/*.py trajectory_gen/*.py))
+  launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py parallel_robot_*/*/*.py \
+  parallel_robot_*/templates/* trajectory_gen/*.py))
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
