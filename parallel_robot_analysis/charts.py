@@ -32,12 +32,21 @@ class Curve(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """Curves over common axes; `quantity` and `unit` are those of y."""
+    """Curves over common axes.
+
+    Attributes:
+        title: Heading; may be empty.
+        quantity: What y is.
+        unit: Of y.
+        curves: The curves.
+        dashed: Whether dashes tell the curves apart; the gaps of one that runs over itself close.
+    """
 
     title: str
     quantity: str
     unit: str
     curves: list[Curve]
+    dashed: bool = True
 
 
 class Chart(NamedTuple):
@@ -92,28 +101,30 @@ def platform_error(run: Run) -> np.ndarray:
 
 
 def _path(runs: Sequence[Run]) -> Chart:
-    curves = []
-    for run in runs:
-        x, y, _ = 1e3 * run.poses.reference.T
-        chosen = np.union1d(extremes(x), extremes(y))
-        curves.append(Curve('reference', 'reference', x[chosen], y[chosen]))
-    for run in runs:
-        error_x, error_y, _ = platform_error(run).T
-        chosen = np.union1d(extremes(error_x), extremes(error_y))
-        x, y, _ = 1e3 * run.poses.actual[chosen].T
-        curves.append(Curve(run.label, run.style, x, y))
     starts = np.unique([1e3 * run.poses.actual[0, :2] for run in runs], axis=0)
-    curves.append(Curve('start', 'start', *starts.T))
+    start = Curve('start', 'start', *starts.T)
+    whole = [*_tracks(runs, np.inf), start]
+    panels = [Panel('', 'y', 'mm', whole, dashed=False)]
+    if min(run.log.time[-1] for run in runs) > 2.0 * FIRST:
+        panels.append(Panel('first second', 'y', 'mm', [*_tracks(runs, FIRST), start]))
     line = {run.log.config.get('trajectory.shape') for run in runs} == {'line'}
-    return Chart(
-        9 if line else 3,
-        'path',
-        'Path of the platform',
-        '',
-        'x [mm]',
-        [Panel('', 'y', 'mm', curves)],
-        equal=True,
-    )
+    widths = (1.0,) * len(panels)
+    number = 9 if line else 3
+    return Chart(number, 'path', 'Path of the platform', '', 'x [mm]', panels, widths, equal=True)
+
+
+def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
+    """Paths of references and platforms; the points with the extreme errors are among theirs."""
+    references, platforms = [], []
+    for run in runs:
+        rows = run.log.time <= until
+        reference = 1e3 * run.poses.reference[rows, :2]
+        actual = 1e3 * run.poses.actual[rows, :2]
+        chosen = np.union1d(*(extremes(column) for column in reference.T))
+        references.append(Curve('reference', 'reference', *reference[chosen].T))
+        chosen = np.union1d(*(extremes(column) for column in (reference - actual).T))
+        platforms.append(Curve(run.label, run.style, *actual[chosen].T))
+    return references + platforms
 
 
 def _platform_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart:

@@ -72,7 +72,7 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
     rows = -(-len(views) // len(widths))
     width = PAGE if len(widths) > 1 else COLUMN
     with mpl.rc_context(RC):
-        height = 0.5 + (COLUMN * _slope(chart) if chart.equal else ROW * rows)
+        height = 0.6 + (3.0 * _slope(chart) if chart.equal else ROW * rows)
         figure = Figure(figsize=(width, height), layout='constrained')
         grid = figure.subplots(
             rows,
@@ -85,15 +85,16 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
         for letter, axes, (panel, log) in zip(
             'abcdefghijklmnopqrstuvwxyz', grid.flat, views, strict=False
         ):
-            _draw_panel(axes, panel, log, dashed=not chart.equal)
+            _draw_panel(axes, panel, log)
             if len(views) > 1:
                 axes.set_title(f'({letter}) {without_mathematics(panel.title)}'.rstrip())
         for axes in grid[-1]:
             axes.set_xlabel(chart.x_label)
         if chart.equal:
-            grid[0, 0].set_aspect('equal')
-            grid[0, 0].margins(0.05)
-        _add_legend(figure, chart.panels, width, dashed=not chart.equal)
+            for axes in grid.flat:
+                axes.set_aspect('equal', adjustable='datalim')
+                axes.margins(0.05)
+        _add_legend(figure, chart.panels, width)
         files = [directory / f'{name}.{kind}' for kind in FORMATS]
         for file, kind in zip(files, FORMATS, strict=True):
             figure.savefig(file, metadata=UNDATED[kind])
@@ -109,10 +110,10 @@ def _slope(chart: Chart) -> float:
     return float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.4, 1.2))
 
 
-def _draw_panel(axes: Axes, panel: Panel, log: bool, dashed: bool) -> None:
+def _draw_panel(axes: Axes, panel: Panel, log: bool) -> None:
     for curve in panel.curves:
         y = envelope(curve.y) if log else curve.y
-        axes.plot(curve.x, y, **_look(STYLES[curve.style], dashed))
+        axes.plot(curve.x, y, **_look(STYLES[curve.style], panel.dashed))
     if log:
         axes.set_yscale('log', nonpositive='mask')
         axes.set_ylabel(f'|{panel.quantity}| [{panel.unit}]')
@@ -121,19 +122,19 @@ def _draw_panel(axes: Axes, panel: Panel, log: bool, dashed: bool) -> None:
 
 
 def _look(style: Style, dashed: bool) -> dict[str, Any]:
-    """Keywords of a line; a path that runs over itself is not dashed, its gaps would close."""
     if style.marker:
         return {'color': style.light, 'linestyle': '', 'marker': 'o', 'markersize': 3.5}
     dash = (0, style.dash) if style.dash and dashed else '-'
     return {'color': style.light, 'linestyle': dash, 'linewidth': style.width}
 
 
-def _add_legend(figure: Figure, panels: list[Panel], width: float, dashed: bool) -> None:
+def _add_legend(figure: Figure, panels: list[Panel], width: float) -> None:
     """One legend above all panels, in as few rows as fit."""
     from matplotlib.lines import Line2D
 
     styles = {curve.label: STYLES[curve.style] for panel in panels for curve in panel.curves}
     labels = [without_mathematics(label) for label in styles]
+    dashed = any(panel.dashed for panel in panels)
     handles = [Line2D([], [], **_look(style, dashed)) for style in styles.values()]
     entry = 0.5 + 0.055 * max(map(len, labels))  # in, of line, text and gap
     columns = max(1, min(len(labels), int(width / entry)))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.charts import Chart, Curve
+from parallel_robot_analysis.charts import Chart, Curve, Panel
 from parallel_robot_analysis.palette import STYLES
 
 ROW = 170  # px, height of a panel over time
@@ -62,8 +62,8 @@ def plot(chart: Chart) -> dict[str, Any]:
         if chart.spans and row:
             y['matches'] = f'y{column + 1 if column else ""}'
         if chart.equal:
-            y['scaleanchor'] = 'x'
-        if x['matches'] == f'x{number}':
+            y['scaleanchor'] = f'x{number}'
+        if chart.equal or x['matches'] == f'x{number}':
             del x['matches']
         layout[f'xaxis{number}'], layout[f'yaxis{number}'] = x, y
         if panel.title:
@@ -80,7 +80,7 @@ def plot(chart: Chart) -> dict[str, Any]:
                 }
             )
         for curve in panel.curves:
-            data.append(_trace(curve, number, panel.unit, not chart.equal))
+            data.append(_trace(curve, number, panel, chart.equal))
             data[-1]['showlegend'] = curve.label not in named
             named.add(curve.label)
     return {'data': data, 'layout': layout}
@@ -91,9 +91,9 @@ def packed(values: np.ndarray) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype='<f4').tobytes()).decode()
 
 
-def _trace(curve: Curve, axes: str, unit: str, dashed: bool) -> dict[str, Any]:
+def _trace(curve: Curve, axes: str, panel: Panel, plane: bool) -> dict[str, Any]:
     style = STYLES[curve.style]
-    dash = ','.join(f'{1.6 * length:g}px' for length in style.dash) if dashed else ''
+    dash = ','.join(f'{1.6 * length:g}px' for length in style.dash) if panel.dashed else ''
     return {
         'type': 'scatter',
         'mode': 'markers' if style.marker else 'lines',
@@ -106,5 +106,7 @@ def _trace(curve: Curve, axes: str, unit: str, dashed: bool) -> dict[str, Any]:
         'yaxis': f'y{axes}',
         'line': {'width': 1.4 * style.width, 'dash': dash or 'solid'},
         'marker': {'size': 7},
-        'hovertemplate': f'%{{y:.4g}} {unit}' if dashed else f'%{{x:.3f}}, %{{y:.3f}} {unit}',
+        'hovertemplate': f'%{{x:.3f}}, %{{y:.3f}} {panel.unit}'
+        if plane
+        else f'%{{y:.4g}} {panel.unit}',
     }

@@ -72,6 +72,31 @@ def test_the_files_say_which_figure_they_are(report):
     assert all(path.read_bytes().startswith(b'%PDF') for path in report.glob('*.pdf'))
 
 
+def test_the_path_is_round_and_begins_beside_the_circle(bags):
+    chart = charts(runs.read_runs(bags)['paper_circle'])[0]
+    for panel in chart.panels:
+        curves = {curve.label: np.stack([curve.x, curve.y], axis=1) for curve in panel.curves}
+        assert list(curves) == ['reference', 'SMC', 'S-FOTSMC', 'start']
+        radius = np.linalg.norm(curves['reference'] - [490, 370], axis=1)
+        np.testing.assert_allclose(radius, 30, atol=1e-6)
+        for name in ('SMC', 'S-FOTSMC', 'start'):
+            np.testing.assert_allclose(curves[name][0], [528.4, 368.1], atol=1e-6)
+
+
+def test_errors_are_reference_less_feedback_in_the_unit_they_name(bags):
+    found = runs.read_runs(bags)['paper_circle']
+    by_name = {chart.name: chart.panels for chart in charts(found)}
+    log = found[0].log
+    first = {
+        'x_error': (0, -8.4),  # mm: 520 - 528.4
+        'y_error': (0, 1.9),
+        'joint_errors': (2, 1e3 * (log.reference_position - log.position)[0, 2]),
+    }
+    for name, (panel, value) in first.items():
+        assert by_name[name][panel].curves[0].y[0] == pytest.approx(value, abs=1e-6)
+        assert by_name[name][panel].unit == ('mm' if panel == 0 else 'mrad')
+
+
 def test_figures_fit_the_columns_of_a_paper(report):
     for path in report.glob('*.svg'):
         width = float(ElementTree.parse(path).getroot().get('width').removesuffix('pt')) / 72
