@@ -34,6 +34,7 @@ setup(
         'parallel_robot_sim',
         'parallel_robot_analysis',
     ],
+    package_data={'parallel_robot_analysis': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -48,11 +49,13 @@ setup(
     zip_safe=True,
     python_requires='>=3.10,<3.14',
     install_requires=[
+        'jinja2>=3.1',
         'lz4>=4.3',
         'matplotlib>=3.8',
         'mcap>=1.1',
         'numba>=0.59',
         'numpy>=1.26',
+        'plotly>=5.24',
         'pyyaml>=6.0.1',
         'rosbags>=0.10.9',
         'scipy>=1.11',
@@ -78,6 +81,7 @@ setup(
             'pytest>=8.2,<10',
             'pytest-xdist>=3.6',
             'ruff==0.17.5',
+            'selenium>=4.20',
             'setuptools>=70.1',  # `make setup` reinstalls changed sources without the network
             'types-PyYAML>=6.0.12',
         ],

@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from parallel_robot_analysis import run_log, simulation_bag
 from parallel_robot_interface import config, topics
-from parallel_robot_sim.closed_loop import simulate
+from parallel_robot_sim.simulation import simulate
 
 DURATION = 60.0  # s of motion
 NEEDED = [f'/{topic.name}' for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)]

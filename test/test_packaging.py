@@ -62,6 +62,12 @@ def test_every_package_is_installed(setup):
     assert set(setup['packages']) == {'.'.join(folder.parts) for folder in folders}
 
 
+def test_templates_are_installed(setup):
+    for package, patterns in setup['package_data'].items():
+        assert all(list((ROOT / package.replace('.', '/')).glob(pattern)) for pattern in patterns)
+    assert setup['package_data']['parallel_robot_analysis'] == ['templates/*']
+
+
 def test_there_is_one_command(setup):
     (command,) = setup['entry_points']['console_scripts']
     name, module = re.fullmatch(r'(\w+) = ([\w.]+):main', command).groups()

@@ -20,7 +20,7 @@ from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.recover import recover
 from parallel_robot_interface import config, topics
 from parallel_robot_interface.errors import BagError
-from parallel_robot_sim.closed_loop import simulate
+from parallel_robot_sim.simulation import simulate
 
 CASES = 200
 RANDOM = random.Random(5)

@@ -13,7 +13,7 @@ from parallel_robot_analysis import metrics, run_log, simulation_bag
 from parallel_robot_analysis.bag_writer import BagWriter
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError, InputError
-from parallel_robot_sim.closed_loop import simulate
+from parallel_robot_sim.simulation import simulate
 
 COUNT = 100
 RANDOM = np.random.default_rng(3)
