@@ -3,7 +3,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
-  launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py parallel_robot_*/*/*.py trajectory_gen/*.py))
+  launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py parallel_robot_*/*/*.py \
+  parallel_robot_*/templates/* trajectory_gen/*.py))
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
@@ -13,7 +14,7 @@ unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOO
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo test clean
+.PHONY: help setup demo docs test clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -26,6 +27,9 @@ demo: setup ## run the paper's circle in real time over ROS 2, then analyse it
 	@run=runs/demo_$$(date +%Y%m%d_%H%M%S) && \
 	$(BIN)/parallel_robot run paper_circle --law s_fotsmc --time-mode wall --duration 12 --out $$run && \
 	$(BIN)/parallel_robot analyze $$run
+
+docs: setup ## write docs/parameters.md anew
+	$(BIN)/python docs/parameters.py docs/parameters.md
 
 test: setup ## check style, types and layers, then run the tests
 	$(BIN)/ruff check --quiet

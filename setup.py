@@ -9,6 +9,7 @@ from setuptools import setup
 PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
+EXPORT = ['pandas>=2.1', 'pyarrow>=14']
 
 setup(
     name=NAME,
@@ -33,6 +34,7 @@ setup(
         'parallel_robot_sim',
         'parallel_robot_analysis',
     ],
+    package_data={'parallel_robot_analysis': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -47,13 +49,17 @@ setup(
     zip_safe=True,
     python_requires='>=3.10,<3.14',
     install_requires=[
+        'jinja2>=3.1',
+        'lz4>=4.3',
         'matplotlib>=3.8',
         'mcap>=1.1',
         'numba>=0.59',
         'numpy>=1.26',
+        'plotly>=5.24',
         'pyyaml>=6.0.1',
         'rosbags>=0.10.9',
         'scipy>=1.11',
+        'zstandard>=0.22',
     ],
     extras_require={
         # The middleware where no ROS is installed; rclpy does not import without [fastrtps].
@@ -61,8 +67,11 @@ setup(
             'ros-jazzy-rclpy[fastrtps]==7.1.6',
             'ros-jazzy-common-interfaces==5.3.6',
         ],
+        # Tables for others: .parquet, and pandas' frames.
+        'export': EXPORT,
         # Exact where another version may judge the same code differently.
         'test': [
+            *EXPORT,
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
             'mcap-ros2-support>=0.5',
@@ -72,6 +81,7 @@ setup(
             'pytest>=8.2,<10',
             'pytest-xdist>=3.6',
             'ruff==0.17.5',
+            'selenium>=4.20',
             'setuptools>=70.1',  # `make setup` reinstalls changed sources without the network
             'types-PyYAML>=6.0.12',
         ],

@@ -7,13 +7,15 @@ import contextlib
 import errno
 import json
 import os
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis import figures, metrics, run_log
-from parallel_robot_interface.errors import InputError
+from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
+from parallel_robot_interface.errors import BagError, InputError, KinematicsError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     log = run_log.read(arguments.bag)
-    poses = metrics.poses(log)
-    result = summarise(log, metrics.evaluate(log, poses))
+    for warning in log.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    try:
+        poses = metrics.poses(log)
+    except KinematicsError as error:
+        raise BagError(f'{arguments.bag}: {error}') from None
+    found = metrics.evaluate(log, poses)
+    result = summarise(log, found)
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
     figure = arguments.figure or directory / 'run.png'
     try:
@@ -39,7 +47,7 @@ def execute(arguments: argparse.Namespace) -> int:
             figures.draw_run(log, poses, figure)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
-    print(table(result))
+    print(table(result, found))
     print(f'bag     {arguments.bag}\nfigure  {figure}')
     return 0
 
@@ -75,23 +83,16 @@ def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[st
     }
 
 
-def table(result: dict[str, Any]) -> str:
+def table(result: dict[str, Any], found: metrics.Metrics) -> str:
     """Figures of merit as lines of text for people."""
-    steady, torque = result['steady'], result['torque']
-    rows = [
-        ('platform error, rms', steady['xy_rms_m'] * 1e6, 'um'),
-        ('platform error, max', steady['xy_max_m'] * 1e6, 'um'),
-        ('joint error, rms', steady['joint_rms_rad'] * 1e6, 'urad'),
-        ('synchronisation error, rms', steady['sync_rms_rad'] * 1e6, 'urad'),
-        ('torque, max (whole run)', torque['max_nm'], 'N m'),
-        ('torque, total variation', torque['total_variation_nm_per_s'], 'N m/s'),
-        ('torque, chattering', torque['chattering_nm'], 'N m'),
-    ]
     lines = [
         f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s; '
         'errors over the second half'
     ]
-    lines += [f'  {name:<28}{value:>12.3f} {unit}' for name, value, unit in rows]
+    lines += [
+        f'  {merit.name:<28}{merit.value(found):>12.3f} {merit.unit}'
+        for merit in (*STEADY, *TORQUE)
+    ]
     lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
     lines += [
         f'    {name:<32}{count["count"]:>8}{count["missing"]:>9}'

@@ -2,27 +2,52 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import tempfile
+import threading
+import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import yaml
-from mcap.writer import CompressionType, Writer
+from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import DEPTH, Topic
 
-CHUNK_SIZE = 256 * 1024  # bytes; what a crash can cost
+CHUNK_SIZE = 255 * 1024  # bytes, and the message that goes beyond: at most 256 KiB
 METADATA = 'parallel_robot'  # name of the MCAP metadata record with the experiment
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
+class Channel(NamedTuple):
+    """A topic as a bag describes it.
+
+    Attributes:
+        topic: Full name, with its leading slash.
+        type: ROS type.
+        encoding: Of the definition, e.g. ``ros2msg``.
+        definition: The type and the types in it.
+        metadata: Key and value: ``offered_qos_profiles`` (YAML), ``topic_type_hash``.
+    """
+
+    topic: str
+    type: str
+    encoding: str
+    definition: bytes
+    metadata: tuple[tuple[str, str], ...]
+
+
 class BagWriter:
     """Writes one bag, into a directory that must not exist yet.
+
+    A finished chunk is with the system at once: it survives the end of this process. When the disk
+    is full, the file ends with the last whole record.
 
     Attributes:
         directory: The bag.
@@ -41,6 +66,7 @@ class BagWriter:
 
         Raises:
             BagError: the directory exists or cannot be created.
+            OSError: the disk is full or gone.
         """
         self.directory = directory
         self.written: Counter[str] = Counter()
@@ -48,38 +74,30 @@ class BagWriter:
         self._first: int | None = None
         self._last = 0
         self._path = create(directory) / f'{directory.name}_0.mcap'
-        self._stream = self._path.open('xb')
-        self._writer = Writer(self._stream, CHUNK_SIZE, CompressionType.ZSTD)
+        self._file = _RecordFile(self._path)
+        self._writer = Writer(cast(Any, self._file), CHUNK_SIZE, enable_data_crcs=True)
         self._writer.start('ros2', 'parallel_robot')
-        self._writer.add_metadata(METADATA, self._metadata)
-        self._channels: dict[str, int] = {}
-        self._topics: dict[str, dict[str, Any]] = {}
-        store = get_typestore(Stores.ROS2_JAZZY)
-        schemas: dict[str, int] = {}
-        for topic in topics:
-            if topic.type not in schemas:
-                definition, _ = store.generate_msgdef(topic.type, ros_version=2)
-                schemas[topic.type] = self._writer.register_schema(
-                    topic.type, 'ros2msg', definition.encode()
-                )
-            digest = store.hash_rihs01(topic.type)
-            qos = [_qos(topic)]
-            self._channels[topic.name] = self._writer.register_channel(
-                f'/{topic.name}',
-                'cdr',
-                schemas[topic.type],
-                {
-                    'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False),
-                    'topic_type_hash': digest,
-                },
+        if metadata:
+            self._writer.add_metadata(METADATA, self._metadata)
+        self._schemas: dict[tuple[str, bytes], int] = {}
+        self._channels: dict[int, Channel] = {}
+        self._counts: Counter[int] = Counter()
+        self._caught: list[int] = []  # signals
+        self._handlers: dict[int, Any] = {}
+        self._ids = {topic.name: self.add(channel_of(topic)) for topic in topics}
+
+    def add(self, channel: Channel) -> int:
+        """Declare a channel; returns its number."""
+        key = channel.type, channel.definition
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                channel.type, channel.encoding, channel.definition
             )
-            self._topics[topic.name] = {
-                'name': f'/{topic.name}',
-                'type': topic.type,
-                'serialization_format': 'cdr',
-                'offered_qos_profiles': qos,
-                'type_description_hash': digest,
-            }
+        number = self._writer.register_channel(
+            channel.topic, 'cdr', self._schemas[key], dict(channel.metadata)
+        )
+        self._channels[number] = channel
+        return number
 
     def write(self, topic: str, log_time: int, data: bytes) -> None:
         """Append one message; `log_time` in nanoseconds.
@@ -87,34 +105,80 @@ class BagWriter:
         Raises:
             OSError: the disk is full or gone.
         """
-        self._writer.add_message(self._channels[topic], log_time, data, log_time)
+        self.append(self._ids[topic], log_time, data, log_time)
         self.written[topic] += 1
+
+    def append(
+        self, channel: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
+    ) -> None:
+        """Append one message of a channel by its number; times in nanoseconds.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        if self._caught:
+            self._heed_signals()
+        self._writer.add_message(channel, log_time, data, publish_time, sequence)
+        self._counts[channel] += 1
         self._first = log_time if self._first is None else min(self._first, log_time)
         self._last = max(self._last, log_time)
 
+    def flush(self, age: float = 0.0) -> None:
+        """Finish the open chunk if the one before was finished `age` seconds ago, or longer.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        if time.monotonic() - self._file.written_at >= age:
+            self._writer.flush()
+
     def close(self) -> None:
-        """Complete the bag.
+        """Complete the bag, or leave it as it was when the disk became full.
 
         Raises:
             OSError: the disk is full or gone; what is finished of the file stays.
         """
+        if self._file.closed:
+            return
         try:
             self._writer.finish()
         finally:
-            self._stream.close()
+            self._file.close()
+        text = yaml.dump(
+            {'rosbag2_bagfile_information': self._information()}, Dumper=_Dumper, sort_keys=False
+        )
+        draft = self.directory / 'metadata.yaml.part'
+        try:
+            draft.write_text(text)
+            draft.rename(self.directory / 'metadata.yaml')
+        except OSError:
+            draft.unlink(missing_ok=True)
+            raise
+
+    def _information(self) -> dict[str, Any]:
+        """What metadata.yaml says."""
         name = self._path.name
         span = {
             'duration': {'nanoseconds': self._last - (self._first or 0)},
             'starting_time': {'nanoseconds_since_epoch': self._first or 0},
-            'message_count': self.written.total(),
+            'message_count': self._counts.total(),
         }
-        information = {
+        return {
             'version': 9,
             'storage_identifier': 'mcap',
             **span,
             'topics_with_message_count': [
-                {'topic_metadata': topic, 'message_count': self.written[key]}
-                for key, topic in self._topics.items()
+                {
+                    'topic_metadata': {
+                        'name': channel.topic,
+                        'type': channel.type,
+                        'serialization_format': 'cdr',
+                        'offered_qos_profiles': _profiles(channel),
+                        'type_description_hash': dict(channel.metadata).get('topic_type_hash', ''),
+                    },
+                    'message_count': self._counts[number],
+                }
+                for number, channel in self._channels.items()
             ],
             'compression_format': '',
             'compression_mode': '',
@@ -123,13 +187,13 @@ class BagWriter:
             'custom_data': self._metadata,
             'ros_distro': 'jazzy',
         }
-        text = yaml.dump(
-            {'rosbag2_bagfile_information': information}, Dumper=_Dumper, sort_keys=False
-        )
-        (self.directory / 'metadata.yaml').write_text(text)
 
     def __enter__(self) -> BagWriter:
-        """Return the writer."""
+        """Return the writer; in the block, signals take effect between two messages."""
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                handler = signal.signal(number, lambda number, _: self._caught.append(number))
+                self._handlers[number] = handler or signal.SIG_DFL
         return self
 
     def __exit__(
@@ -139,10 +203,68 @@ class BagWriter:
         trace: TracebackType | None,
     ) -> None:
         """Complete the bag, also after an error: what is written stays readable."""
-        self.close()
+        try:
+            self.close()
+        finally:
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
+        if kind is None:
+            self._heed_signals()
+
+    def _heed_signals(self) -> None:
+        for number in self._caught:
+            raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
 
-class _Dumper(yaml.SafeDumper):
+class _RecordFile:
+    """A file as mcap's writer wants it, whose every write is with the system, whole or not at all.
+
+    Attributes:
+        written_at: When it was last written [s], of the monotonic clock.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('xb', buffering=0)
+        self._end = 0
+        self.written_at = time.monotonic()
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing can be written any more."""
+        return self._file.closed
+
+    def write(self, data: bytes) -> int:
+        """Append; at an error, take back what was written of `data` and close.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            with self._file, contextlib.suppress(OSError):
+                self._file.truncate(self._end)
+            raise
+        self._end += len(data)
+        self.written_at = time.monotonic()
+        return len(data)
+
+    def tell(self) -> int:
+        """Length of the file [bytes]."""
+        return self._end
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+# Written in C where that is installed: ten times faster.
+class _Dumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[misc]
     """YAML without anchors: rosbag2 reads them, but people do not."""
 
     def ignore_aliases(self, data: Any) -> bool:
@@ -177,6 +299,32 @@ def check(directory: Path) -> None:
             pass
     except OSError as error:
         raise BagError(f'cannot write to {directory}: {error.strerror}') from None
+
+
+def channel_of(topic: Topic) -> Channel:
+    """A topic of the suite as a bag describes it."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    definition, _ = store.generate_msgdef(topic.type, ros_version=2)
+    metadata = (
+        ('offered_qos_profiles', yaml.safe_dump([_qos(topic)], sort_keys=False)),
+        ('topic_type_hash', store.hash_rihs01(topic.type)),
+    )
+    return Channel(f'/{topic.name}', topic.type, 'ros2msg', definition.encode(), metadata)
+
+
+def _profiles(channel: Channel) -> list[Any]:
+    """Quality of service for metadata.yaml, where it is in the form of its version."""
+    try:
+        profiles = yaml.safe_load(dict(channel.metadata).get('offered_qos_profiles', ''))
+    except yaml.YAMLError:
+        return []
+    if isinstance(profiles, list) and all(_has_words(profile) for profile in profiles):
+        return profiles
+    return []
+
+
+def _has_words(profile: Any) -> bool:
+    return isinstance(profile, dict) and isinstance(profile.get('reliability'), str)
 
 
 def _qos(topic: Topic) -> dict[str, Any]:

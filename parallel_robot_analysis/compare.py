@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,21 +11,11 @@ import numpy as np
 
 from parallel_robot_analysis import claims, metrics, simulate
 from parallel_robot_analysis.analyze import json_draft
+from parallel_robot_analysis.figures_of_merit import MERITS, shown
 from parallel_robot_control.laws import LAWS
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_sim import simulation
-
-COLUMNS: tuple[tuple[str, str, Callable[[metrics.Metrics], float | None]], ...] = (
-    ('to 1 mm', 's', lambda m: m.transient.to_1_mm_s),
-    ('to 0.1 mm', 's', lambda m: m.transient.to_0_1_mm_s),
-    ('rms', 'um', lambda m: 1e6 * m.steady.xy_rms_m),
-    ('max', 'um', lambda m: 1e6 * m.steady.xy_max_m),
-    ('sync rms', 'urad', lambda m: 1e6 * m.steady.sync_rms_rad),
-    ('torque', 'N m', lambda m: m.torque.max_nm),
-    ('variation', 'N m/s', lambda m: m.torque.total_variation_nm_per_s),
-    ('chatter', 'N m', lambda m: m.torque.chattering_nm),
-)
 
 
 class Simulated(NamedTuple):
@@ -93,24 +81,19 @@ def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:
         f'{scenario}: time until the platform error stays below a bound; '
         'errors and chattering over the second half'
     ]
-    rows.append(f'{"law":<20}' + ''.join(f'{name:>11}' for name, _, _ in COLUMNS))
-    rows.append(f'{"":<20}' + ''.join(f'{"[" + unit + "]":>11}' for _, unit, _ in COLUMNS))
+    rows.append(f'{"law":<20}' + ''.join(f'{merit.short:>11}' for merit in MERITS))
+    rows.append(f'{"":<20}' + ''.join(f'{"[" + merit.unit + "]":>11}' for merit in MERITS))
     for law, result in results.items():
-        cells = [figure(result) for _, _, figure in COLUMNS]
-        rows.append(f'{law:<20}' + ''.join(f'{number(cell):>11}' for cell in cells))
+        cells = [shown(merit.value(result)) for merit in MERITS]
+        rows.append(f'{law:<20}' + ''.join(f'{cell:>11}' for cell in cells))
     return '\n'.join(rows)
 
 
 def line(verdict: claims.Verdict) -> str:
     """One claim with its verdict and figures."""
-    figures = ', '.join(f'{law} {number(value)}' for law, value in verdict.figures.items())
+    figures = ', '.join(f'{law} {shown(value)}' for law, value in verdict.figures.items())
     word = 'reproduced' if verdict.reproduced else 'not reproduced'
     return f'{word:<15} {verdict.claim.text}: {figures} {verdict.claim.unit}'
-
-
-def number(value: float | None) -> str:
-    """Four significant digits, or a word for what never came."""
-    return 'never' if value is None or math.isinf(value) else f'{value:.4g}'
 
 
 def as_data(

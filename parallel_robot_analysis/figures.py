@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from parallel_robot_analysis.metrics import Poses
+from parallel_robot_analysis.printable import printable, without_mathematics
 from parallel_robot_analysis.run_log import RunLog
 from parallel_robot_interface.errors import UnknownNameError
 
@@ -33,7 +34,8 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
     FigureCanvasAgg(figure)
     if path.suffix not in FORMATS:
         raise UnknownNameError('picture format', path.suffix, FORMATS)
-    figure.suptitle(f'{log.scenario}, {log.law}', fontweight='bold')
+    title = without_mathematics(f'{printable(log.scenario)}, {printable(log.law)}')
+    figure.suptitle(title, fontweight='bold')
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
 
     xy = figure.add_subplot(grid[:, 0])

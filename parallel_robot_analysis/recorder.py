@@ -18,6 +18,7 @@ from parallel_robot_interface.loop import STEP_START, LoopParameters
 from parallel_robot_interface.topics import JOINT_STATES, RECORDED, Topic
 
 DRAIN = 0.05  # s, between two rounds of writing
+FLUSH = 1.0  # s, after which a chunk is finished although it is not full
 STRAGGLERS = 2.0  # s, how long a finished motion waits for messages that are still missing
 UNSTAMPED = ('std_msgs/msg/Float64MultiArray', 'std_msgs/msg/String')
 
@@ -68,12 +69,16 @@ class Recorder:
 
         Raises:
             BagError: the directory exists or cannot be created.
+            RunError: the disk is full.
         """
         self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
         if self._loop.samples is not None and start_stamp:
             self._end = start_stamp + self._loop.samples * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
-        self._writer = BagWriter(self._directory, RECORDED, metadata)
+        try:
+            self._writer = BagWriter(self._directory, RECORDED, metadata)
+        except OSError as error:
+            raise self._broken(error) from None
         self._thread.start()
         for topic, data in self._early:
             self.take(topic, data)
@@ -149,6 +154,7 @@ class Recorder:
                     self._writer.write(topic.name, log_time, data)
                 if last:
                     return
+                self._writer.flush(FLUSH)
         except OSError as error:
             self._failed(self._broken(error))
 

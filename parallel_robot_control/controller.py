@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Mapping
+from contextlib import nullcontext
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import Cycle, initial_state, run_cycle, taking_over
 from parallel_robot_control.faults import FAULT_TEXT
-from parallel_robot_control.laws import PreparedLaw, available, prepare
+from parallel_robot_control.laws import LAWS, PreparedLaw, available, prepare
 from parallel_robot_control.messages import Status, Telemetry
 from parallel_robot_control.safety import SafetyParameters, limits_of
 from parallel_robot_interface import config
@@ -22,6 +23,7 @@ from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
 from parallel_robot_interface.loop import STEP_START, LoopParameters
+from parallel_robot_model.kernel import in_memory
 from parallel_robot_model.parameters import RobotParameters, validate
 from trajectory_gen.trajectory import Trajectory
 
@@ -116,7 +118,8 @@ class Controller:
         self._memory = self.law.memory
         for name in available(values):  # compiled now, not at a switch
             law = self.law if name == self.law.name else prepare(name, values)
-            self._cycle(law, _RESTING, _STILL, law.memory, self._loop.period)
+            with in_memory(run_cycle) if name not in LAWS else nullcontext():
+                self._cycle(law, _RESTING, _STILL, law.memory, self._loop.period)
 
     @property
     def fault(self) -> int:

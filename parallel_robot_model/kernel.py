@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
+from numba.core.caching import NullCache
 from numba.experimental.function_type import FunctionModel
 from numba.extending import register_model
 
@@ -63,6 +65,23 @@ def kernel(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Compile a function that takes other kernels; it becomes part of the kernel that calls it."""
     return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
+
+
+@contextlib.contextmanager
+def in_memory(*kernels: Any) -> Iterator[None]:
+    """Compile kernels without the cache on disk, for arguments of types of a module of one's own.
+
+    The index of a cached kernel holds the types that it was compiled for; other processes, which
+    cannot import such a module, could not read it.
+    """
+    caches = [kernel._cache for kernel in kernels]
+    for compiled in kernels:
+        compiled._cache = NullCache()
+    try:
+        yield
+    finally:
+        for compiled, cache in zip(kernels, caches, strict=True):
+            compiled._cache = cache
 
 
 def distinguish(*values: Any) -> None:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.controller import first_guess
-from parallel_robot_control.cycle import CycleState, initial_state
-from parallel_robot_control.laws import PreparedLaw, available, prepare
+from parallel_robot_control.cycle import CycleState, initial_state, run_cycle
+from parallel_robot_control.laws import LAWS, PreparedLaw, available, prepare
 from parallel_robot_control.safety import Limits, SafetyParameters, limits_of
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_interface.loop import validate as validate_loop
+from parallel_robot_model.kernel import in_memory
 from parallel_robot_model.parameters import RobotParameters, validate
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.simulator import Simulator
@@ -136,7 +138,8 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
             f'not {loop.duration:g}'
         )
     reference = parts.trajectory.sample(np.arange(samples + 1) * loop.period)
-    parts.run(parts.trajectory.sample(0.0))  # compiles the loop, or loads it
+    with in_memory(run, run_cycle) if parts.law.name not in LAWS else nullcontext():
+        parts.run(parts.trajectory.sample(0.0))  # compiles the loop, or loads it
     begun = time.perf_counter()
     result = parts.run(reference)
     loop_time = time.perf_counter() - begun

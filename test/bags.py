@@ -1,8 +1,15 @@
 """Bags for the tests: a small run of the suite, and how others write and read."""
 
+import contextlib
+import resource
+
 import numpy as np
+from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
-from rosbags.rosbag2 import StoragePlugin, Writer
+from mcap.records import Chunk, Message
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_interface import cdr, topics
@@ -11,6 +18,17 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 5 * 10**9  # ns
 MS = 10**6  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')
+
+
+@contextlib.contextmanager
+def full_disk(size):
+    """No file of this process can grow beyond a size [bytes]."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def content(path):
@@ -23,13 +41,53 @@ def content(path):
     return found
 
 
-def write_foreign(directory, streams):
+def write_foreign(directory, streams, compression=None, space=''):
     """Write serialised messages, {topic: [(log time, bytes)]}, as rosbags does."""
-    with Writer(directory, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+    writer = Writer(directory, version=9, storage_plugin=StoragePlugin.MCAP)
+    if compression:
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    with writer:
         for topic, messages in streams.items():
-            connection = writer.add_connection(f'/{topic.name}', topic.type, typestore=STORE)
+            name = f'{space}/{topic.name}'
+            connection = writer.add_connection(name, topic.type, typestore=STORE)
             for log_time, data in messages:
                 writer.write(connection, log_time, data)
+
+
+def write_mcap(path, streams, **options):
+    """Write serialised messages as mcap's writer does, in the order of their log time."""
+    with path.open('wb') as stream:
+        writer = McapWriter(stream, **options)
+        writer.start('ros2')
+        channels = {}
+        for topic in reversed(streams):
+            definition, _ = STORE.generate_msgdef(topic.type, ros_version=2)
+            schema = writer.register_schema(topic.type, 'ros2msg', definition.encode())
+            channels[topic] = writer.register_channel(f'/{topic.name}', 'cdr', schema)
+        entries = [(*entry, channels[topic]) for topic in streams for entry in streams[topic]]
+        for log_time, data, channel in sorted(entries, key=lambda entry: entry[0]):
+            writer.add_message(channel, log_time, data, log_time)
+        writer.finish()
+
+
+def chunks(path):
+    """Chunks of a whole MCAP file as mcap reads them: [(begin, end, [(topic, time, bytes)])]."""
+    found = []
+    with path.open('rb') as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        topics = {key: channel.topic for key, channel in summary.channels.items()}
+        for index in summary.chunk_indexes:
+            end = index.chunk_start_offset + index.chunk_length
+            file.seek(index.chunk_start_offset + 9)
+            inside = breakup_chunk(Chunk.read(ReadDataStream(file)), validate_crc=True)
+            messages = [
+                (topics[record.channel_id], record.log_time, record.data)
+                for record in inside
+                if isinstance(record, Message)
+            ]
+            found.append((index.chunk_start_offset, end, messages))
+    return found
 
 
 def streams(reference, position, effort=None, names=JOINTS, start=START):

@@ -5,13 +5,16 @@ import dataclasses
 import numpy as np
 import pytest
 import yaml
-from bags import STORE
+from bags import STORE, full_disk
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
+from parallel_robot_analysis import bag_reader
 from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_analysis.mcap_records import Block, Damage
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import BagError
@@ -66,12 +69,12 @@ def plain(value):
         names = [field.name for field in dataclasses.fields(value)]
     else:
         names = getattr(value, '__slots__', None)
-    if isinstance(value, (list, tuple, np.ndarray)):
+    if isinstance(value, (list, tuple, bytes, np.ndarray)):
         return [plain(item) for item in value]
     if names is None:
         return value
-    names = [name for name in names if not name.startswith('_') and not name.isupper()]
-    return {name: plain(getattr(value, name)) for name in names}
+    fields = [name for name in names if not name.startswith('_') and not name.isupper()]
+    return {name: plain(getattr(value, name)) for name in fields}  # without constants
 
 
 def test_every_type_is_written_and_read_back(bag):
@@ -170,3 +173,100 @@ def test_what_was_written_before_an_error_stays_readable(tmp_path):
         fail(w)
     with Reader(tmp_path / 'bag') as reader:
         assert [bytes(data) for *_, data in reader.messages()] == [WRITTEN[0][2]]
+
+
+def survives(path):
+    """Messages in the chunks of a file that nobody has closed, and its damage."""
+    records = list(bag_reader.scan_file(path))
+    count = sum(len(record.starts) for record in records if isinstance(record, Block))
+    return count, [record for record in records if isinstance(record, Damage)]
+
+
+def test_finished_chunks_are_with_the_system_at_once(tmp_path):
+    layout, size, lost = cdr.float64_multi_array(100), 812 + 31, 0
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
+        for k in range(2000):
+            writer.write(topics.COMMANDS.name, k, layout.encode(data=NUMBERS.normal(size=100)))
+            if k % 50 == 0:
+                count, damage = survives(tmp_path / 'bag' / 'bag_0.mcap')
+                assert damage == [Damage('end', 0)]
+                lost = max(lost, k + 1 - count)
+    assert 200 < lost <= 256 * 1024 / size
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    assert len(indexes) > 6 and max(i.uncompressed_size for i in indexes) <= 256 * 1024
+    assert {index.compression for index in indexes} == {'zstd'}
+
+
+def test_a_chunk_that_is_not_full_can_be_finished(tmp_path):
+    path = tmp_path / 'bag' / 'bag_0.mcap'
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, METADATA) as writer:
+        writer.write(*WRITTEN[0])
+        writer.flush(age=1000.0)
+        assert survives(path)[0] == 0
+        writer.flush()
+        assert survives(path) == (1, [Damage('end', 0)])
+
+
+@pytest.mark.parametrize('where', ['first', 'middle', 'end', 'metadata'])
+def test_a_full_disk_leaves_what_is_finished(where, tmp_path):
+    """The file is cut after its last whole record; metadata.yaml is whole or not there."""
+    layout, path = cdr.float64_multi_array(100), tmp_path / 'bag' / 'bag_0.mcap'
+    many = [topics.Topic(f'{name}{k}', topics.COMMANDS.type) for name in 'ab' for k in range(100)]
+    messages = [layout.encode(data=NUMBERS.normal(size=100)) for _ in range(1000)]
+    messages = [] if where == 'metadata' else messages
+
+    def write(directory):
+        with BagWriter(directory, many, METADATA) as writer:
+            for k, message in enumerate(messages):
+                writer.write('a0', k, message)
+
+    write(tmp_path / 'whole')
+    size = (tmp_path / 'whole' / 'whole_0.mcap').stat().st_size
+    limit = {'first': 100, 'middle': size // 2, 'end': size - 10, 'metadata': size}[where]
+    with full_disk(limit), pytest.raises(OSError, match='File too large'):
+        write(tmp_path / 'bag')
+    assert [file.name for file in path.parent.iterdir()] == ['bag_0.mcap']
+    count, damage = survives(path)
+    low, high = {'first': (0, 0), 'middle': (300, 700)}.get(where, (len(messages),) * 2)
+    assert low <= count <= high
+    assert [place.what for place in damage] == ([] if where == 'metadata' else ['end'])
+    assert sum(place.length for place in damage) == 0 or where == 'end'
+
+
+def random_value(kind, what):
+    """A random value of a field as rosbags describes it; sequences have two elements."""
+    if kind == Nodetype.NAME:
+        fields = STORE.get_msgdef(what).fields
+        return STORE.types[what](**{name: random_value(*field) for name, field in fields})
+    if kind == Nodetype.BASE:
+        name = what[0]
+        if name == 'string':
+            return f'Größe {NUMBERS.integers(1000)}'
+        return np.dtype(name).type(NUMBERS.integers(100) % (2 if name == 'bool' else 100)).item()
+    (inner, name), count = what
+    values = [random_value(inner, name) for _ in range(count or 2)]
+    numeric = inner == Nodetype.BASE and name[0] != 'string'
+    return np.array(values, dtype=name[0]) if numeric else values
+
+
+def test_every_message_type_of_the_suite_comes_back(tmp_path):
+    """All types, also those that the recorder does not take, by both other libraries."""
+    suite = [value for value in vars(topics).values() if isinstance(value, topics.Topic)]
+    suite.append(topics.Topic('diagnostics', 'diagnostic_msgs/msg/DiagnosticArray'))
+    written = {}
+    with BagWriter(tmp_path / 'bag', suite, METADATA) as writer:
+        for k, topic in enumerate(suite):
+            message = random_value(Nodetype.NAME, topic.type)
+            written[f'/{topic.name}'] = plain(message)
+            writer.write(topic.name, k, bytes(STORE.serialize_cdr(message, topic.type)))
+    assert {topic.type for topic in suite} >= {
+        'visualization_msgs/msg/MarkerArray', 'rosgraph_msgs/msg/Clock', 'std_msgs/msg/String'
+    }  # fmt: skip
+    with AnyReader([tmp_path / 'bag']) as reader:
+        found = {c.topic: plain(reader.deserialize(d, c.msgtype)) for c, _, d in reader.messages()}
+    assert found == written
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        decoded = {c.topic: plain(m) for _, c, _, m in reader.iter_decoded_messages()}
+    assert decoded == written

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from bags import full_disk
 
 from parallel_robot_analysis import run, run_log
 from parallel_robot_analysis.command_line import main
@@ -204,3 +205,17 @@ def test_run_refuses_the_keys_it_owns(tmp_path, capsys):
 def test_a_very_slow_motion_is_checked_in_bounded_memory(tmp_path):
     words = ['simulate', 'paper_circle', '--duration', '0.01', '--set', 'circle.rate=1e-300']
     assert main([*words, '--out', str(tmp_path / 'bag')]) == 0
+
+
+def test_a_full_disk_ends_a_simulation_in_one_line(tmp_path, capsys):
+    with full_disk(500_000):
+        assert main(['simulate', 'paper_circle', '--out', str(tmp_path / 'bag')]) == 1
+    out, err = capsys.readouterr()
+    assert out == '' and err == (
+        f'parallel_robot simulate: cannot write {tmp_path / "bag"}: File too large\n'
+    )
+    log = run_log.read(tmp_path / 'bag')
+    assert len(log.warnings) == 1 and log.messages['joint_states'].missing == 0
+    with full_disk(200_000):
+        assert main(['recover', str(tmp_path / 'bag'), '--out', str(tmp_path / 'again')]) == 1
+    assert not (tmp_path / 'again').exists()

@@ -40,3 +40,9 @@ def test_errors_of_zero_can_be_drawn(log, tmp_path):
     exact = log._replace(position=log.reference_position)
     figures.draw_run(exact, metrics.poses(exact), tmp_path / 'run.png')
     assert (tmp_path / 'run.png').stat().st_size > 10_000
+
+
+def test_names_that_look_like_mathematics_are_drawn(log, tmp_path):
+    named = log._replace(law='$\\frac{', scenario='two\nlines')
+    figures.draw_run(named, metrics.poses(named), tmp_path / 'run.svg')
+    assert (tmp_path / 'run.svg').stat().st_size > 10_000

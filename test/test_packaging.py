@@ -62,6 +62,12 @@ def test_every_package_is_installed(setup):
     assert set(setup['packages']) == {'.'.join(folder.parts) for folder in folders}
 
 
+def test_templates_are_installed(setup):
+    for package, patterns in setup['package_data'].items():
+        assert all(list((ROOT / package.replace('.', '/')).glob(pattern)) for pattern in patterns)
+    assert setup['package_data']['parallel_robot_analysis'] == ['templates/*']
+
+
 def test_there_is_one_command(setup):
     (command,) = setup['entry_points']['console_scripts']
     name, module = re.fullmatch(r'(\w+) = ([\w.]+):main', command).groups()
@@ -112,7 +118,10 @@ def test_launch_file_starts_every_executable(monkeypatch):
 
 
 def test_every_import_is_declared(setup):
-    required = {re.split(r'[<>=]', item)[0] for item in setup['install_requires']}
+    required, optional = (
+        {re.split(r'[<>=]', item)[0] for item in items}
+        for items in (setup['install_requires'], setup['extras_require']['export'])
+    )
     for name, tree in modules(setup['packages']):
         imported = set()
         for node in ast.walk(tree):
@@ -120,7 +129,9 @@ def test_every_import_is_declared(setup):
                 imported |= {alias.name.partition('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
                 imported.add(node.module.partition('.')[0])
-        for module in imported - set(sys.stdlib_module_names) - set(setup['packages']) - ROS:
+        for module in (
+            imported - set(sys.stdlib_module_names) - set(setup['packages']) - ROS - optional
+        ):
             assert DEPENDENCIES & {f'python3-{module}', f'python3-{module}-pip'}, (name, module)
             assert {'yaml': 'pyyaml'}.get(module, module) in required, (name, module)
 

@@ -27,7 +27,7 @@ def test_make_targets_exist(command):
 @pytest.mark.parametrize('command', [c for c in COMMANDS if 'bin/parallel_robot' in c])
 def test_commands_of_the_command_line_parse_and_their_keys_resolve(command):
     arguments = build_parser().parse_args(shlex.split(command)[1:])
-    if arguments.command != 'analyze':
+    if 'scenario' in arguments:
         config.resolve(arguments.scenario, config.parse_overrides(arguments.assignments))
 
 

@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from bags import content
 
+from parallel_robot_analysis import bag_reader
+from parallel_robot_analysis import recorder as module
+from parallel_robot_analysis.mcap_records import Block
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, config, topics
@@ -191,6 +194,20 @@ def test_bytes_too_short_for_a_stamp_do_no_harm(data, make, tmp_path):
     assert len(recorded(tmp_path)['joint_states']) == SAMPLES + 1
 
 
+def test_what_comes_slowly_is_soon_with_the_system(make, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, 'FLUSH', 0.05)
+    recorder = make()
+    recorder.open(START)
+    take(recorder, range(2))
+    deadline = time.monotonic() + 30.0
+    file, count = tmp_path / 'bag' / 'bag_0.mcap', 0
+    while count < sum(recorder.received.values()):
+        assert time.monotonic() < deadline, 'waited in vain'
+        blocks = [record for record in bag_reader.scan_file(file) if isinstance(record, Block)]
+        count = sum(len(block.starts) for block in blocks)
+    recorder.close()
+
+
 def test_a_full_disk_is_handed_over(tmp_path):
     script = f"""
         import os, resource, threading
@@ -211,7 +228,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
             recorder.take(topics.COMMANDS, layout.encode() + os.urandom(9000))
         assert failed.wait(20.0)
         recorder.close()
-        print({{f'{{type(error).__name__}}: {{error}}' for error in errors}})
+        print([f'{{type(error).__name__}}: {{error}}' for error in errors])
     """
     done = subprocess.run(
         [sys.executable, '-c', textwrap.dedent(script)],
@@ -221,5 +238,5 @@ def test_a_full_disk_is_handed_over(tmp_path):
         timeout=60.0,
     )
     message = f'RunError: cannot write {tmp_path / "bag"}: File too large'
-    assert done.stdout == f'{ {message} }\n'
+    assert done.stdout == f'{[message]}\n'
     assert done.returncode == 0 and done.stderr == ''

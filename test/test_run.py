@@ -1,6 +1,8 @@
 """The command `run`: real nodes, real bags, and nothing left behind."""
 
+import resource
 import signal
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -8,9 +10,11 @@ import numpy as np
 import pytest
 from domain_coordinator import domain_id
 from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import metrics, run_log
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis.recover import recover
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -111,6 +115,53 @@ def test_a_node_that_dies_ends_the_run(start, tmp_path):
     assert process.wait() == 1
     assert process.stderr == 'parallel_robot run: plant ended with signal SIGKILL\n'
     check_end(tmp_path / 'bag', nodes)
+
+
+def test_a_recorder_that_is_killed_leaves_its_chunks(start, tmp_path):
+    process = start('bag', 30.0)
+    nodes = under_way(process, tmp_path / 'bag')
+    nodes[MODULES['recorder']].kill()
+    killed = time.time_ns()
+    assert process.wait() == 1
+    assert process.stderr.startswith('parallel_robot run: recorder ended with signal SIGKILL')
+    log = run_log.read(tmp_path / 'bag')
+    assert 'was not closed' in log.warnings[0] and log.messages['joint_states'].missing == 0
+    assert killed - log.stamps[-1] < 1.5e9 and len(log.time) > 100
+    report = recover(tmp_path / 'bag', tmp_path / 'whole')
+    again = run_log.read(tmp_path / 'whole')
+    assert report.kept['/joint_states'] == len(log.time) == len(again.time)
+    assert again.config == log.config and not again.warnings
+    with Reader(tmp_path / 'whole') as reader:
+        assert reader.message_count == report.kept.total()
+
+
+def test_a_full_disk_ends_the_run_in_one_line(start, tmp_path):
+    process = start('bag', 30.0)
+    nodes = under_way(process, tmp_path / 'bag')
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    limit = file.stat().st_size + 200_000
+    resource.prlimit(nodes[MODULES['recorder']].pid, resource.RLIMIT_FSIZE, (limit, limit))
+    assert process.wait() == 1
+    assert process.stderr == (
+        'parallel_robot run: recorder ended with exit code 1: cannot write bag: File too large\n'
+    )
+    assert all(node.ended(seconds=20.0) for node in nodes.values())
+    assert limit - 200_000 < file.stat().st_size <= limit
+    log = run_log.read(tmp_path / 'bag')
+    assert len(log.warnings) == 1 and log.messages['joint_states'].missing == 0
+    assert not (tmp_path / 'bag' / 'metadata.yaml').exists()
+
+
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
+    process = launch(COMMAND_LINE, 'simulate', 'paper_circle', '--duration', 60, '--out', 'bag')
+    file = tmp_path / 'bag' / 'bag_0.mcap'
+    process.until(lambda: file.exists() and file.stat().st_size > 30_000)
+    assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
+    assert process.stderr == ''
+    log = run_log.read(tmp_path / 'bag')
+    assert not log.warnings and 10 < len(log.time) < 60_000
+    assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
 
 def test_a_recorder_that_is_stopped_early_is_no_success(start, tmp_path):

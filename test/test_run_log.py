@@ -1,13 +1,19 @@
 """Bags as arrays: what is aligned with what, and what is missing."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-from bags import JOINTS, MS, START, streams, write_foreign
+from bags import JOINTS, MS, START, content, streams, write_foreign, write_mcap
+from mcap.writer import CompressionType, IndexType
 
-from parallel_robot_analysis import run_log
+from parallel_robot_analysis import metrics, run_log, simulation_bag
 from parallel_robot_analysis.bag_writer import BagWriter
 from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import BagError
+from parallel_robot_interface.errors import BagError, InputError
+from parallel_robot_sim.simulation import simulate
 
 COUNT = 100
 RANDOM = np.random.default_rng(3)
@@ -73,7 +79,7 @@ def test_messages_that_are_removed_are_missing(record):
     assert counts(log) == {
         'joint_states': (99, 1),
         'reference': (97, 3),
-        'effort_controller/commands': (98, 1),  # of 99 states
+        'effort_controller/commands': (98, 2),
         'pose': (9, 1),
     }
     assert 20 not in np.rint(log.time * 1e3) and len(log.position) == 99
@@ -141,9 +147,6 @@ BROKEN = {
     'two joints': lambda found: found | {
         topics.JOINT_STATES: [(START, cdr.joint_state(('joint1', 'joint2')).encode(START))]},
     'no velocities': without_fields,
-    'joints that change': lambda found: found | {
-        topics.JOINT_STATES: found[topics.JOINT_STATES]
-        + [(START + 1, cdr.joint_state(('x', *JOINTS)).encode(START))]},
     'broken bytes': lambda found: found | {topics.JOINT_STATES: [(START, b'\0\1\0\0\xff')]},
     'references after the last state': lambda found: found | {
         topics.REFERENCE: [(START + 10**9, cdr.joint_trajectory(JOINTS).encode(START + 10**9))]},
@@ -173,3 +176,123 @@ def test_metadata_of_another_suite_are_refused(tmp_path):
                 writer.write(topic.name, log_time, payload)
     with pytest.raises(BagError, match='config'):
         run_log.read(tmp_path / 'bag')
+
+
+RUN = config.resolve('paper_circle', {'duration': 0.5, 'time_mode': 'lockstep'})
+WRITERS = {
+    'chunks of 1 MiB': write_foreign,
+    'zstd in chunks': lambda path, found: write_foreign(path, found, 'STORAGE'),
+    'zstd by message': lambda path, found: write_foreign(path, found, 'MESSAGE'),
+    'zstd by file': lambda path, found: write_foreign(path, found, 'FILE'),
+    'a namespace': lambda path, found: write_foreign(path, found, space='/left/robot'),
+    'small chunks': lambda path, found: write_mcap(path, found, chunk_size=2000),
+    'lz4': lambda path, found: write_mcap(path, found, compression=CompressionType.LZ4),
+    'uncompressed': lambda path, found: write_mcap(path, found, compression=CompressionType.NONE),
+    'no chunks': lambda path, found: write_mcap(path, found, use_chunking=False),
+    'no indexes, no summary': lambda path, found: write_mcap(
+        path, found, index_types=IndexType.NONE, repeat_channels=False, repeat_schemas=False,
+        use_statistics=False, use_summary_offsets=False, enable_crcs=False),
+}  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory):
+    """A run of the suite: its log and its messages."""
+    directory = tmp_path_factory.mktemp('run') / 'bag'
+    simulation_bag.write(directory, RUN, simulate(RUN))
+    found = content(directory / 'bag_0.mcap')
+    return run_log.read(directory), {topic: found[topic.name] for topic in topics.RECORDED}
+
+
+@pytest.mark.parametrize('kind', WRITERS)
+def test_whoever_wrote_it_the_figures_are_the_same(kind, simulated, tmp_path):
+    log, messages = simulated
+    WRITERS[kind](tmp_path / 'bag', messages)
+    other = run_log.read(tmp_path / 'bag')
+    assert other.warnings == () and other.messages == log.messages
+    for name in log._fields:
+        if isinstance(getattr(log, name), np.ndarray):
+            assert np.array_equal(getattr(other, name), getattr(log, name)), name
+    assert metrics.evaluate(other, metrics.poses(other)) == metrics.evaluate(
+        log, metrics.poses(log)
+    )
+
+
+def test_reading_needs_no_ros(tmp_path):
+    write_foreign(tmp_path / 'bag', streams(REFERENCE, POSITION))
+    code = (
+        'import sys; from pathlib import Path\n'
+        'from parallel_robot_analysis import run_log\n'
+        f'print(len(run_log.read(Path({str(tmp_path / "bag")!r})).time), "rclpy" in sys.modules)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], cwd=Path(__file__).parents[1], capture_output=True, text=True
+    )
+    assert done.stdout == f'{COUNT} False\n', done.stderr
+
+
+def test_joints_may_change_during_a_run(record):
+    """The publisher was started again, with another order and with one joint more."""
+    parts = [
+        streams(REFERENCE, POSITION, EFFORT, names)[topics.JOINT_STATES]
+        for names in (JOINTS, JOINTS[::-1])
+    ]
+    more = cdr.joint_state(('gripper', *JOINTS)).records(
+        COUNT,
+        START + np.arange(COUNT) * MS,
+        position=np.c_[np.zeros(COUNT), POSITION],
+        effort=np.c_[np.zeros(COUNT), EFFORT],
+    )
+    found = streams(REFERENCE, POSITION, EFFORT)
+    found[topics.JOINT_STATES] = [
+        *parts[0][:30], *parts[1][30:60],
+        *((START + k * MS, more[k].tobytes()) for k in range(60, COUNT)),
+    ]  # fmt: skip
+    log = record(found)
+    assert np.array_equal(log.position, POSITION) and np.array_equal(log.effort, EFFORT)
+
+
+def test_several_runs_in_one_bag_are_refused(tmp_path):
+    path = tmp_path / 'bag'
+    path.mkdir()
+    for space in ('left', 'right'):
+        write_foreign(tmp_path / space, streams(REFERENCE, POSITION), space=f'/{space}')
+        (tmp_path / space / f'{space}.mcap').rename(path / f'{space}.mcap')
+    with pytest.raises(BagError, match='several runs, in /left, /right'):
+        run_log.read(path)
+
+
+def test_answers_belong_to_their_states(record):
+    found = streams(REFERENCE, POSITION, EFFORT)
+    assert np.array_equal(record(found).answer, EFFORT)
+
+
+def test_answers_belong_to_their_states_when_some_are_lost(record):
+    found = streams(REFERENCE, POSITION, EFFORT)
+    for topic, lost in ((topics.COMMANDS, (7, 8)), (topics.JOINT_STATES, (50,))):
+        found[topic] = [entry for k, entry in enumerate(found[topic]) if k not in lost]
+    answer = record(found).answer
+    expected = np.delete(EFFORT, 50, axis=0)
+    expected[[7, 8]] = np.nan
+    expected[49] = EFFORT[50]  # of the state that is lost
+    assert np.array_equal(answer, expected, equal_nan=True)
+
+
+def test_columns_name_their_units(record):
+    log = record(streams(REFERENCE, POSITION, EFFORT))
+    table = run_log.columns(log)
+    assert list(table)[:5] == [
+        'time_s', 'stamp_ns', 'joint1_position_rad', 'joint2_position_rad', 'joint3_position_rad',
+    ]  # fmt: skip
+    assert len(table) == 2 + 7 * 3
+    assert np.array_equal(table['joint2_reference_position_rad'], REFERENCE[:, 1])
+    assert np.array_equal(table['joint3_command_nm'], EFFORT[:, 2])
+    frame = run_log.to_frame(log)
+    assert list(frame.columns) == list(table) and frame.shape == (COUNT, len(table))
+    assert np.array_equal(frame['stamp_ns'], log.stamps)
+
+
+def test_a_frame_without_pandas_costs_one_line(record, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pandas', None)
+    with pytest.raises(InputError, match='pandas is not installed'):
+        run_log.to_frame(record(streams(REFERENCE, POSITION)))

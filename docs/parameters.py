@@ -1,0 +1,92 @@
+"""Writes the tables of docs/parameters.md from the types of the parameters."""
+
+import math
+import sys
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+from parallel_robot_analysis import recorder_node
+from parallel_robot_control.controller import ControllerParameters
+from parallel_robot_control.laws import LAWS
+from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_interface import config
+from parallel_robot_interface.fields import Field, parameters
+from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_sim.disturbance import DisturbanceParameters
+from parallel_robot_sim.friction import FrictionParameters
+from parallel_robot_sim.plant import PlantParameters
+from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
+
+HEAD = """# Parameters
+
+Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
+(`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults are
+those of `paper_circle`. While the controller runs, `law`, `preset` and the gains of all laws can
+be changed: `ros2 param set /controller s_fotsmc.G 12`; what is set in one request is judged as a
+whole. This file is written by `make docs`.
+"""
+GROUPS = (
+    ('The loop', {'': LoopParameters}),
+    (
+        'Robot; `true_robot.*`, the simulated one, has the same keys and follows it',
+        {'robot': RobotParameters},
+    ),
+    ('Motion', {'trajectory': TrajectoryParameters}),
+    ('Shapes of the motion', {name: shape.Parameters for name, shape in SHAPES.items()}),
+    ('Controller', {'controller': ControllerParameters, 'safety': SafetyParameters}),
+    ('Laws', {name: law.Gains for name, law in LAWS.items()}),
+    (
+        'Plant',
+        {
+            'plant': PlantParameters,
+            'friction': FrictionParameters,
+            'disturbance': DisturbanceParameters,
+        },
+    ),
+    ('Recorder', {'recorder': recorder_node.RecorderParameters}),
+)
+
+
+def text() -> str:
+    """The whole page."""
+    values = config.resolve('paper_circle')
+    parts = [HEAD]
+    for title, groups in GROUPS:
+        parts.append(
+            f'\n## {title}\n\n| key | default | unit | range | meaning |\n|---|---|---|---|---|\n'
+        )
+        for prefix, group in groups.items():
+            for parameter in parameters(group):
+                key = f'{prefix}.{parameter.key}' if prefix else parameter.key
+                cells = [
+                    f'`{key}`',
+                    f'`{_plain(values[key])}`',
+                    parameter.field.unit,
+                    _range(parameter.type, parameter.field),
+                    parameter.field.description.replace('|', r'\|'),
+                ]
+                parts.append('| ' + ' | '.join(cells) + ' |\n')
+    return ''.join(parts)
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, float):
+        return f'{value:.10g}'
+    if isinstance(value, list):
+        return f'[{", ".join(map(_plain, value))}]'
+    return str(value).lower() if isinstance(value, bool) else str(value) or "''"
+
+
+def _range(kind: Any, field: Field) -> str:
+    if get_origin(kind) is Literal:
+        return ', '.join(f'`{choice}`' for choice in get_args(kind))
+    low = '' if field.low == -math.inf else f'{field.low:g}'
+    high = '' if field.high == math.inf else f'{field.high:g}'
+    if low and high:
+        return f'{low} to {high}'
+    return f'>= {low}' if low else f'<= {high}' if high else ''
+
+
+if __name__ == '__main__':
+    Path(sys.argv[1]).write_text(text())

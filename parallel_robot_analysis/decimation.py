@@ -1,0 +1,40 @@
+"""Fewer points of a curve, so that its spikes stay."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+INTERVALS = 1500  # of a curve; each keeps two points, finer than a page has dots across
+
+
+def extremes(values: np.ndarray, intervals: int = INTERVALS) -> np.ndarray:
+    """Choose the smallest and the largest value in each of equal intervals.
+
+    Args:
+        values: A curve, shape (N,).
+        intervals: How many.
+
+    Returns:
+        Indices in rising order, a pair for each interval, shape (2 * intervals,); all N when they
+        are not more than that.
+    """
+    if len(values) <= 2 * intervals:
+        return np.arange(len(values))
+    bounds = np.linspace(0, len(values), intervals + 1).astype(int)
+    pairs = [
+        (start + np.argmin(values[start:end]), start + np.argmax(values[start:end]))
+        for start, end in pairwise(bounds)
+    ]
+    return np.sort(np.array(pairs), axis=1).ravel()
+
+
+def envelope(values: np.ndarray) -> np.ndarray:
+    """Largest magnitude in each pair of neighbours, for both, shape (N,).
+
+    Of a decimated curve it is that of the interval: no dips where the curve crosses zero.
+    """
+    even = len(values) - len(values) % 2
+    pairs = np.abs(values[:even]).reshape(-1, 2).max(axis=1)
+    return np.concatenate([np.repeat(pairs, 2), np.abs(values[even:])])

@@ -1,0 +1,89 @@
+"""The command ``export``: a bag as a table, one row a state."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from parallel_robot_analysis import run_log
+from parallel_robot_interface.errors import InputError, RunError, UnknownNameError
+
+Table = Mapping[str, np.ndarray]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag, or one file of it')
+    parser.add_argument(
+        '--out',
+        type=Path,
+        required=True,
+        metavar='FILE',
+        help='must not exist; its suffix chooses: .csv or .parquet',
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    out: Path = arguments.out
+    if out.suffix not in FORMATS:
+        raise UnknownNameError('table format', out.suffix, FORMATS)
+    if out.exists():
+        raise InputError(f'{out} exists; nothing is overwritten, choose another --out')
+    log = run_log.read(arguments.bag)
+    for warning in log.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    table = run_log.columns(log)
+    content = io.BytesIO()
+    FORMATS[out.suffix](table, content)
+    try:
+        file = out.open('xb')
+    except OSError as error:
+        raise InputError(f'cannot write {out}: {error.strerror}') from None
+    try:
+        with file:
+            file.write(content.getbuffer())
+    except OSError as error:
+        out.unlink()
+        raise RunError(f'cannot write {out}: {error.strerror}') from None
+    print(f'table   {out}, {len(log.time)} rows, {len(table)} columns')
+    return 0
+
+
+def write_csv(table: Table, stream: IO[bytes]) -> None:
+    """Write comma-separated values; numbers as short as reads back the same."""
+    text = io.TextIOWrapper(stream, newline='', write_through=True)
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(table)
+    writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+    text.detach()
+
+
+def write_parquet(table: Table, stream: IO[bytes]) -> None:
+    """Write Apache Parquet.
+
+    Raises:
+        InputError: pyarrow is not installed.
+    """
+    try:
+        import pyarrow  # optional
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError(
+            'pyarrow is not installed; pip install pyarrow, or export to .csv'
+        ) from None
+    arrays = {name: np.ascontiguousarray(column) for name, column in table.items()}
+    pyarrow.parquet.write_table(pyarrow.table(arrays), stream)
+
+
+FORMATS: dict[str, Callable[[Table, IO[bytes]], None]] = {
+    '.csv': write_csv,
+    '.parquet': write_parquet,
+}

@@ -1,0 +1,327 @@
+"""Walks an MCAP file record by record, past whatever is damaged, and verifies every chunk."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from typing import Any, NamedTuple
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
+
+from parallel_robot_model.kernel import kernel
+
+MAGIC = b'\x89MCAP0\r\n'
+HEAD = 9  # bytes before the content of a record: opcode and length
+MESSAGE_HEAD = 22  # bytes of a message's content before its payload
+FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
+TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
+LARGEST = 1 << 28  # bytes; a chunk that claims to unpack to more is damaged
+BATCH = 1 << 16  # messages outside chunks that make one block
+MESSAGE = np.dtype(
+    {
+        'names': ['length', 'channel', 'sequence', 'log_time', 'publish_time'],
+        'formats': ['<u8', '<u2', '<u4', '<u8', '<u8'],
+        'offsets': [1, 9, 11, 15, 23],
+        'itemsize': HEAD + MESSAGE_HEAD,
+    }
+)
+LENGTH = struct.Struct('<Q')
+CHUNK = struct.Struct('<QQQII')  # first and last time, size, CRC, length of the compression's name
+CHUNK_BEGIN = re.compile(rb'\x06.{7}\x00.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd)', re.DOTALL)
+PARSED: dict[int, Any] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+    Opcode.STATISTICS: Statistics,
+}
+
+
+class Block(NamedTuple):
+    """Messages whose channels are known.
+
+    Attributes:
+        data: Content of a verified chunk, or the file where messages stand outside chunks.
+        starts: Where the record of each message begins, shape (N,).
+    """
+
+    data: memoryview
+    starts: np.ndarray
+
+    def heads(self) -> np.ndarray:
+        """What stands before the payloads, see MESSAGE, shape (N,)."""
+        return self.cut(0, MESSAGE.itemsize).view(MESSAGE)
+
+    def cut(self, begin: int, length: int, where: slice | np.ndarray = slice(None)) -> np.ndarray:
+        """Same bytes of many records.
+
+        Args:
+            begin: First byte, from the beginning of a record.
+            length: How many bytes, L.
+            where: Which messages, M of N.
+
+        Returns:
+            Shape (M,), of a type of L bytes.
+        """
+        kind = np.dtype(f'V{length}')
+        count = len(self.data) - length + 1
+        every = np.ndarray((count,), kind, self.data, strides=(1,))  # at each offset, overlapping
+        return every[self.starts[where] + begin]
+
+
+class Damage(NamedTuple):
+    """What is not as it was written.
+
+    Attributes:
+        what: In words.
+        length: How much of the file is lost [bytes].
+    """
+
+    what: str
+    length: int
+
+
+Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage
+
+
+def scan(data: memoryview) -> Iterator[Record]:
+    """Yield what a file holds: what its summary repeats, then its data in their order.
+
+    Memory stays within the size of one chunk, whatever the lengths in the file say. After damage
+    the walk goes on with the next chunk. A file without end is damage at its end.
+
+    Args:
+        data: The file.
+    """
+    summary, repeated = _summary(data)
+    yield from repeated
+    channels = np.zeros(1 << 16, bool)  # which are known, by their number
+    channels[[record.id for record in repeated if isinstance(record, Channel)]] = True
+    stop = len(data) if summary is None else summary
+    offset = min(len(MAGIC), stop)
+    sound = data[:offset] == MAGIC
+    if not sound and offset:
+        yield Damage('magic', offset)
+    while offset < stop:
+        opcode, end = data[offset], _end(data, offset, stop)
+        if end is None:
+            resume = _next_chunk(data, offset + 1, stop)
+            if resume == len(data):
+                break
+            yield Damage('record', resume - offset)
+            sound, offset = False, resume
+            continue
+        record = data[offset:end]
+        if opcode == Opcode.DATA_END:
+            (crc,) = struct.unpack_from('<I', record, HEAD)
+            if sound and crc and crc != zlib.crc32(data[:offset]):
+                yield Damage('outside chunks', 0)
+            offset = end
+            break
+        if opcode == Opcode.MESSAGE:
+            starts, end = _starts(np.frombuffer(data, np.uint8), offset, stop, opcode, BATCH)
+            yield from _known(Block(data, starts), channels)
+        elif opcode == Opcode.CHUNK:
+            content = _unpacked(record)
+            if content is None:
+                sound = False
+                yield Damage('chunk', len(record))
+            else:
+                yield from _contents(content, channels)
+        elif opcode in PARSED:
+            parsed = _parsed(record)
+            if isinstance(parsed, Channel):
+                channels[parsed.id] = True
+            yield parsed
+        offset = end
+    if summary is None:
+        yield Damage('end', len(data) - offset)
+
+
+def plain(payload: bytes) -> bytes:
+    """A payload, unpacked if its recorder packed each by itself; as it is when that fails."""
+    if payload.startswith(zstandard.FRAME_HEADER):
+        with contextlib.suppress(zstandard.ZstdError):
+            size = zstandard.frame_content_size(payload)
+            return _unpack_zstd(payload, size) if 0 <= size <= LARGEST else payload
+    return payload
+
+
+def _summary(data: memoryview) -> tuple[int | None, list[Any]]:
+    """Where the summary begins and what it repeats; None when the file has no sound end."""
+    tail = len(data) - TAIL
+    if tail < len(MAGIC) or data[tail : tail + HEAD] != FOOTER or data[-len(MAGIC) :] != MAGIC:
+        return None, []
+    begin, _, crc = struct.unpack_from('<QQI', data, tail + HEAD)
+    if begin == 0:
+        return tail, []
+    checked = tail + HEAD + 2 * LENGTH.size
+    if not len(MAGIC) <= begin <= tail or (crc and crc != zlib.crc32(data[begin:checked])):
+        return None, []
+    starts, _ = _starts(np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD)
+    records = [
+        _parsed(data[start : start + HEAD + LENGTH.unpack_from(data, start + 1)[0]])
+        for start in starts.tolist()
+        if data[start] in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)
+    ]
+    return begin, [record for record in records if record is not None]
+
+
+def _end(data: memoryview, offset: int, stop: int) -> int | None:
+    """End of the record at `offset`; None when it is none, or one whose lengths are wrong."""
+    content = offset + HEAD
+    if content > stop:
+        return None
+    opcode = data[offset]
+    (length,) = LENGTH.unpack_from(data, offset + 1)
+    end = content + length
+    if end > stop:
+        return None
+    if opcode == Opcode.CHUNK:
+        whole = _packed(data[offset:end]) is not None
+    elif opcode == Opcode.MESSAGE:
+        whole = length >= MESSAGE_HEAD
+    elif opcode == Opcode.MESSAGE_INDEX:
+        whole = length >= 6 and struct.unpack_from('<I', data, content + 2)[0] == length - 6
+    elif opcode == Opcode.DATA_END:
+        whole = length == 4
+    elif opcode in PARSED:
+        whole = _parsed(data[offset:end]) is not None
+    else:
+        whole = False
+    return end if whole else None
+
+
+def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
+    """Where the next chunk begins whose lengths fit together; `stop` when there is none."""
+    while match := CHUNK_BEGIN.search(data, offset, stop):
+        if _end(data, match.start(), stop) is not None:
+            return match.start()
+        offset = match.start() + 1
+    return stop
+
+
+def _parsed(record: memoryview) -> Any:
+    """A record as mcap's class; None unless it would be written with these very bytes."""
+    builder = RecordBuilder()
+    try:
+        parsed = PARSED[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
+        parsed.write(builder)
+    except Exception:  # in broken bytes, any length or string can be wrong
+        return None
+    return parsed if builder.end() == record else None
+
+
+def _packed(record: memoryview) -> tuple[str, int, int, memoryview] | None:
+    """Compression, size, CRC and packed content of a chunk; None if its lengths are wrong."""
+    if len(record) < HEAD + CHUNK.size:
+        return None
+    _, _, size, crc, name_length = CHUNK.unpack_from(record, HEAD)
+    name = record[HEAD + CHUNK.size :][:name_length]
+    packed = record[HEAD + CHUNK.size + name_length + LENGTH.size :]
+    written = record[HEAD + CHUNK.size + name_length :][: LENGTH.size]
+    if written != LENGTH.pack(len(packed)) or bytes(name) not in UNPACK:
+        return None
+    return bytes(name).decode(), size, crc, packed
+
+
+def _unpacked(record: memoryview) -> memoryview | None:
+    """Verified content of a chunk; None when it is damaged."""
+    packed = _packed(record)
+    assert packed is not None
+    compression, size, crc, rest = packed
+    if size > LARGEST:
+        return None
+    try:
+        content = UNPACK[compression.encode()](rest, size)
+    except Exception:  # in broken bytes, anything can go wrong
+        return None
+    if len(content) != size or (crc and crc != zlib.crc32(content)):
+        return None
+    return memoryview(content)
+
+
+def _unpack_zstd(packed: bytes | memoryview, size: int) -> bytes:
+    if zstandard.frame_content_size(packed) not in (-1, size):  # it would be allocated
+        raise ValueError
+    return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+
+
+def _unpack_lz4(packed: memoryview, size: int) -> bytes:
+    unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+    return unpacked
+
+
+UNPACK: dict[bytes, Callable[[memoryview, int], bytes | memoryview]] = {
+    b'': lambda packed, _: packed,
+    b'lz4': _unpack_lz4,
+    b'zstd': _unpack_zstd,
+}
+
+
+def _contents(content: memoryview, channels: np.ndarray) -> Iterator[Any]:
+    """Records of a verified chunk; adds to the known `channels`."""
+    raw = np.frombuffer(content, np.uint8)
+    starts, end = _starts(raw, 0, len(raw), 0, len(raw) // HEAD)
+    if end != len(raw):
+        yield Damage('chunk', len(raw))
+        return
+    opcodes = raw[starts]
+    for start in starts[(opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)].tolist():
+        parsed = _parsed(content[start : start + HEAD + LENGTH.unpack_from(content, start + 1)[0]])
+        if isinstance(parsed, Channel):
+            channels[parsed.id] = True
+        if parsed is not None:
+            yield parsed
+    yield from _known(Block(content, starts[opcodes == Opcode.MESSAGE]), channels)
+
+
+def _known(block: Block, channels: np.ndarray) -> Iterator[Block | Damage]:
+    """The messages of a block whose channels are known."""
+    heads = block.heads()
+    known = channels[heads['channel']]
+    if not known.all():
+        yield Damage('messages of unknown topics', int(heads['length'][~known].sum()))
+    if known.any():
+        yield Block(block.data, block.starts[known])
+
+
+@kernel
+def _starts(
+    raw: np.ndarray, offset: int, stop: int, opcode: int, count: int
+) -> tuple[np.ndarray, int]:
+    """Where records begin that follow one another.
+
+    Args:
+        raw: Bytes, shape (N,).
+        offset: Where the first begins.
+        stop: Where the last may end.
+        opcode: What they must be; 0 for any.
+        count: How many they may be.
+
+    Returns:
+        Their offsets, and where the last ends.
+    """
+    starts = np.empty(count, np.int64)
+    found = 0
+    while found < count and offset + 9 <= stop and (opcode == 0 or raw[offset] == opcode):
+        length = 0
+        for k in range(7):
+            length += int(raw[offset + 1 + k]) << (8 * k)
+        short = raw[offset] == 5 and length < 22
+        if raw[offset + 8] != 0 or length > stop - offset - 9 or short:
+            break
+        starts[found] = offset
+        found += 1
+        offset += 9 + length
+    return starts[:found].copy(), offset

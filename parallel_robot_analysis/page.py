@@ -1,0 +1,95 @@
+"""The report as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from parallel_robot_analysis import claims
+from parallel_robot_analysis.animation import animation
+from parallel_robot_analysis.charts import Chart
+from parallel_robot_analysis.decimation import INTERVALS
+from parallel_robot_analysis.figures_of_merit import MERITS, shown
+from parallel_robot_analysis.palette import STYLES
+from parallel_robot_analysis.plots import plot
+from parallel_robot_analysis.printable import printable
+from parallel_robot_analysis.runs import Run
+
+
+def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:
+    """Write the page.
+
+    Args:
+        groups: Scenario to its runs.
+        charts: Scenario to its charts.
+
+    Returns:
+        HTML with scripts, styles and data inside; it asks the network for nothing.
+    """
+    from jinja2 import Environment, PackageLoader  # slow to import: only for a page
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=PackageLoader('parallel_robot_analysis'),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters['shown'] = shown
+    environment.filters['printable'] = printable
+    environment.filters['micro'] = lambda unit: unit.replace('um', 'µm').replace('ur', 'µr')
+    runs = [run for members in groups.values() for run in members]
+    return environment.get_template('report.html').render(
+        plotly=get_plotlyjs(),
+        styles=STYLES,
+        intervals=INTERVALS,
+        groups=[_section(name, members, charts[name]) for name, members in groups.items()],
+        runs=runs,
+        gains=[_gains(run) for run in runs],
+        differences=differences(runs),
+        parameters=_parameters(runs),
+        topics=sorted({topic for run in runs for topic in run.log.messages}),
+        several=len(groups) > 1,
+    )
+
+
+def differences(runs: Sequence[Run]) -> dict[str, list[str]]:
+    """Keys of the configuration whose values are not the same in all runs, with the values."""
+    return {key: row for key, row in _parameters(runs).items() if len(set(row)) > 1}
+
+
+def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[str, Any]:
+    first = {run.log.law: run.metrics for run in reversed(runs)}
+    return {
+        'name': name,
+        'runs': runs,
+        'merits': [(merit, _best([merit.value(run.metrics) for run in runs])) for merit in MERITS],
+        'verdicts': claims.judge(first),
+        'repeated': len(first) < len(runs),
+        'charts': charts,
+        'data': {'plots': [plot(chart) for chart in charts], 'animation': animation(runs)},
+    }
+
+
+def _best(values: Sequence[float | None]) -> float | None:
+    """The smallest of several values; None when there is nothing to compare."""
+    known = [value for value in values if value is not None]
+    return min(known) if len(known) > 1 else None
+
+
+def _gains(run: Run) -> dict[str, str]:
+    start = f'{printable(run.log.law)}.'
+    return {
+        printable(key).removeprefix(start): printable(value)
+        for key, value in run.log.config.items()
+        if printable(key).startswith(start)
+    }
+
+
+def _parameters(runs: Sequence[Run]) -> dict[str, list[str]]:
+    """Every key of the configuration with its value in each run."""
+    tables = [
+        {printable(key): printable(value) for key, value in run.log.config.items()} for run in runs
+    ]
+    keys = sorted({key for table in tables for key in table})
+    return {key: [table.get(key, '') for table in tables] for key in keys}

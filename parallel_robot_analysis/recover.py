@@ -1,0 +1,170 @@
+"""The command ``recover``: a whole bag of what is intact in a broken one."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap import records as mcap
+
+from parallel_robot_analysis import bag_reader, run_log
+from parallel_robot_analysis.bag_writer import METADATA, BagWriter, Channel, check
+from parallel_robot_analysis.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
+from parallel_robot_interface.errors import BagError, RunError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag, or one file of it')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='bag; must not exist; default: BAG_recovered'
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    bag = arguments.bag.resolve()
+    name = bag.name.removesuffix('.zstd').removesuffix('.mcap')
+    out = arguments.out or bag.parent / f'{name}_recovered'
+    print('\n'.join(recover(arguments.bag, out).lines()))
+    print(f'bag     {out}')
+    return 0
+
+
+@dataclass
+class Recovery:
+    """What was kept and what is lost.
+
+    Attributes:
+        kept: Messages copied, by full name of the topic.
+        chunks: Chunks copied.
+        written: Messages that the broken bag says it held, by topic; empty when it does not say.
+        written_chunks: Chunks that it says it held.
+        missing: Messages that the rhythm of the stamps lacks, by name without leading slash.
+        attachments: How many were not copied.
+        damage: What is damaged.
+    """
+
+    kept: Counter[str] = field(default_factory=Counter)
+    chunks: int = 0
+    written: Counter[str] = field(default_factory=Counter)
+    written_chunks: int = 0
+    missing: dict[str, int] = field(default_factory=dict)
+    attachments: int = 0
+    damage: list[Damage] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """Report for people."""
+        lost = sum(place.length for place in self.damage)
+        kinds = Counter(place.what for place in self.damage)
+        chunks = max(self.written_chunks - self.chunks, kinds['chunk'])
+        lines = [
+            f'kept    {self.kept.total()} messages in {self.chunks} chunks',
+            f'lost    {lost} bytes, {chunks} chunks',
+        ]
+        if kinds:
+            lines[-1] += f'; damaged: {", ".join(f"{kind} ({n})" for kind, n in kinds.items())}'
+        gone = self.written - self.kept
+        lines += [f'  {topic:<34}{count:>8} messages' for topic, count in sorted(gone.items())]
+        lines += [
+            f'  /{topic:<33}{count:>8} messages, by the rhythm of their stamps'
+            for topic, count in self.missing.items()
+            if count and f'/{topic}' not in gone
+        ]
+        if self.attachments:
+            lines.append(f'  {self.attachments} attachments are not copied')
+        return lines
+
+
+def recover(bag: Path, out: Path) -> Recovery:
+    """Write all that is intact in a bag as a new bag; leave nothing when that fails.
+
+    Args:
+        bag: Directory of the broken bag, or one file of it.
+        out: Directory of the new one; must not exist.
+
+    Raises:
+        BagError: nothing is intact, or `out` exists or cannot be created.
+        RunError: the disk is full.
+    """
+    files = bag_reader.files(bag)
+    check(out)
+    recovery = Recovery()
+    numbers: dict[Channel, int] = {}
+    created = False
+    try:
+        with BagWriter(out, (), _facts(bag, files)) as writer:
+            created = True
+            for file in files:
+                _copy(file, writer, numbers, recovery)
+            if not recovery.kept:
+                raise BagError(f'{bag} holds no message that is intact')
+        recovery.missing = _missing(out)
+    except BaseException as error:
+        if created:  # and not by somebody else since the check
+            shutil.rmtree(out, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise RunError(f'cannot write {out}: {error.strerror}') from None
+        raise
+    return recovery
+
+
+def _copy(file: Path, writer: BagWriter, numbers: dict[Channel, int], recovery: Recovery) -> None:
+    """Copy what is intact in a file; `numbers` are those of the new channels, and grow."""
+    schemas: dict[int, mcap.Schema] = {}
+    channels: dict[int, Channel] = {}
+    written: dict[int, int] = {}
+    for record in bag_reader.scan_file(file):
+        if isinstance(record, mcap.Schema):
+            schemas[record.id] = record
+        elif isinstance(record, mcap.Channel):
+            channels[record.id] = _channel(record, schemas.get(record.schema_id))
+        elif isinstance(record, mcap.Statistics):
+            written = record.channel_message_counts
+            recovery.written_chunks += record.chunk_count
+        elif isinstance(record, mcap.Attachment):
+            recovery.attachments += 1
+        elif isinstance(record, Damage):
+            recovery.damage.append(record)
+        elif isinstance(record, Block):
+            recovery.chunks += 1
+            for start, head in zip(record.starts.tolist(), record.heads().tolist(), strict=True):
+                length, source, sequence, log_time, publish_time = head
+                channel = channels[source]
+                if channel not in numbers:
+                    numbers[channel] = writer.add(channel)
+                payload = bytes(record.data[start + HEAD + MESSAGE_HEAD : start + HEAD + length])
+                writer.append(numbers[channel], log_time, plain(payload), publish_time, sequence)
+                recovery.kept[channel.topic] += 1
+    for source, count in written.items():
+        if source in channels:
+            recovery.written[channels[source].topic] += count
+
+
+def _channel(channel: mcap.Channel, schema: mcap.Schema | None) -> Channel:
+    schema = schema or mcap.Schema(0, b'', '', '')
+    metadata = tuple(sorted(channel.metadata.items()))
+    return Channel(channel.topic, schema.name, schema.encoding, schema.data, metadata)
+
+
+def _facts(bag: Path, files: list[Path]) -> dict[str, str]:
+    """What the suite wrote about the experiment."""
+    facts = bag_reader.custom_data(bag)
+    for file in files if not facts else ():
+        for record in bag_reader.scan_file(file):
+            if isinstance(record, mcap.Metadata) and record.name == METADATA:
+                return record.metadata
+            if isinstance(record, Block):
+                break
+    return facts
+
+
+def _missing(out: Path) -> dict[str, int]:
+    """Gaps in the rhythm of a bag's topics; empty when it is not a run of the suite."""
+    try:
+        return {name: count.missing for name, count in run_log.read(out).messages.items()}
+    except BagError:
+        return {}

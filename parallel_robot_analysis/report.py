@@ -1,0 +1,76 @@
+"""The command ``report``: the paper's figures and one interactive page, of one bag or several."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import tempfile
+from pathlib import Path
+
+from parallel_robot_analysis import bag_writer, page, paper_figures
+from parallel_robot_analysis.charts import charts
+from parallel_robot_analysis.palette import RUNS
+from parallel_robot_analysis.runs import Run, read_runs
+from parallel_robot_interface.errors import InputError
+
+PAGE = 'report.html'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument(
+        'bags', nargs='+', type=Path, metavar='BAG', help=f'bags to compare, up to {len(RUNS)}'
+    )
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='DIR', help='of the report; must not exist'
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    bag_writer.check(arguments.out)
+    groups = read_runs(arguments.bags)
+    try:
+        figures = write(groups, arguments.out)
+    except OSError as error:
+        raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
+    lacking = [str(r.bag) for runs in groups.values() for r in runs if r.cross_coupling is None]
+    for bag in lacking:
+        print(f'{bag} has no cross-coupling error: left out')
+    print(f'page     {arguments.out / PAGE}\nfigures  {figures} files in {arguments.out}')
+    return 0
+
+
+def write(groups: dict[str, list[Run]], directory: Path) -> int:
+    """Write a report; it appears complete or not at all.
+
+    Args:
+        groups: Scenario to its runs.
+        directory: Of the report; must not exist.
+
+    Returns:
+        How many files the figures are.
+
+    Raises:
+        OSError: the disk is full or gone.
+    """
+    drawn = {scenario: charts(runs) for scenario, runs in groups.items()}
+    directory.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(
+        dir=directory.parent, prefix=f'.{directory.name[:50]}.'
+    ) as name:
+        draft = Path(name) / 'report'
+        draft.mkdir()
+        text = page.render(groups, drawn)
+        (draft / PAGE).write_text(text, encoding='utf-8')
+        for scenario, members in drawn.items():
+            for chart in members:
+                stem = f'figure_{chart.number}_{chart.name}_{_file_name(scenario)}'
+                paper_figures.draw(chart, draft, stem)
+        figures = len(list(draft.iterdir())) - 1
+        draft.rename(directory)
+    return figures
+
+
+def _file_name(text: str) -> str:
+    return re.sub(r'[^A-Za-z0-9_-]', '_', text)

@@ -1,0 +1,128 @@
+"""The runs that a report compares: read, measured, and each with a name and a style."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.reader import make_reader
+from rosbags.typesys import Stores, get_typestore
+
+from parallel_robot_analysis import metrics, palette, run_log
+from parallel_robot_analysis.printable import printable
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_interface.errors import BagError, InputError, KinematicsError
+from parallel_robot_interface.topics import CROSS_COUPLING_ERROR
+
+NAMES = {'smc': 'SMC', 's_smc': 'S-SMC', 'nftsmc': 'NFTSMC', 's_fotsmc': 'S-FOTSMC'}  # in print
+LONGEST = 40  # characters of a name, so that a legend stays one
+
+
+class Series(NamedTuple):
+    """Values over time.
+
+    Attributes:
+        time: Since t = 0 [s], shape (N,).
+        values: One column a joint, shape (N, n).
+    """
+
+    time: np.ndarray
+    values: np.ndarray
+
+
+class Run(NamedTuple):
+    """One bag of a report.
+
+    Attributes:
+        bag: Where it is.
+        label: Its name in legends, different from all others of its scenario.
+        style: Key of palette.STYLES.
+        log: What was recorded.
+        poses: Poses of the platform.
+        metrics: Figures of merit.
+        cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
+    """
+
+    bag: Path
+    label: str
+    style: str
+    log: run_log.RunLog
+    poses: metrics.Poses
+    metrics: metrics.Metrics
+    cross_coupling: Series | None
+
+
+def read_runs(bags: Sequence[Path]) -> dict[str, list[Run]]:
+    """Read bags.
+
+    Returns:
+        Name of a scenario to its runs, in the order of `bags`.
+
+    Raises:
+        InputError: more bags than there are styles; one is no bag, or its angles are not those of
+            its robot.
+    """
+    if len(bags) > len(palette.RUNS):
+        raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
+    logs: dict[str, list[tuple[Path, run_log.RunLog]]] = {}
+    for bag in bags:
+        log = run_log.read(bag)
+        logs.setdefault(printable(log.scenario, LONGEST), []).append((bag, log))
+    found = {}
+    for scenario, members in logs.items():
+        labels = _labels([(bag, printable(log.law, LONGEST)) for bag, log in members])
+        slots = palette.slots([printable(log.law) for _, log in members])
+        found[scenario] = [
+            _measure(bag, label, f'run{slot}', log)
+            for (bag, log), label, slot in zip(members, labels, slots, strict=True)
+        ]
+    return found
+
+
+def _measure(bag: Path, label: str, style: str, log: run_log.RunLog) -> Run:
+    try:
+        poses = metrics.poses(log)
+    except KinematicsError as error:
+        raise BagError(f'{bag}: {error}') from None
+    result = metrics.evaluate(log, poses)
+    return Run(bag, label, style, log, poses, result, cross_coupling(bag, log))
+
+
+def _labels(members: list[tuple[Path, str]]) -> list[str]:
+    """Law, then the bag where two have the same law, then a number where that is not enough."""
+    names = [NAMES.get(law, law) for _, law in members]
+    labels = [
+        name if names.count(name) == 1 else f'{name} ({printable(bag.name, LONGEST)})'
+        for name, (bag, _) in zip(names, members, strict=True)
+    ]
+    seen: Counter[str] = Counter()
+    numbered = []
+    for label in labels:
+        seen[label] += 1
+        numbered.append(label if labels.count(label) == 1 else f'{label} #{seen[label]}')
+    return numbered
+
+
+def cross_coupling(bag: Path, log: run_log.RunLog) -> Series | None:
+    """Cross-coupling errors of a bag that `log` was read from; None when it has none for it."""
+    file = sorted(bag.glob('*.mcap'))[0] if bag.is_dir() else bag
+    store = get_typestore(Stores.ROS2_JAZZY)
+    stamps, rows = [], []
+    with file.open('rb') as stream:
+        messages = make_reader(stream).iter_messages(topics=[f'/{CROSS_COUPLING_ERROR.name}'])
+        for _, _, message in messages:
+            try:
+                state: Any = store.deserialize_cdr(message.data, CROSS_COUPLING_ERROR.type)
+                order = [list(state.name).index(joint) for joint in log.joints]
+                rows.append(np.asarray(state.position)[order])
+            except Exception:  # somebody else's topic of the same name
+                return None
+            stamps.append(state.header.stamp.sec * NANOSECONDS + state.header.stamp.nanosec)
+    used = np.array(stamps, dtype=np.int64) >= log.start_stamp
+    if not used.any():
+        return None
+    time = (np.array(stamps)[used] - log.start_stamp) / NANOSECONDS
+    return Series(time, np.array(rows)[used])

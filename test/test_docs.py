@@ -1,0 +1,68 @@
+"""What the documentation shows exists, runs and does not drift."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from parallel_robot_control import faults, safety
+from parallel_robot_control.laws import LAWS
+from parallel_robot_interface import config
+from parallel_robot_interface.fields import parameters
+from parallel_robot_sim.simulation import simulate
+
+DOCS = Path(__file__).parents[1] / 'docs'
+EXAMPLE = DOCS / 'example_law.py'
+
+
+def page():
+    """Text and groups of the generated page."""
+    spec = importlib.util.spec_from_file_location('parameter_page', DOCS / 'parameters.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_page_of_parameters_is_the_one_that_the_code_writes():
+    assert (DOCS / 'parameters.md').read_text() == page().text(), 'run make docs'
+
+
+def test_every_key_has_its_row():
+    rows = set(re.findall(r'^\| `([^`]+)` \|', (DOCS / 'parameters.md').read_text(), re.MULTILINE))
+    keys = {k for k in config.resolve('paper_circle') if not k.startswith('true_robot.')}
+    assert rows == keys
+
+
+@pytest.mark.parametrize('path', sorted(DOCS.glob('*.md')), ids=lambda path: path.name)
+def test_links_lead_somewhere(path):
+    for target in re.findall(r'\]\((?!http)([^)#]+)[^)]*\)', path.read_text()):
+        assert (path.parent / target).exists(), target
+
+
+def test_every_law_is_documented():
+    text = (DOCS / 'laws.md').read_text()
+    assert all(f'`{law}`' in text for law in LAWS)
+
+
+def test_every_limit_is_in_the_table_of_safety():
+    text = (DOCS / 'safety.md').read_text()
+    table = text[text.index('| cause |') :]
+    for parameter in parameters(safety.SafetyParameters):
+        where = text if parameter.key in ('action', 'damping', 'stiffness') else table
+        assert parameter.key.replace('damping', 'damping').replace('stiffness', 'spring') in where
+    assert len(table.splitlines()) >= len(faults.FAULT_TEXT)
+
+
+def test_the_example_law_is_short_and_tracks():
+    assert len(EXAMPLE.read_text().splitlines()) <= 30
+    changed = {'own_laws': [str(EXAMPLE)], 'duration': 4.0}
+    values = config.resolve('paper_circle', changed | {'law': 'example_law'})
+    rival = config.resolve('paper_circle', changed | {'law': 'computed_torque'})
+
+    def error(values):
+        done = simulate(values)
+        assert not done.run.fault.any()
+        return abs(done.reference.position - done.run.theta)[2000:].max()
+
+    assert error(values) < error(rival)
