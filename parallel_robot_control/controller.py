@@ -363,7 +363,7 @@ _RESTING = JointReference(np.zeros(3), np.zeros(3), np.zeros(3))
 
 def _typed(values: Mapping[str, Any], gains: Mapping[str, Any]) -> dict[str, Any]:
     """Gains of all laws as the laws take them: 12 becomes 12.0."""
-    typed = {}
+    typed: dict[str, Any] = {}
     for name, law in available(values).items():
         of_law = config.group(gains, law.Gains, name)
         keys = (f'{name}.{parameter.key}' for parameter in parameters(law.Gains))
