@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from mcap.writer import CompressionType, Writer
@@ -18,7 +18,22 @@ from parallel_robot_interface.topics import DEPTH, Topic
 
 CHUNK_SIZE = 256 * 1024  # bytes; what a crash can cost
 METADATA = 'parallel_robot'  # name of the MCAP metadata record with the experiment
+MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost messages by topic
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
+
+
+class Offer(NamedTuple):
+    """How a topic is described in a bag.
+
+    Attributes:
+        definition: Text of its type and of all types in it.
+        digest: Hash of its type, RIHS01.
+        profiles: Quality of service of each publisher.
+    """
+
+    definition: str
+    digest: str
+    profiles: tuple[dict[str, Any], ...]
 
 
 class BagWriter:
@@ -27,6 +42,7 @@ class BagWriter:
     Attributes:
         directory: The bag.
         written: Messages written, by topic name without leading slash.
+        certificate: What :meth:`close` writes of the messages, by topic name; nothing if empty.
     """
 
     def __init__(
@@ -44,6 +60,7 @@ class BagWriter:
         """
         self.directory = directory
         self.written: Counter[str] = Counter()
+        self.certificate: dict[str, str] = {}
         self._metadata = dict(metadata)
         self._first: int | None = None
         self._last = 0
@@ -54,32 +71,33 @@ class BagWriter:
         self._writer.add_metadata(METADATA, self._metadata)
         self._channels: dict[str, int] = {}
         self._topics: dict[str, dict[str, Any]] = {}
-        store = get_typestore(Stores.ROS2_JAZZY)
-        schemas: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
         for topic in topics:
-            if topic.type not in schemas:
-                definition, _ = store.generate_msgdef(topic.type, ros_version=2)
-                schemas[topic.type] = self._writer.register_schema(
-                    topic.type, 'ros2msg', definition.encode()
-                )
-            digest = store.hash_rihs01(topic.type)
-            qos = [_qos(topic)]
-            self._channels[topic.name] = self._writer.register_channel(
-                f'/{topic.name}',
-                'cdr',
-                schemas[topic.type],
-                {
-                    'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False),
-                    'topic_type_hash': digest,
-                },
+            self.add(topic, offer_of(topic))
+
+    def add(self, topic: Topic, offer: Offer) -> None:
+        """Add a topic that may be written from now on."""
+        if topic.type not in self._schemas:
+            self._schemas[topic.type] = self._writer.register_schema(
+                topic.type, 'ros2msg', offer.definition.encode()
             )
-            self._topics[topic.name] = {
-                'name': f'/{topic.name}',
-                'type': topic.type,
-                'serialization_format': 'cdr',
-                'offered_qos_profiles': qos,
-                'type_description_hash': digest,
-            }
+        qos = list(offer.profiles)
+        self._channels[topic.name] = self._writer.register_channel(
+            f'/{topic.name}',
+            'cdr',
+            self._schemas[topic.type],
+            {
+                'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False),
+                'topic_type_hash': offer.digest,
+            },
+        )
+        self._topics[topic.name] = {
+            'name': f'/{topic.name}',
+            'type': topic.type,
+            'serialization_format': 'cdr',
+            'offered_qos_profiles': qos,
+            'type_description_hash': offer.digest,
+        }
 
     def write(self, topic: str, log_time: int, data: bytes) -> None:
         """Append one message; `log_time` in nanoseconds.
@@ -99,6 +117,8 @@ class BagWriter:
             OSError: the disk is full or gone; what is finished of the file stays.
         """
         try:
+            if self.certificate:
+                self._writer.add_metadata(MESSAGES, self.certificate)
             self._writer.finish()
         finally:
             self._stream.close()
@@ -179,12 +199,25 @@ def check(directory: Path) -> None:
         raise BagError(f'cannot write to {directory}: {error.strerror}') from None
 
 
-def _qos(topic: Topic) -> dict[str, Any]:
+def offer_of(topic: Topic) -> Offer:
+    """How a topic of the suite is described."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    text, _ = store.generate_msgdef(topic.type, ros_version=2)
+    return Offer(text, store.hash_rihs01(topic.type), (qos_profile(True, topic.latched),))
+
+
+def certify(written: int, lost: int | str) -> str:
+    """What the certificate says of one topic."""
+    return f'written {written}, lost {lost}'
+
+
+def qos_profile(reliable: bool, latched: bool) -> dict[str, Any]:
+    """Quality of service as rosbag2 writes it."""
     return {
         'history': 'keep_last',
-        'depth': 1 if topic.latched else DEPTH,
-        'reliability': 'reliable',
-        'durability': 'transient_local' if topic.latched else 'volatile',
+        'depth': 1 if latched else DEPTH,
+        'reliability': 'reliable' if reliable else 'best_effort',
+        'durability': 'transient_local' if latched else 'volatile',
         'deadline': FOREVER,
         'lifespan': FOREVER,
         'liveliness': 'automatic',
