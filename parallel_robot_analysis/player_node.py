@@ -52,6 +52,7 @@ class PlayerNode(SuiteNode):
             self.create_publisher(Clock, CLOCK, topics.DEPTH) if options.clock else None
         )
         self._publishers_of: dict[str, Publisher] = {}
+        self._windows: dict[str, int] = {}
         for topic in self._chosen(options):
             self._offer(topic)
         self._unanswered: Counter[str] = Counter()
@@ -99,6 +100,7 @@ class PlayerNode(SuiteNode):
         except (ImportError, AttributeError, ValueError):
             self.get_logger().warning(f'{topic.name} is left out: no {topic.type} is installed')
             return
+        self._windows[topic.name] = topic.latched or WINDOW
         qos = QoSProfile(depth=topic.latched or (WINDOW if self._fast else topics.DEPTH))
         if topic.latched or self._fast:  # Fast DDS asks for answers at once if its history is full
             qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
@@ -118,10 +120,10 @@ class PlayerNode(SuiteNode):
         publisher.publish(data)
         if self._fast:
             self._unanswered[name] += 1
-            if self._unanswered[name] % ASK_EVERY == 0:
-                full = self._unanswered[name] >= WINDOW
-                if self._answered_by_all(publisher, math.inf if full else ANSWER):
-                    self._unanswered[name] = 0
+            full = self._unanswered[name] >= self._windows[name]
+            ask = full or self._unanswered[name] % ASK_EVERY == 0
+            if ask and self._answered_by_all(publisher, math.inf if full else ANSWER):
+                self._unanswered[name] = 0
 
     def _answered_by_all(self, publisher: Publisher, seconds: float) -> bool:
         """Wait for a time until the reliable receivers have all that was sent."""

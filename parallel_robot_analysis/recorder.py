@@ -147,7 +147,7 @@ class Recorder:
             return False
         silent = time.monotonic() - self._last_heard > STRAGGLERS
         return silent or all(
-            self.received[topic] >= (self.expected(topic) or 0) for topic in self._suite
+            self.received[topic] >= (self.expected(topic) or 0) for topic in self._offers
         )
 
     def close(self) -> list[str]:

@@ -98,6 +98,9 @@ class Discovery:
 def listen(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> None:
     """Subscribe to the serialised messages of a topic, with their reception and number.
 
+    The numbers tell every loss. The middleware's event for lost messages does not know of those
+    that a full queue of the receiver dropped, and waiting for it can deadlock (rmw_fastrtps 890).
+
     Args:
         node: Who listens.
         topic: Relative name for topics of the suite, else without its leading slash.

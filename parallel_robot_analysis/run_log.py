@@ -12,10 +12,13 @@ import yaml
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
+from parallel_robot_analysis.bag_reader import files
 from parallel_robot_analysis.bag_writer import METADATA
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import RECORDED, Topic
+
+REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,11 @@ def read(bag: Path) -> RunLog:
         states['position'][:, in_states],
         states['velocity'][:, in_states],
         states['effort'][:, in_states],
-        *_at(references, reference_stamps, stamps, in_references),
+        *reference_at(
+            stamps,
+            reference_stamps,
+            *(references[name][:, in_references] for name in REFERENCE_FIELDS),
+        ),
         commands['data'].copy(),
         counted,
     )
@@ -131,13 +138,10 @@ def _configuration(bag: Path, metadata: dict[str, str]) -> dict[str, Any]:
 
 def _read_messages(bag: Path) -> tuple[dict[Topic, list[bytes]], dict[str, str]]:
     """All messages of the suite's topics, in order, and the metadata of the experiment."""
-    files = sorted(bag.glob('*.mcap')) if bag.is_dir() else [bag]
-    if not files or not files[0].is_file():
-        raise BagError(f'{bag} is not a bag: no MCAP file there')
     by_name = {f'/{topic.name}': topic for topic in RECORDED}
     data: dict[Topic, list[bytes]] = defaultdict(list)
     metadata: dict[str, str] = {}
-    for file in files:
+    for file in files(bag):
         try:
             with file.open('rb') as stream:
                 reader = make_reader(stream)
@@ -194,15 +198,25 @@ def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, .
     return [names.index(joint) for joint in joints]
 
 
-def _at(
-    references: np.ndarray, known: np.ndarray, stamps: np.ndarray, order: list[int]
+def reference_at(
+    stamps: np.ndarray,
+    known: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """References at other stamps, extrapolated from the newest before with its derivatives."""
-    newest = references[np.searchsorted(known, stamps, side='right') - 1]
-    dt = ((stamps - cdr.stamps_of(newest)) / cdr.NANOSECONDS)[:, np.newaxis]
-    position, velocity, acceleration = (
-        newest[name][:, order] for name in ('position', 'velocity', 'acceleration')
-    )
+    """Extrapolate references to other stamps, each from the newest before with its derivatives.
+
+    Args:
+        stamps: Where they are wanted, none before the first that is known [ns], shape (N,).
+        known: Stamps of the references, in order [ns], shape (M,).
+        position: Joint angles [rad], shape (M, n).
+        velocity: Their rates [rad/s], shape (M, n).
+        acceleration: Their accelerations [rad/s^2], shape (M, n).
+    """
+    newest = np.searchsorted(known, stamps, side='right') - 1
+    dt = ((stamps - known[newest]) / cdr.NANOSECONDS)[:, np.newaxis]
+    position, velocity, acceleration = position[newest], velocity[newest], acceleration[newest]
     return (
         position + dt * velocity + 0.5 * dt**2 * acceleration,
         velocity + dt * acceleration,

@@ -24,6 +24,7 @@ EXECUTABLES = {
     'controller': 'parallel_robot_control.controller_node',
     'recorder': 'parallel_robot_analysis.recorder_node',
     'player': 'parallel_robot_analysis.player_node',
+    'monitor': 'parallel_robot_analysis.monitor_node',
 }
 
 
