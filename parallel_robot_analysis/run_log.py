@@ -188,10 +188,11 @@ def _configuration(
         values = values | {'scenario': 'unknown', 'law': 'unknown'}
     try:
         if metadata:
-            values = values | dict(yaml.load(metadata['config'], config.LOADER))
+            stored = yaml.load(metadata['config'], config.LOADER)
+            values = values | {str(key): value for key, value in stored.items()}
         start = int(metadata.get('start_stamp', 0))
         return values, config.group(values, LoopParameters, ''), start
-    except (KeyError, TypeError, ValueError, InputError, yaml.YAMLError):
+    except (AttributeError, KeyError, ValueError, InputError, yaml.YAMLError):
         raise BagError(f'{bag}: its metadata {METADATA} hold no usable config') from None
 
 
