@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis.bag_writer import BagWriter, Channel, certify, channel_of
-from parallel_robot_analysis.experiment import describe
+from parallel_robot_analysis.bags.bag_writer import BagWriter, Channel, certify, channel_of
+from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_interface.cdr import header_stamp
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters

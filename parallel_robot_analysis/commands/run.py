@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from parallel_robot_analysis import bag_writer, simulate
+from parallel_robot_analysis.bags import bag_writer
+from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS

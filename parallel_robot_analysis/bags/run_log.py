@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_reader import Messages
-from parallel_robot_analysis.bag_writer import METADATA
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_reader import Messages
+from parallel_robot_analysis.bags.bag_writer import METADATA
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError, InputError
 from parallel_robot_interface.loop import LoopParameters
