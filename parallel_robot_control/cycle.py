@@ -68,9 +68,13 @@ def initial_state(pose: Array, joints: int = 3) -> CycleState:
 
 
 def taking_over(state: CycleState, torque: Array) -> CycleState:
-    """The state, the next torque going on from the one given [N m], shape (n,)."""
+    """The state, the next torque going on from the one given [N m], shape (n,).
+
+    Where the torque given is not a number, nobody knows it: zero.
+    """
+    known = np.where(np.isfinite(torque), torque, 0.0)
     return state._replace(
-        last=state.last._replace(torque=torque, takes_over=True), excess=np.zeros(len(torque))
+        last=state.last._replace(torque=known, takes_over=True), excess=np.zeros(len(torque))
     )
 
 
