@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from parallel_robot_analysis import recorder_node
+from parallel_robot_analysis import monitor, recorder_node
 from parallel_robot_control.controller import ControllerParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
@@ -44,7 +44,13 @@ GROUPS = (
             'disturbance': DisturbanceParameters,
         },
     ),
-    ('Recorder', {'recorder': recorder_node.RecorderParameters}),
+    (
+        'Recorder and monitor',
+        {
+            'recorder': recorder_node.RecorderParameters,
+            'monitor': monitor.MonitorParameters,
+        },
+    ),
 )
 
 

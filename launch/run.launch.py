@@ -1,4 +1,4 @@
-"""Start a run: trajectory, plant, controller, and a recorder if asked."""
+"""Start a run: trajectory, plant, controller, and a recorder and a monitor if asked."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
@@ -11,6 +11,7 @@ ARGUMENTS = {
     'law': ('s_fotsmc', 'a file of config/laws'),
     'time_mode': ('wall', 'wall or lockstep'),
     'record': ('false', 'true: write a bag'),
+    'monitor': ('false', 'true: publish figures of merit'),
 }
 
 
@@ -21,15 +22,17 @@ def generate_launch_description() -> LaunchDescription:
         for name, (default, description) in ARGUMENTS.items()
     ]
     parameters = {name: LaunchConfiguration(name) for name in ('scenario', 'law', 'time_mode')}
-    record = LaunchConfiguration('record')
+    optional = {'recorder': 'record', 'monitor': 'monitor'}
     nodes = [
         Node(
             package='parallel_robot',
             executable=executable,
             parameters=[parameters],
             output='screen',
-            condition=IfCondition(record) if executable == 'recorder' else None,
+            condition=IfCondition(LaunchConfiguration(optional[executable]))
+            if executable in optional
+            else None,
         )
-        for executable in ('recorder', 'plant', 'controller', 'trajectory')
+        for executable in ('recorder', 'monitor', 'plant', 'controller', 'trajectory')
     ]
     return LaunchDescription([*arguments, *nodes])

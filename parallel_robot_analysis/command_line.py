@@ -8,7 +8,15 @@ import sys
 from collections.abc import Sequence
 from types import ModuleType
 
-from parallel_robot_analysis import analyze, compare, export, recover, report, run, simulate
+from parallel_robot_analysis.commands import (
+    analyze,
+    compare,
+    export,
+    recover,
+    report,
+    run,
+    simulate,
+)
 from parallel_robot_interface.errors import InputError, ParallelRobotError
 
 COMMANDS: dict[str, tuple[ModuleType, str]] = {

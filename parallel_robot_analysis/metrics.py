@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from parallel_robot_analysis.run_log import RunLog
+from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_interface import config
@@ -116,25 +116,46 @@ def evaluate(log: Motion, pose: Poses) -> Metrics:
         pose: Its poses, see :func:`poses`.
     """
     half = slice(len(log.time) // 2, None)
-    duration = float(log.time[-1] - log.time[0])
-    whole = np.linalg.norm((pose.actual - pose.reference)[:, :2], axis=1)
-    distance = whole[half]
-    error = (log.reference_position - log.position)[half]
-    variation = float(np.abs(np.diff(log.effort, axis=0)).sum())
+    distance = distances(pose)
     return Metrics(
-        duration,
-        Transient(_settled(log.time, whole, 1e-3), _settled(log.time, whole, 1e-4)),
-        Errors(
-            _rms(distance),
-            float(distance.max()),
-            _rms(error),
-            _rms(synchronisation_error(error)),
-        ),
-        Torque(
-            float(np.abs(log.effort).max()),
-            variation / duration if duration else 0.0,
-            _rms(_rough(log.time, log.effort)[half]),
-        ),
+        float(log.time[-1] - log.time[0]),
+        Transient(_settled(log.time, distance, 1e-3), _settled(log.time, distance, 1e-4)),
+        errors(distance[half], (log.reference_position - log.position)[half]),
+        torque(log.time, log.effort, half),
+    )
+
+
+def distances(pose: Poses) -> np.ndarray:
+    """Distance of the platform from its reference [m], shape (N,)."""
+    return np.linalg.norm((pose.actual - pose.reference)[:, :2], axis=1)
+
+
+def errors(distance: np.ndarray, error: np.ndarray) -> Errors:
+    """Compute the tracking errors over all samples given.
+
+    Args:
+        distance: Of the platform from its reference [m], shape (N,).
+        error: Of the joints [rad], shape (N, n).
+    """
+    return Errors(
+        _rms(distance), float(distance.max()), _rms(error), _rms(synchronisation_error(error))
+    )
+
+
+def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> Torque:
+    """Compute the figures of the torque.
+
+    Args:
+        time: Of the samples [s], shape (N,).
+        effort: Torques [N m], shape (N, n).
+        part: The samples whose chattering counts.
+    """
+    duration = float(time[-1] - time[0])
+    variation = float(np.abs(np.diff(effort, axis=0)).sum())
+    return Torque(
+        float(np.abs(effort).max()),
+        variation / duration if duration else 0.0,
+        _rms(_rough(time, effort)[part]),
     )
 
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis.bag_writer import BagWriter
-from parallel_robot_analysis.experiment import describe
+from parallel_robot_analysis.bags.bag_writer import BagWriter, Channel, certify, channel_of
+from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_interface.cdr import header_stamp
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
@@ -28,10 +28,12 @@ class Recorder:
 
     In lockstep the log time is the time of the simulation: the stamp of a message, or for types
     without one the stamp of the state that the k-th message answers. In wall time it is the time
-    of reception.
+    of reception. Topics that are not the suite's have the time of the newest message that is.
 
     Attributes:
         received: Messages taken, by topic.
+        gaps: Numbers missing between those that the publisher of a topic gave its messages; None
+            where they are not known or several publishers number theirs.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class Recorder:
         loop: LoopParameters,
         values: Mapping[str, Any],
         failed: Callable[[Exception], None],
+        suite: bool = True,
     ) -> None:
         """Prepare; the bag is created by :meth:`open`.
 
@@ -48,6 +51,7 @@ class Recorder:
             loop: Period, duration, mode.
             values: The resolved configuration, for the bag's metadata.
             failed: Called with the error when the bag cannot be written any more.
+            suite: Whether to record the topics of the suite; others by :meth:`add`.
         """
         self._directory = directory
         self._loop = loop
@@ -57,12 +61,17 @@ class Recorder:
         self._end: int | None = None
         self._over = False  # whether the last state of the motion is here
         self._last_heard = time.monotonic()
-        self._early: list[tuple[Topic, bytes]] = []  # latched messages from before the start
+        self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
+        self._suite = RECORDED if suite else ()
+        self._channels = {topic: channel_of(topic) for topic in self._suite}
+        self._newest = 0  # ns, largest stamp of the suite
+        self._numbers: dict[Topic, int] = {}  # of the last message
         self._queue: queue.SimpleQueue[tuple[Topic, int, bytes]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         self.received: Counter[Topic] = Counter()
+        self.gaps: dict[Topic, int | None] = {}
 
     def open(self, start_stamp: int = 0) -> None:
         """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
@@ -76,20 +85,33 @@ class Recorder:
             self._end = start_stamp + self._loop.samples * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
         try:
-            self._writer = BagWriter(self._directory, RECORDED, metadata)
+            self._writer = BagWriter(self._directory, self._suite, metadata)
         except OSError as error:
             raise self._broken(error) from None
         self._thread.start()
-        for topic, data in self._early:
-            self.take(topic, data)
+        for early in self._early:
+            self.take(*early)
 
-    def take(self, topic: Topic, data: bytes) -> None:
-        """Take one serialised message."""
+    def add(self, topic: Topic, channel: Channel) -> None:
+        """Record a topic that is not one of the suite's; before its first message is taken."""
+        self._channels[topic] = channel
+
+    def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
+        """Take one serialised message.
+
+        Args:
+            topic: One of the suite's, or one that was added.
+            data: The message.
+            received: When the middleware received it [ns]; 0: now.
+            number: That which its publisher gave it; 0: not known.
+        """
         if self._writer is None:
             if topic.latched:
-                self._early.append((topic, data))
+                self._early.append((topic, data, received, number))
             return
-        if topic.type in UNSTAMPED:
+        if topic not in RECORDED:
+            stamp = max(self._newest, self._start)
+        elif topic.type in UNSTAMPED:
             stamp = self._start + self.received[topic] * self._loop.period_ns
         else:
             found = header_stamp(data)
@@ -98,15 +120,29 @@ class Recorder:
             stamp = found
             if stamp < self._start or (self._end is not None and stamp > self._end):
                 return
-        log_time = stamp if self._loop.lockstep else max(time.time_ns(), self._start)
+            self._newest = max(self._newest, stamp)
+        now = received or time.time_ns()
+        log_time = stamp if self._loop.lockstep else max(now, self._start)
         self.received[topic] += 1
+        self._watch(topic, number)
         self._over = self._over or (topic == JOINT_STATES and stamp == self._end)
         self._last_heard = time.monotonic()
         self._queue.put((topic, log_time, data))
 
+    def several(self, topic: Topic) -> None:
+        """Say that a topic has several publishers: their numbers cannot be told apart."""
+        self.gaps[topic] = None
+
+    def lost(self, topic: Topic) -> int | None:
+        """How many messages are known to be missing; None when nothing is known."""
+        expected, gaps = self.expected(topic), self.gaps.get(topic)
+        if expected is None:
+            return gaps
+        return max(expected - self.received[topic], gaps or 0)
+
     def expected(self, topic: Topic) -> int | None:
-        """How many messages of a topic the whole motion has; None when it has no end."""
-        if self._loop.samples is None:
+        """How many messages of a topic the whole motion has; None when that is not known."""
+        if self._loop.samples is None or topic not in RECORDED:
             return None
         return self._loop.samples // topic.every + 1 if topic.every else 1
 
@@ -116,7 +152,7 @@ class Recorder:
             return False
         silent = time.monotonic() - self._last_heard > STRAGGLERS
         return silent or all(
-            self.received[topic] >= (self.expected(topic) or 0) for topic in RECORDED
+            self.received[topic] >= (self.expected(topic) or 0) for topic in self._channels
         )
 
     def close(self) -> list[str]:
@@ -129,20 +165,30 @@ class Recorder:
         if self._writer is None:
             return []
         self._thread.join()
-        written = self._writer.written
+        for topic in self._channels:
+            lost = self.lost(topic)
+            self._writer.certificate[topic.name] = certify(
+                self._writer.written[topic.name], 'unknown' if lost is None else lost
+            )
         try:
             self._writer.close()
         except OSError as error:
             self._failed(self._broken(error))
-        lines = []
-        for topic in RECORDED:
-            received = self.received[topic]
-            expected = self.expected(topic)
-            lost = str(max(0, expected - received)) if expected is not None else 'unknown'
-            lines.append(
-                f'{topic.name}: received {received}, written {written[topic.name]}, lost {lost}'
-            )
-        return lines
+        return [
+            f'{topic.name}: received {self.received[topic]}, '
+            f'{self._writer.certificate[topic.name]}'
+            for topic in self._channels
+        ]
+
+    def _watch(self, topic: Topic, number: int) -> None:
+        """Count the numbers between this message and the last; smaller ones begin anew."""
+        if not number:
+            return
+        skipped = max(0, number - self._numbers.get(topic, number - 1) - 1)
+        gaps = self.gaps.setdefault(topic, 0)
+        if gaps is not None:
+            self.gaps[topic] = gaps + skipped
+        self._numbers[topic] = number
 
     def _write(self) -> None:
         assert self._writer is not None
@@ -151,6 +197,8 @@ class Recorder:
                 last = self._stop.wait(DRAIN)
                 while not self._queue.empty():
                     topic, log_time, data = self._queue.get()
+                    if topic.name not in self._writer.written and topic not in self._suite:
+                        self._writer.add(self._channels[topic])
                     self._writer.write(topic.name, log_time, data)
                 if last:
                     return

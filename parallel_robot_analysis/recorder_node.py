@@ -1,27 +1,21 @@
-"""Node that records the suite's topics to a bag."""
+"""Node that records to a bag: the suite's topics, or any others."""
 
 from __future__ import annotations
 
-import functools
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Any
 
-from parallel_robot_analysis import bag_writer
+from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.recorder import Recorder
+from parallel_robot_analysis.ros_topics import Discovery, RecorderParameters, full_name, listen
 from parallel_robot_interface import config, topics
-from parallel_robot_interface.fields import Field
 from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 
 CHECK = 0.05  # s, between two looks whether the motion is over
-
-
-class RecorderParameters(NamedTuple):
-    """Where the bag goes."""
-
-    out: Annotated[str, Field('', "directory of the bag, must not exist; '': by date and time")]
+LOOK = 0.5  # s, between two looks at the ROS graph
 
 
 class RecorderNode(SuiteNode):
@@ -30,12 +24,17 @@ class RecorderNode(SuiteNode):
     def __init__(self) -> None:
         """Subscribe to everything; without a common start, begin at once."""
         super().__init__('recorder', {'recorder': RecorderParameters})
-        out = config.group(self.values, RecorderParameters, 'recorder').out
-        directory = Path(out or time.strftime('recording_%Y%m%d_%H%M%S'))
+        wanted = config.group(self.values, RecorderParameters, 'recorder')
+        directory = Path(wanted.out or time.strftime('recording_%Y%m%d_%H%M%S'))
         bag_writer.check(directory)
-        self._recorder = Recorder(directory, self.loop, self.values, self.fail)
-        for topic in topics.RECORDED:
-            self.subscribe(topic, functools.partial(self._recorder.take, topic))
+        choosing = bool(wanted.topics or wanted.regex or wanted.all)
+        self._recorder = Recorder(directory, self.loop, self.values, self.fail, not choosing)
+        self._topics: list[topics.Topic] = []
+        self._discovery = Discovery(self, wanted) if choosing else None
+        for topic in () if choosing else topics.RECORDED:
+            self._topics.append(topic)
+            listen(self, topic, None, self._recorder.take)
+        self.create_timer(LOOK, self._look)
         self.create_timer(CHECK, self._check)
         self._waiting = True
         if self.loop.start_stamp != WAIT:
@@ -44,8 +43,13 @@ class RecorderNode(SuiteNode):
 
     def missing(self) -> str:
         """What the recorder still waits for: topics that nobody publishes yet."""
-        silent = [topic.name for topic in topics.RECORDED if not self.count_publishers(topic.name)]
+        silent = [topic.name for topic in self._topics if not self._publishers_of(topic)]
         return f'no publisher of {", ".join(silent)}' if silent else ''
+
+    def diagnose(self) -> dict[str, Any]:
+        """Messages by topic, and how many are known to be missing."""
+        received = {topic.name: self._recorder.received[topic] for topic in self._topics}
+        return received | {'lost': sum(gaps or 0 for gaps in self._recorder.gaps.values())}
 
     def set_start(self, stamp: int) -> None:
         """Record from `stamp` [ns] on."""
@@ -59,6 +63,19 @@ class RecorderNode(SuiteNode):
             self.finish(1)
         for line in self._recorder.close():
             self.get_logger().info(line)
+
+    def _look(self) -> None:
+        """Record what has appeared, and see who has several publishers."""
+        for topic, (channel, qos) in (self._discovery.new() if self._discovery else {}).items():
+            self._recorder.add(topic, channel)
+            self._topics.append(topic)
+            listen(self, topic, qos, self._recorder.take)
+        for topic in self._topics:
+            if self._publishers_of(topic) > 1:
+                self._recorder.several(topic)
+
+    def _publishers_of(self, topic: topics.Topic) -> int:
+        return int(self.count_publishers(full_name(topic)))
 
     def _check(self) -> None:
         if self._waiting and not self.missing():

@@ -79,6 +79,14 @@ def taking_over(state: CycleState, torque: Array) -> CycleState:
 
 
 @kernel
+def _is_finite(x: Array) -> bool:
+    finite = True
+    for i in range(len(x)):
+        finite = finite and np.isfinite(x[i])
+    return finite
+
+
+@kernel
 def run_cycle(
     update: Any,
     gains: Any,
@@ -119,7 +127,7 @@ def run_cycle(
             model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
             feedback = Feedback(position, velocity, state.excess)
             output = update(gains, model, reference, feedback, memory, dt)
-            if np.all(np.isfinite(output.torque)):
+            if _is_finite(output.torque):
                 demand = output.torque
                 sliding_variable = output.sliding_variable
                 coupled_error = output.coupled_error

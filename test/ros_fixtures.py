@@ -123,7 +123,10 @@ class Peer:
         self._executor.add_node(self.node)
 
     def until(self, condition):
-        return until(condition, lambda: self._executor.spin_once(timeout_sec=0.05))
+        return until(condition, self.spin)
+
+    def spin(self, seconds=0.05):
+        self._executor.spin_once(timeout_sec=seconds)
 
     def listen(self, topic):
         """List that grows by what is published."""

@@ -23,6 +23,8 @@ EXECUTABLES = {
     'plant': 'parallel_robot_sim.plant_node',
     'controller': 'parallel_robot_control.controller_node',
     'recorder': 'parallel_robot_analysis.recorder_node',
+    'player': 'parallel_robot_analysis.player_node',
+    'monitor': 'parallel_robot_analysis.monitor_node',
 }
 
 
@@ -65,7 +67,7 @@ def test_every_package_is_installed(setup):
 def test_templates_are_installed(setup):
     for package, patterns in setup['package_data'].items():
         assert all(list((ROOT / package.replace('.', '/')).glob(pattern)) for pattern in patterns)
-    assert setup['package_data']['parallel_robot_analysis'] == ['templates/*']
+    assert setup['package_data']['parallel_robot_analysis.report'] == ['templates/*']
 
 
 def test_there_is_one_command(setup):
@@ -104,7 +106,7 @@ def test_every_data_file_is_installed_where_ros_looks(setup):
     assert installed == expected
 
 
-def test_launch_file_starts_every_executable(monkeypatch):
+def test_launch_file_starts_every_node_of_a_run(monkeypatch):
     for module in ('', '.actions', '.conditions', '.substitutions'):
         monkeypatch.setitem(sys.modules, f'launch{module}', MagicMock())
     ros = MagicMock()
@@ -114,7 +116,7 @@ def test_launch_file_starts_every_executable(monkeypatch):
     launch['generate_launch_description']()
     started = [call.kwargs for call in ros.Node.call_args_list]
     assert {node['package'] for node in started} == {NAME}
-    assert {node['executable'] for node in started} == set(EXECUTABLES)
+    assert {node['executable'] for node in started} == set(EXECUTABLES) - {'player'}
 
 
 def test_every_import_is_declared(setup):

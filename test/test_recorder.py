@@ -8,15 +8,18 @@ from pathlib import Path
 
 import pytest
 from bags import content
+from mcap.reader import make_reader
 
-from parallel_robot_analysis import bag_reader
 from parallel_robot_analysis import recorder as module
-from parallel_robot_analysis.mcap_records import Block
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_writer import MESSAGES, channel, qos_profile
+from parallel_robot_analysis.bags.mcap_records import Block
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_interface.topics import Topic
 
 START = 10**9  # ns; that of lockstep
 MS = 10**6  # ns
@@ -240,3 +243,57 @@ def test_a_full_disk_is_handed_over(tmp_path):
     message = f'RunError: cannot write {tmp_path / "bag"}: File too large'
     assert done.stdout == f'{[message]}\n'
     assert done.returncode == 0 and done.stderr == ''
+
+
+def certificate(tmp_path):
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        records = make_reader(stream).iter_metadata()
+        return next(record.metadata for record in records if record.name == MESSAGES)
+
+
+def test_missing_numbers_are_losses_and_stand_in_the_bag(make, tmp_path):
+    recorder = make('wall', seconds=0.0)
+    recorder.open()
+    for number in (7, 8, 11, 12, 1, 2, 4):  # two lost, a new publisher, one lost
+        recorder.take(topics.JOINT_STATES, message(topics.JOINT_STATES, number), 0, number)
+        recorder.take(topics.POSE, message(topics.POSE, number), 0, number)
+    recorder.several(topics.POSE)
+    report = recorder.close()
+    assert 'joint_states: received 7, written 7, lost 3' in report
+    assert 'pose: received 7, written 7, lost unknown' in report
+    found = certificate(tmp_path)
+    assert found['joint_states'] == 'written 7, lost 3'
+    assert found['pose'] == 'written 7, lost unknown'
+    assert found['reference'] == 'written 0, lost unknown'
+
+
+def test_the_middleware_tells_the_time_of_reception(make, tmp_path):
+    recorder = make('wall', seconds=0.0)
+    recorder.open()
+    recorder.take(topics.JOINT_STATES, message(topics.JOINT_STATES, 1), 12345)
+    recorder.close()
+    assert recorded(tmp_path)['joint_states'][0][0] == 12345
+
+
+ODD = Topic('odd', 'odd_msgs/msg/Odd', 0)
+OFFER = 'int32 value', 'RIHS01_1', [qos_profile(False, False)]
+
+
+@pytest.mark.parametrize('mode', ['wall', 'lockstep'])
+def test_other_topics_are_recorded_with_their_definition(mode, make, tmp_path):
+    recorder = make(mode, seconds=0.0)
+    recorder.add(ODD, channel(ODD.name, ODD.type, *OFFER))
+    recorder.add(ODD._replace(name='silent'), channel('silent', ODD.type, *OFFER))
+    recorder.open()
+    recorder.take(topics.JOINT_STATES, message(topics.JOINT_STATES, 5))
+    recorder.take(ODD, b'\x00\x01\x00\x00\x01\x00\x00\x00', 5 * 10**9, 1)
+    report = recorder.close()
+    assert 'odd: received 1, written 1, lost 0' in report
+    assert 'silent: received 0, written 0, lost unknown' in report
+    ((log_time, data),) = recorded(tmp_path)['odd']
+    assert log_time == (5 * 10**9 if mode == 'wall' else START + 5 * MS) and data[4] == 1
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    (schema,) = (s for s in summary.schemas.values() if s.name == ODD.type)
+    (odd,) = (c for c in summary.channels.values() if c.schema_id == schema.id)
+    assert schema.data == b'int32 value' and 'best_effort' in str(odd.metadata)

@@ -12,9 +12,10 @@ from domain_coordinator import domain_id
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis import metrics, run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_analysis.recover import recover
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time

@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from parallel_robot_analysis import bag_writer, simulate
+from parallel_robot_analysis.bags import bag_writer
+from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
@@ -23,6 +24,11 @@ LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
 START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
 STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
 OWN = ('start_stamp', 'subscribers', 'recorder.out')  # keys that run gives to its nodes
+PATIENT = {  # s; the robot is simulated, and a desktop may stall: that is no danger to anybody
+    'safety.state_timeout': 0.5,
+    'safety.reference_timeout': 0.5,
+    'plant.command_timeout': 0.5,
+}
 LOOK = 0.1  # s, between two looks at the processes
 
 
@@ -44,6 +50,8 @@ def execute(arguments: argparse.Namespace) -> int:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
     if arguments.time_mode is not None:
         changed['time_mode'] = arguments.time_mode
+    if changed.get('time_mode') != 'lockstep':
+        changed = PATIENT | changed
     values = config.resolve(arguments.scenario, changed)
     loop = assemble(values).loop
     bag_writer.check(arguments.out)

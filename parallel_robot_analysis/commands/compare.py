@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import claims, metrics, simulate
-from parallel_robot_analysis.analyze import json_draft
+from parallel_robot_analysis import claims, metrics
+from parallel_robot_analysis.commands import simulate
+from parallel_robot_analysis.commands.analyze import json_draft
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
 from parallel_robot_control.laws import available
 from parallel_robot_interface import config

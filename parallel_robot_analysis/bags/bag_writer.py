@@ -22,6 +22,7 @@ from parallel_robot_interface.topics import DEPTH, Topic
 
 CHUNK_SIZE = 255 * 1024  # bytes, and the message that goes beyond: at most 256 KiB
 METADATA = 'parallel_robot'  # name of the MCAP metadata record with the experiment
+MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost messages by topic
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
@@ -52,6 +53,7 @@ class BagWriter:
     Attributes:
         directory: The bag.
         written: Messages written, by topic name without leading slash.
+        certificate: What :meth:`close` writes of the messages, by topic name; nothing if empty.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class BagWriter:
         """
         self.directory = directory
         self.written: Counter[str] = Counter()
+        self.certificate: dict[str, str] = {}
         self._metadata = dict(metadata)
         self._first: int | None = None
         self._last = 0
@@ -84,7 +87,9 @@ class BagWriter:
         self._counts: Counter[int] = Counter()
         self._caught: list[int] = []  # signals
         self._handlers: dict[int, Any] = {}
-        self._ids = {topic.name: self.add(channel_of(topic)) for topic in topics}
+        self._ids: dict[str, int] = {}  # numbers of channels by topic name
+        for topic in topics:
+            self.add(channel_of(topic))
 
     def add(self, channel: Channel) -> int:
         """Declare a channel; returns its number."""
@@ -97,6 +102,7 @@ class BagWriter:
             channel.topic, 'cdr', self._schemas[key], dict(channel.metadata)
         )
         self._channels[number] = channel
+        self._ids[channel.topic.lstrip('/')] = number
         return number
 
     def write(self, topic: str, log_time: int, data: bytes) -> None:
@@ -141,6 +147,8 @@ class BagWriter:
         if self._file.closed:
             return
         try:
+            if self.certificate:
+                self._writer.add_metadata(MESSAGES, self.certificate)
             self._writer.finish()
         finally:
             self._file.close()
@@ -301,15 +309,31 @@ def check(directory: Path) -> None:
         raise BagError(f'cannot write to {directory}: {error.strerror}') from None
 
 
+def channel(
+    name: str, kind: str, definition: str, digest: str, profiles: Iterable[Mapping[str, Any]]
+) -> Channel:
+    """A topic as a bag describes it.
+
+    Args:
+        name: Without leading slash.
+        kind: ROS type.
+        definition: Text of the type and of all types in it.
+        digest: Hash of the type, RIHS01.
+        profiles: Quality of service of each publisher.
+    """
+    metadata = (
+        ('offered_qos_profiles', yaml.safe_dump(list(profiles), sort_keys=False)),
+        ('topic_type_hash', digest),
+    )
+    return Channel(f'/{name}', kind, 'ros2msg', definition.encode(), metadata)
+
+
 def channel_of(topic: Topic) -> Channel:
     """A topic of the suite as a bag describes it."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    definition, _ = store.generate_msgdef(topic.type, ros_version=2)
-    metadata = (
-        ('offered_qos_profiles', yaml.safe_dump([_qos(topic)], sort_keys=False)),
-        ('topic_type_hash', store.hash_rihs01(topic.type)),
-    )
-    return Channel(f'/{topic.name}', topic.type, 'ros2msg', definition.encode(), metadata)
+    text, _ = store.generate_msgdef(topic.type, ros_version=2)
+    profiles = [qos_profile(True, topic.latched)]
+    return channel(topic.name, topic.type, text, store.hash_rihs01(topic.type), profiles)
 
 
 def _profiles(channel: Channel) -> list[Any]:
@@ -327,12 +351,18 @@ def _has_words(profile: Any) -> bool:
     return isinstance(profile, dict) and isinstance(profile.get('reliability'), str)
 
 
-def _qos(topic: Topic) -> dict[str, Any]:
+def certify(written: int, lost: int | str) -> str:
+    """What the certificate says of one topic."""
+    return f'written {written}, lost {lost}'
+
+
+def qos_profile(reliable: bool, latched: bool) -> dict[str, Any]:
+    """Quality of service as rosbag2 writes it."""
     return {
         'history': 'keep_last',
-        'depth': 1 if topic.latched else DEPTH,
-        'reliability': 'reliable',
-        'durability': 'transient_local' if topic.latched else 'volatile',
+        'depth': 1 if latched else DEPTH,
+        'reliability': 'reliable' if reliable else 'best_effort',
+        'durability': 'transient_local' if latched else 'volatile',
         'deadline': FOREVER,
         'lifespan': FOREVER,
         'liveliness': 'automatic',

@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_reader import Messages
-from parallel_robot_analysis.bag_writer import METADATA
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_reader import Messages
+from parallel_robot_analysis.bags.bag_writer import METADATA
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError, InputError
 from parallel_robot_interface.loop import LoopParameters
@@ -23,6 +23,7 @@ from parallel_robot_interface.topics import RECORDED, Topic
 NOTHING = np.zeros((0, 0))
 STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
 KINDS = 100  # how many kinds of messages a topic may have: joints and their order
+REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,9 @@ def read(bag: Path) -> RunLog:
         states.numbers['position'][used],
         states.numbers['velocity'][used],
         states.numbers['effort'][used],
-        *_at(references, stamps),
+        *reference_at(
+            stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
+        ),
         commands.numbers['data'],
         _counts(streams, loop.period_ns),
         _answers(states.log_times, commands)[used],
@@ -185,10 +188,11 @@ def _configuration(
         values = values | {'scenario': 'unknown', 'law': 'unknown'}
     try:
         if metadata:
-            values = values | dict(yaml.load(metadata['config'], config.LOADER))
+            stored = yaml.load(metadata['config'], config.LOADER)
+            values = values | {str(key): value for key, value in stored.items()}
         start = int(metadata.get('start_stamp', 0))
         return values, config.group(values, LoopParameters, ''), start
-    except (KeyError, TypeError, ValueError, InputError, yaml.YAMLError):
+    except (AttributeError, KeyError, ValueError, InputError, yaml.YAMLError):
         raise BagError(f'{bag}: its metadata {METADATA} hold no usable config') from None
 
 
@@ -321,13 +325,25 @@ def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, .
     return [names.index(joint) for joint in joints]
 
 
-def _at(references: Samples, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """References at other stamps, extrapolated from the newest before with its derivatives."""
-    newest = np.searchsorted(references.stamps, stamps, side='right') - 1
-    dt = ((stamps - references.stamps[newest]) / cdr.NANOSECONDS)[:, np.newaxis]
-    position, velocity, acceleration = (
-        references.numbers[name][newest] for name in ('position', 'velocity', 'acceleration')
-    )
+def reference_at(
+    stamps: np.ndarray,
+    known: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Extrapolate references to other stamps, each from the newest before with its derivatives.
+
+    Args:
+        stamps: Where they are wanted, none before the first that is known [ns], shape (N,).
+        known: Stamps of the references, in order [ns], shape (M,).
+        position: Joint angles [rad], shape (M, n).
+        velocity: Their rates [rad/s], shape (M, n).
+        acceleration: Their accelerations [rad/s^2], shape (M, n).
+    """
+    newest = np.searchsorted(known, stamps, side='right') - 1
+    dt = ((stamps - known[newest]) / cdr.NANOSECONDS)[:, np.newaxis]
+    position, velocity, acceleration = position[newest], velocity[newest], acceleration[newest]
     return (
         position + dt * velocity + 0.5 * dt**2 * acceleration,
         velocity + dt * acceleration,

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.bag_writer import BagWriter
-from parallel_robot_analysis.experiment import describe
+from parallel_robot_analysis.bags.bag_writer import BagWriter, certify
+from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_control.messages import Status, Telemetry, status_message, telemetry_messages
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.loop import STEP_START
@@ -76,3 +76,6 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
                 index, rest = divmod(k, topic.every)
                 if rest == 0:
                     writer.write(topic.name, log_time, messages[index].tobytes())
+        writer.certificate = {
+            topic.name: certify(writer.written[topic.name], 0) for topic in topics.RECORDED
+        }

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from mcap import records as mcap
 
-from parallel_robot_analysis import bag_reader, run_log
-from parallel_robot_analysis.bag_writer import METADATA, BagWriter, Channel, check
-from parallel_robot_analysis.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
+from parallel_robot_analysis.bags import bag_reader, run_log
+from parallel_robot_analysis.bags.bag_writer import METADATA, BagWriter, Channel, check
+from parallel_robot_analysis.bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
 from parallel_robot_interface.errors import BagError, RunError
 
 

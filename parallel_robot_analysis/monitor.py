@@ -1,0 +1,160 @@
+"""The monitor without ROS: figures of merit over the last seconds of a motion."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags.run_log import reference_at
+from parallel_robot_control.controller import first_guess
+from parallel_robot_interface import config
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_interface.errors import KinematicsError
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.kinematics import pose_of
+from parallel_robot_model.parameters import RobotParameters, validate
+
+PERIOD = NANOSECONDS // 10  # ns of motion between two sets of figures
+
+
+class MonitorParameters(NamedTuple):
+    """Over what the figures are computed."""
+
+    window: Annotated[float, Field('s', 'length of motion for the figures', 0.1, 600.0)]
+
+
+class Figures(NamedTuple):
+    """Figures of merit over a window; the names are those of the topics, the units are SI.
+
+    Attributes:
+        platform_error_rms: Root mean square distance of the platform from its reference [m].
+        platform_error_max: Largest distance [m].
+        joint_error_rms: Root mean square joint error over all joints [rad].
+        synchronisation_error_rms: The same of the synchronisation error [rad].
+        torque_max: Largest absolute torque [N m].
+        torque_variation: Sum over the joints of |change of torque|, per second [N m/s].
+        torque_chattering: Root mean square of what is fast in the torque [N m].
+    """
+
+    platform_error_rms: float
+    platform_error_max: float
+    joint_error_rms: float
+    synchronisation_error_rms: float
+    torque_max: float
+    torque_variation: float
+    torque_chattering: float
+
+
+class _Window(NamedTuple):
+    """Samples in order: stamps [ns], distances [m], joint errors [rad], torques [N m]."""
+
+    stamps: np.ndarray
+    distance: np.ndarray
+    error: np.ndarray
+    effort: np.ndarray
+
+
+class Monitor:
+    """Collects states and references; computes for each 0.1 s of stamps.
+
+    A stamp that goes back, or on by more than the window, begins anew: a bag was rewound.
+    """
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Prepare for the nominal robot of a configuration.
+
+        Raises:
+            InputError: a parameter is wrong.
+        """
+        self._robot = validate(config.group(values, RobotParameters, 'robot'))
+        self._joints = len(values['joints'])
+        seconds = config.group(values, MonitorParameters, 'monitor').window
+        self._length = round(seconds * NANOSECONDS)
+        self._first_guess = np.array(first_guess(values))
+        self._newest: int | None = None  # ns, stamp of the last state
+        self._references: deque[tuple[Any, ...]] = deque()
+        self._begin()
+
+    def add_reference(self, stamp: int, motion: list[np.ndarray]) -> None:
+        """Take a reference: stamp [ns]; angles, rates, accelerations, each shape (n,)."""
+        if self._references and stamp <= self._references[-1][0]:
+            self._references.clear()
+        self._references.append((stamp, *motion))
+
+    def add_state(self, stamp: int, position: np.ndarray, effort: np.ndarray) -> Figures | None:
+        """Take a state.
+
+        Args:
+            stamp: Of the state [ns].
+            position: Actuated angles [rad], shape (n,).
+            effort: Torques [N m], shape (n,).
+
+        Returns:
+            The figures once in 0.1 s of motion, when there is something to compute them from.
+        """
+        if self._newest is not None and not 0 < stamp - self._newest <= self._length:
+            self._begin()
+        due = self._newest is not None and stamp // PERIOD != self._newest // PERIOD
+        self._newest = stamp
+        self._states.append((stamp, position, effort))
+        return self._evaluate() if due else None
+
+    def _begin(self) -> None:
+        self._guess = self._first_guess
+        self._states: list[tuple[int, np.ndarray, np.ndarray]] = []
+        rows = np.empty((0, self._joints))
+        self._window = _Window(np.empty(0, dtype=np.int64), np.empty(0), rows, rows)
+
+    def _evaluate(self) -> Figures | None:
+        """Figures of the window, after what is new has moved into it."""
+        new = self._new_samples()
+        oldest = (self._newest or 0) - self._length
+        kept = self._window.stamps >= oldest
+        self._window = _Window(
+            *(
+                np.concatenate([old[kept], more])
+                for old, more in zip(self._window, new, strict=True)
+            )
+        )
+        if len(self._window.stamps) < 2:
+            return None
+        time = self._window.stamps / NANOSECONDS
+        errors = metrics.errors(self._window.distance, self._window.error)
+        return Figures(*errors, *metrics.torque(time, self._window.effort))
+
+    def _new_samples(self) -> _Window:
+        """What came since the last figures, as far as there is a reference for it."""
+        states = [
+            state
+            for state in self._states
+            if self._references and state[0] >= self._references[0][0]
+        ]
+        self._states = []
+        if not states:
+            return self._window._replace(**{k: v[:0] for k, v in self._window._asdict().items()})
+        stamps, position, effort = (np.array(column) for column in zip(*states, strict=True))
+        known, *motion = (np.array(column) for column in zip(*self._references, strict=True))
+        desired, _, _ = reference_at(stamps, known, *motion)
+        while len(self._references) > 1 and self._references[1][0] <= stamps[-1]:
+            self._references.popleft()
+        return _Window(stamps, self._distances(position, desired), desired - position, effort)
+
+    def _distances(self, position: np.ndarray, desired: np.ndarray) -> np.ndarray:
+        """Distances of the platform [m], NaN where a pose is not to be had."""
+        try:
+            reference = pose_of(self._robot, desired, self._guess)
+            actual = pose_of(self._robot, position, reference[0])
+        except KinematicsError:
+            return np.full(len(position), np.nan)
+        self._guess = reference[-1]
+        return metrics.distances(metrics.Poses(actual, reference))
+
+
+def _fresh(known: np.ndarray, stamp: int) -> bool:
+    """Whether a reference is known for a stamp that is not too old to extrapolate."""
+    before = int(np.searchsorted(known, stamp, side='right')) - 1
+    return before >= 0 and stamp - int(known[before]) <= PERIOD

@@ -1,0 +1,139 @@
+"""The piecewise reader beside that of mcap."""
+
+import numpy as np
+import pytest
+from bags import content, write_foreign
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.errors import BagError
+
+LATCHED = topics.ACTIVE_LAW
+
+
+def write(path, log_times, compression=CompressionType.ZSTD, index=IndexType.ALL, chunked=True):
+    """Write one message for each log time, in turn on two topics, in small chunks."""
+    with path.open('wb') as stream:
+        writer = Writer(stream, 500, compression, index, use_chunking=chunked)
+        writer.start()
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channels = [writer.register_channel(name, 'cdr', schema) for name in ('/a', '/b')]
+        for k, log_time in enumerate(log_times):
+            writer.add_message(channels[k % 2], log_time, cdr.text_message(f'{k}' * 9), 0)
+        writer.finish()
+
+
+def by_mcap(path, names, start, end):
+    with path.open('rb') as stream:
+        found = make_reader(stream).iter_messages(names, starting_at=start, ending_at=end)
+        return [(m.log_time, channel.topic, m.data) for _, channel, m in found]
+
+
+@pytest.mark.parametrize('compression', CompressionType)
+@pytest.mark.parametrize('disorder', [0, 3, 1000])
+@pytest.mark.parametrize(
+    ('names', 'start', 'end'), [(['/a', '/b'], 0, 10**6), (['/b'], 50, 120), (['/a'], 199, 199)]
+)
+def test_order_and_bytes_are_those_of_mcap(compression, disorder, names, start, end, tmp_path):
+    path = tmp_path / 'bag.mcap'
+    times = np.arange(200) + np.random.default_rng(1).integers(0, disorder + 1, 200)
+    write(path, (times // 2).tolist(), compression)  # halved: equal times too
+    reader = BagReader(path)
+    assert list(reader.messages(names, start, end)) == by_mcap(path, names, start, end)
+    assert (reader.start, reader.end) == (min(times // 2), max(times // 2))
+    assert reader.counts == {'/a': 100, '/b': 100}
+    reader.close()
+
+
+def test_chunks_without_message_index_are_read(tmp_path):
+    path = tmp_path / 'bag.mcap'
+    write(path, range(100), index=IndexType.ALL & ~IndexType.MESSAGE)
+    found = list(BagReader(path).messages(['/b'], 10))
+    assert [message.log_time for message in found] == list(range(11, 100, 2))
+
+
+def test_files_of_one_bag_are_one(tmp_path):
+    write(tmp_path / 'bag_1.mcap', range(100, 200))
+    write(tmp_path / 'bag_0.mcap', range(100))
+    found = [message.log_time for message in BagReader(tmp_path).messages(['/a', '/b'], 50)]
+    assert found == list(range(50, 200))
+
+
+def test_memory_holds_a_few_chunks(tmp_path):
+    write(tmp_path / 'bag.mcap', range(10_000))
+    reader = BagReader(tmp_path / 'bag.mcap')
+    loaded = []
+    chunk = reader._chunks[0].stream
+    messages = reader.messages(['/a', '/b'], 0)
+    for _ in range(3):
+        next(messages)
+        loaded.append(chunk.tell())
+    assert max(loaded) < 2000 < (tmp_path / 'bag.mcap').stat().st_size / 10
+
+
+def test_what_was_latched_is_known_later(tmp_path):
+    with BagWriter(tmp_path / 'bag', [LATCHED, topics.POSE], {}) as writer:
+        for moment, law in ((10, 'smc'), (20, 'pid'), (30, 's_smc')):
+            writer.write(LATCHED.name, moment, cdr.text_message(law))
+            writer.write(topics.POSE.name, moment, cdr.pose_stamped('base').encode(moment))
+    reader = BagReader(tmp_path / 'bag')
+    assert reader.topics['/controller/active_law'].latched == 1
+    assert reader.topics['/pose'].latched == 0
+    for moment, laws in ((10, []), (20, ['smc']), (25, ['pid']), (99, ['s_smc'])):
+        found = reader.latched(list(reader.topics), moment)
+        assert [message.data for message in found] == [cdr.text_message(law) for law in laws]
+
+
+@pytest.mark.parametrize(
+    ('durability', 'latched'), [('1', 3), ('transient_local', 3), ('2', 0), ('volatile', 0)]
+)
+def test_old_and_new_profiles_are_understood(durability, latched, tmp_path):
+    profile = f'- {{history: 1, depth: 3, durability: {durability}}}'
+    path = tmp_path / 'bag.mcap'
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        writer.register_channel('/a', 'cdr', schema, {'offered_qos_profiles': profile})
+        writer.finish()
+    assert BagReader(path).topics['/a'].latched == latched
+
+
+def test_bags_of_others_are_read(tmp_path):
+    data = cdr.pose_stamped('base').encode(1)
+    write_foreign(tmp_path / 'bag', {topics.POSE: [(1, data), (2, data)]})
+    (path,) = (tmp_path / 'bag').glob('*.mcap')
+    found = list(BagReader(tmp_path / 'bag').messages(['/pose'], 0))
+    assert [(m.log_time, m.data) for m in found] == content(path)['pose']
+
+
+def test_what_is_no_bag_is_refused(tmp_path):
+    with pytest.raises(BagError, match='no MCAP file there'):
+        BagReader(tmp_path)
+    path = tmp_path / 'bag.mcap'
+    path.write_bytes(b'not a bag at all')
+    with pytest.raises(BagError, match='no MCAP file, or was cut off'):
+        BagReader(path)
+    write(path, range(100))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(BagError, match='cut off'):
+        BagReader(path)
+    write(path, range(100), chunked=False)
+    with pytest.raises(BagError, match='without chunks'):
+        BagReader(path)
+
+
+def test_a_broken_chunk_is_an_error_of_the_bag(tmp_path):
+    path = tmp_path / 'bag.mcap'
+    write(path, range(100))
+    broken = bytearray(path.read_bytes())
+    reader = BagReader(path)
+    offset = reader._chunks[1].offset
+    broken[offset + 60 : offset + 100] = bytes(40)
+    path.write_bytes(broken)
+    with pytest.raises(BagError, match='cannot be read'):
+        list(BagReader(path).messages(['/a', '/b'], 0))

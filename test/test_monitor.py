@@ -1,0 +1,108 @@
+"""The monitor without ROS, beside the metrics of a whole run."""
+
+import numpy as np
+import pytest
+
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.monitor import Monitor
+from parallel_robot_interface import config
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_model.kinematics import pose_of
+from parallel_robot_sim import simulation
+
+START = 10**9  # ns
+MS = 10**6  # ns
+
+
+@pytest.fixture(scope='module')
+def setup():
+    """A second of the paper's circle, and a configuration with a short window."""
+    values = config.resolve('paper_circle', {'duration': 1.0, 'monitor.window': 0.5})
+    return values, simulation.simulate(values)
+
+
+def feed(monitor, simulation, indices, shift=0, ahead=20):
+    """Give states and references, these some samples ahead; collect the figures."""
+    found = []
+    reference, run = simulation.reference, simulation.run
+    sent = indices[0]
+    for k in indices:
+        while sent <= min(k + ahead, len(reference.position) - 1):
+            motion = [reference.position, reference.velocity, reference.acceleration]
+            monitor.add_reference(START + (sent + shift) * MS, [part[sent] for part in motion])
+            sent += 1
+        figures = monitor.add_state(START + (k + shift) * MS, run.theta[k], run.effort[k])
+        if figures is not None:
+            found.append(figures)
+    return found
+
+
+def expected(setup, rows):
+    """The figures of some samples, as for a recorded run."""
+    values, simulation = setup
+    reference, run = simulation.reference.position[rows], simulation.run.theta[rows]
+    robot = Monitor(values)._robot
+    guess = simulation.reference.pose[rows][0]
+    pose = metrics.Poses(pose_of(robot, run, guess), pose_of(robot, reference, guess))
+    time = np.arange(len(run)) * 1e-3
+    return [
+        *metrics.errors(metrics.distances(pose), reference - run),
+        *metrics.torque(time, simulation.run.effort[rows]),
+    ]
+
+
+def test_figures_are_those_of_the_window_ten_times_a_second(setup):
+    values, simulation = setup
+    found = feed(Monitor(values), simulation, range(1001))
+    assert len(found) == 10
+    for k, figures in zip(range(100, 1001, 100), found, strict=True):
+        rows = slice(max(0, k - 500), k + 1)
+        assert list(figures) == pytest.approx(expected(setup, rows), rel=1e-9)
+
+
+def test_missing_references_are_extrapolated(setup):
+    values, simulation = setup
+    reference, run = simulation.reference, simulation.run
+    monitor, found = Monitor(values), []
+    for k in range(501):
+        if k % 5 == 0:
+            motion = [reference.position[k], reference.velocity[k], reference.acceleration[k]]
+            monitor.add_reference(START + k * MS, motion)
+        found.append(monitor.add_state(START + k * MS, run.theta[k], run.effort[k]))
+    last = [figures for figures in found if figures][-1]
+    assert list(last) == pytest.approx(expected(setup, slice(0, 501)), rel=1e-3)
+
+
+@pytest.mark.parametrize('shift', [-300, 5000], ids=['back', 'far on'])
+def test_a_jump_begins_anew(shift, setup):
+    values, simulation = setup
+    monitor = Monitor(values)
+    feed(monitor, simulation, range(600, 1001))
+    found = feed(monitor, simulation, range(301), shift=shift)
+    assert list(found[-1]) == pytest.approx(expected(setup, slice(0, 301)), rel=1e-9)
+
+
+def test_without_references_there_are_no_figures(setup):
+    values, simulation = setup
+    assert not feed(Monitor(values), simulation, range(300), ahead=-1000)
+
+
+def test_a_pose_that_is_not_to_be_had_leaves_the_joints(setup):
+    values, simulation = setup
+    monitor = Monitor(values)
+    for k in range(201):
+        motion = [simulation.reference.position[k], np.zeros(3), np.zeros(3)]
+        monitor.add_reference(START + k * MS, motion)
+        theta = np.array([0.0, np.pi, np.pi / 2])
+        figures = monitor.add_state(START + k * MS, theta, np.zeros(3)) or None
+    assert np.isnan(figures.platform_error_rms) and np.isfinite(figures.joint_error_rms)
+
+
+def test_it_costs_little(setup):
+    """Window and references do not grow with the motion."""
+    values, simulation = setup
+    monitor = Monitor(values)
+    feed(monitor, simulation, range(1001))
+    assert len(monitor._window.stamps) == 501 and len(monitor._references) <= 2
+    span = monitor._window.stamps[-1] - monitor._window.stamps[0]
+    assert span == 0.5 * NANOSECONDS

@@ -1,0 +1,54 @@
+"""The monitor as a real process."""
+
+import signal
+
+import numpy as np
+import pytest
+from bags import streams, write_foreign
+
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.monitor import Figures
+from parallel_robot_interface import config, topics
+from parallel_robot_interface.topics import Topic
+from parallel_robot_sim.simulation import simulate
+
+pytest_plugins = ['ros_fixtures']
+pytestmark = pytest.mark.xdist_group('processes')
+
+
+def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
+    values = config.resolve('paper_circle', {'duration': 0.5})
+    simulation = simulate(values)
+    rows = slice(simulation.run.steps)
+    messages = streams(
+        simulation.reference.position[rows], simulation.run.theta, simulation.run.effort
+    )
+    write_foreign(tmp_path / 'bag', messages)
+    log = run_log.read(tmp_path / 'bag')
+    pose = metrics.poses(log)
+    errors = metrics.errors(metrics.distances(pose), log.reference_position - log.position)
+    expected = [*errors, *metrics.torque(log.time, log.effort)]
+
+    process = launch('parallel_robot_analysis.monitor_node')
+    heard = [
+        peer.listen(Topic(f'monitor/{name}', 'std_msgs/msg/Float64')) for name in Figures._fields
+    ]
+    publishers = {name: peer.publisher(name) for name in (topics.REFERENCE, topics.JOINT_STATES)}
+
+    def send(part):
+        for topic, publisher in publishers.items():
+            for _, data in messages[topic][part]:
+                publisher.publish(data)
+
+    def play():
+        for first in range(0, 501, 50):  # not all at once: more than 512 overflow shared memory
+            send(slice(first, first + 50))
+            for _ in range(2 * len(heard)):
+                peer.spin(0.01)
+
+    def agree():
+        return all(heard) and np.allclose([v[-1].data for v in heard], expected, rtol=1e-9)
+
+    peer.until(lambda: agree() or play())  # again where states overtook their references
+    assert process.end(signal.SIGINT) == 0

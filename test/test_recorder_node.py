@@ -1,0 +1,85 @@
+"""The recorder of any topic as a real process."""
+
+import signal
+
+import pytest
+from bags import content
+from diagnostic_msgs.msg import DiagnosticArray
+from mcap.reader import make_reader
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Float64, String
+
+from parallel_robot_analysis.bags.bag_writer import MESSAGES
+from parallel_robot_analysis.bags.indexed_reader import BagReader
+
+pytest_plugins = ['ros_fixtures']
+pytestmark = pytest.mark.xdist_group('processes')
+
+RECORDER = 'parallel_robot_analysis.recorder_node'
+COUNT = 50
+
+
+@pytest.fixture
+def publishers(peer):
+    """A best-effort topic, a latched one, a reliable one."""
+    quick = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return {
+        'quick': peer.node.create_publisher(Float64, 'machine/quick', quick),
+        'name': peer.node.create_publisher(String, 'machine/name', latched),
+        'other': peer.node.create_publisher(Float64, 'other', QoSProfile(depth=100)),
+    }
+
+
+@pytest.mark.parametrize(
+    ('choice', 'recorded'),
+    [
+        ('recorder.topics:=[machine/quick, /other]', {'quick', 'other'}),
+        ('recorder.regex:=machine/', {'quick', 'name'}),
+        ('recorder.all:=true', {'quick', 'name', 'other'}),
+    ],
+)
+def test_chosen_topics_are_recorded_as_they_are_offered(
+    choice, recorded, publishers, launch, peer, tmp_path
+):
+    heard = {}
+    peer.node.create_subscription(
+        DiagnosticArray,
+        '/diagnostics',
+        lambda array: heard.update({item.key: item.value for item in array.status[0].values}),
+        10,
+    )
+    publishers['name'].publish(String(data='latched before'))
+    process = launch(RECORDER, '--ros-args', '-p', 'recorder.out:=bag', '-p', choice)
+    peer.until(lambda: all(publishers[key].get_subscription_count() for key in recorded))
+    for k in range(COUNT):
+        for key in ('quick', 'other'):
+            publishers[key].publish(Float64(data=float(k)))
+    path = tmp_path / 'bag' / 'bag_0.mcap'
+    assert path.exists()
+    sent = {
+        publishers[key].topic_name[1:]: '1' if key == 'name' else str(COUNT) for key in recorded
+    }
+    peer.until(lambda: sent.items() <= heard.items())
+    assert process.end(signal.SIGINT) == 0
+    found = {name.rpartition('/')[2]: stream for name, stream in content(path).items()}
+    assert found.keys() & publishers.keys() == recorded
+    for key in recorded - {'name'}:
+        assert len(found[key]) == COUNT
+    assert len(found.get('name', [0])) == 1
+    reader = BagReader(tmp_path / 'bag')
+    assert {name for name, topic in reader.topics.items() if topic.latched} >= {
+        f'/machine/{key}' for key in recorded if key == 'name'
+    }
+    with path.open('rb') as stream:
+        (metadata,) = (
+            r.metadata for r in make_reader(stream).iter_metadata() if r.name == MESSAGES
+        )
+    if 'quick' in recorded:
+        assert metadata['machine/quick'] == f'written {COUNT}, lost 0'
+
+
+def test_a_wrong_expression_costs_one_line(launch, domain):
+    process = launch(RECORDER, '--ros-args', '-p', 'recorder.regex:="(a"')
+    assert process.wait() == 2
+    assert process.stderr.count('\n') == 1 and 'recorder.regex' in process.stderr
