@@ -45,7 +45,10 @@ from parallel_robot_model.kinematics import NOT_CONVERGED
 
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md
-LIMITS = limits_of(config.group(config.resolve('paper_circle'), SafetyParameters, 'safety'))
+NARROW = {'safety.torque_limit': [100.0] * 3, 'safety.torque_rate': [60_000.0] * 3}
+LIMITS = limits_of(
+    config.group(config.resolve('paper_circle', NARROW), SafetyParameters, 'safety')
+)
 
 
 def moved(measured, **changes):
@@ -401,7 +404,7 @@ def test_whatever_is_asked_and_was_before_the_torque_is_within_its_limits(
 @pytest.mark.parametrize('effort', [1e6, 150.0, -150.0, 99.0, 0.0, math.nan, math.inf])
 def test_a_controller_that_takes_over_goes_on_from_the_effort_within_its_limit(effort):
     """Of whatever unit the effort may be: drives that report a current exist."""
-    rig = Rig()
+    rig = Rig(safety__torque_limit=[100.0] * 3, safety__torque_rate=[60_000.0] * 3)
     rig.controller.begin(1)  # the motion began long ago
     sample = rig.step(rig.measured()._replace(effort=np.array([effort, 0.0, 0.0])))
     expected = np.clip(effort, -100.0, 100.0) if math.isfinite(effort) else 0.0
