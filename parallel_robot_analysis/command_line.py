@@ -8,13 +8,23 @@ import sys
 from collections.abc import Sequence
 from types import ModuleType
 
-from parallel_robot_analysis import analyze, compare, export, recover, report, run, simulate
+from parallel_robot_analysis import (
+    analyze,
+    compare,
+    export,
+    recover,
+    replay,
+    report,
+    run,
+    simulate,
+)
 from parallel_robot_interface.errors import InputError, ParallelRobotError
 
 COMMANDS: dict[str, tuple[ModuleType, str]] = {
     'run': (run, 'run the nodes in processes of their own and record them'),
     'simulate': (simulate, 'run the same closed loop without ROS and record it'),
     'analyze': (analyze, 'figures of merit and a picture of a bag'),
+    'replay': (replay, 'the torques of a bag computed again, by its law or another'),
     'report': (report, "the paper's figures and an interactive page of one bag or several"),
     'export': (export, 'a bag as a table, one row a state'),
     'recover': (recover, 'a whole bag of what is intact in a broken one'),

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import metrics, run_log
+from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_analysis.recover import recover
 
@@ -70,6 +71,7 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
     }  # fmt: skip
     for topic in first:
         assert first[topic] == second[topic] == third[topic]
+    assert main(['replay', str(tmp_path / 'first')]) == 0
 
 
 def test_a_run_in_real_time_is_complete(start, tmp_path):
@@ -90,6 +92,7 @@ def test_a_run_in_real_time_is_complete(start, tmp_path):
     for stream in streams(tmp_path / 'bag').values():
         times = [time for time, _ in stream]
         assert times == sorted(times) and times[0] >= log.start_stamp
+    assert main(['replay', str(tmp_path / 'bag')]) == 0
 
 
 def under_way(process, bag):
