@@ -14,6 +14,7 @@ from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_analysis.processes import MODULES
 
@@ -71,6 +72,7 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
     }  # fmt: skip
     for topic in first:
         assert first[topic] == second[topic] == third[topic]
+    assert main(['replay', str(tmp_path / 'first')]) == 0
 
 
 def test_a_run_in_real_time_is_complete(start, tmp_path):
@@ -91,6 +93,7 @@ def test_a_run_in_real_time_is_complete(start, tmp_path):
     for stream in streams(tmp_path / 'bag').values():
         times = [time for time, _ in stream]
         assert times == sorted(times) and times[0] >= log.start_stamp
+    assert main(['replay', str(tmp_path / 'bag')]) == 0
 
 
 def under_way(process, bag):

@@ -23,6 +23,9 @@ from parallel_robot_interface.topics import DEPTH, Topic
 CHUNK_SIZE = 255 * 1024  # bytes, and the message that goes beyond: at most 256 KiB
 METADATA = 'parallel_robot'  # name of the MCAP metadata record with the experiment
 MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost messages by topic
+PARAMETERS = 'parallel_robot_parameters'  # of records with the parameters of nodes at the start
+CHANGES = 'parallel_robot_changes'  # of records with a later change of parameters
+LAWS = 'own_laws/'  # begin of the names of attachments with the source of a law of one's own
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 

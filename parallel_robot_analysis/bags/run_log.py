@@ -345,7 +345,7 @@ def reference_at(
     dt = ((stamps - known[newest]) / cdr.NANOSECONDS)[:, np.newaxis]
     position, velocity, acceleration = position[newest], velocity[newest], acceleration[newest]
     return (
-        position + dt * velocity + 0.5 * dt**2 * acceleration,
+        position + dt * velocity + 0.5 * dt * dt * acceleration,
         velocity + dt * acceleration,
         acceleration,
     )
@@ -354,18 +354,21 @@ def reference_at(
 def _answers(heard: np.ndarray, commands: Samples) -> np.ndarray:
     """Command that answered each state, NaN where there is none, shape (N, n).
 
-    The k-th answers the k-th; where some of either are lost, a command answers the newest state
-    that was recorded before it, which is exact in lockstep.
+    The k-th answers the k-th; a zero after the last is the end of the controller. Where some of
+    either are lost, a command answers the newest state that was recorded before it, which is
+    exact in lockstep.
 
     Args:
         heard: Log times of the states [ns], shape (N,).
         commands: The commands.
     """
     torques = commands.numbers['data']
+    if len(torques) == len(heard) + 1 and not torques[-1].any():
+        torques = torques[:-1]
     if len(torques) == len(heard):
         return torques
     answers = np.full((len(heard), torques.shape[1]), np.nan)
-    newest = np.searchsorted(heard, commands.log_times, side='right') - 1
+    newest = np.searchsorted(heard, commands.log_times[: len(torques)], side='right') - 1
     answers[newest[newest >= 0]] = torques[newest >= 0]
     return answers
 
