@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from bags import content
+from diagnostic_msgs.msg import DiagnosticArray
 from domain_coordinator import domain_id
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import (
@@ -11,12 +13,15 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.serialization import deserialize_message
 from ros_fixtures import Peer, Process
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_interface import config, topics
+from parallel_robot_sim.simulation import simulate
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
@@ -243,3 +248,37 @@ def test_table_2_of_nftsmc_warns_and_runs(session):
     session.process.until(lambda: warning in session.process.stderr)
     (line,) = (line for line in session.process.stderr.splitlines() if warning in line)
     assert '[WARN]' in line
+
+
+def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
+    words = ['--duration', '5', '--time-mode', 'lockstep', '--out', 'bag']
+    process = launch('parallel_robot_analysis.command_line', 'run', 'paper_circle', *words)
+    commands = peer.listen(topics.COMMANDS)
+    peer.until(lambda: commands or not process.running)
+    message = Parameter('law', value='smc').to_parameter_msg()
+    request = SetParameters.Request(parameters=[message])
+    answer = peer.call(SetParameters, 'controller/set_parameters', request, process)
+    assert answer.results[0].successful
+    assert process.wait() == 0, process.stderr
+    found = content(next((tmp_path / 'bag').glob('*.mcap')))
+    laws = [deserialize_message(data, String).data for _, data in found['controller/active_law']]
+    assert laws == ['s_fotsmc', 'smc']
+    statuses = [
+        deserialize_message(data, DiagnosticArray) for _, data in found['controller/status']
+    ]
+    told = [{item.key: item.value for item in one.status[0].values} for one in statuses]
+    assert [(one['law'], one['limits that acted'], one['fault']) for one in told] == [
+        ('s_fotsmc', 'none', 'none'), ('smc', 'ramp after a take-over', 'none')
+    ]  # fmt: skip
+    stamp = statuses[-1].header.stamp
+    switched = round((stamp.sec - 1) * 1e3 + stamp.nanosec * 1e-6)
+    torques = [
+        deserialize_message(data, Float64MultiArray).data
+        for _, data in found['effort_controller/commands']
+    ]
+    assert len(torques) == 5001 and 0 < switched < 5000
+    assert np.abs(np.subtract(torques[switched], torques[switched - 1])).max() <= 1.0 + 1e-9
+    values = config.resolve('paper_circle', {'duration': 5.0})
+    unswitched = simulate(values).run.command
+    assert np.array_equal(torques[:switched], unswitched[:switched])
+    assert not np.array_equal(torques[switched], unswitched[switched])
