@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis import replayed
-from parallel_robot_analysis.bags import history, run_log
+from parallel_robot_analysis.bags import history, replayed, run_log
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.commands.simulate import add_set_argument
