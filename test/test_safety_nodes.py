@@ -19,8 +19,9 @@ pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they r
 
 DAMPING = 40.0  # N m s/rad, docs/safety.md
 STATE_TIMEOUT = 2.0  # s; the machine is shared
-LATE = 300  # samples by which a command may come late
+LATE = 500  # states, that a command may come behind its own: 0.5 s of a stalled machine
 PATIENT = [
+    'law:=computed_torque',  # which is stable although a loaded machine delays its commands
     f'safety.state_timeout:={STATE_TIMEOUT}',
     'safety.reference_timeout:=5.0',
     'plant.command_timeout:=0.5',
@@ -67,7 +68,7 @@ class Loop:
     def until_steady(self):
         """Wait until the law has brought the robot to the circle."""
         self.errors.clear()
-        self.until(lambda: self.errors and np.abs(self.errors[-1].position).max() < 1e-3)
+        self.until(lambda: self.errors and np.abs(self.errors[-1].position).max() < 5e-3)
 
     def status(self):
         """Level and message of the newest status."""
