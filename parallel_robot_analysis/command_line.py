@@ -15,6 +15,7 @@ from parallel_robot_analysis.commands import (
     recover,
     replay,
     report,
+    rerun,
     run,
     simulate,
 )
@@ -25,6 +26,7 @@ COMMANDS: dict[str, tuple[ModuleType, str]] = {
     'simulate': (simulate, 'run the same closed loop without ROS and record it'),
     'analyze': (analyze, 'figures of merit and a picture of a bag'),
     'replay': (replay, 'the torques of a bag computed again, by its law or another'),
+    'rerun': (rerun, 'the experiment of a bag once more, from the bag alone'),
     'report': (report, "the paper's figures and an interactive page of one bag or several"),
     'export': (export, 'a bag as a table, one row a state'),
     'recover': (recover, 'a whole bag of what is intact in a broken one'),

@@ -132,6 +132,23 @@ class BagWriter:
         self._first = log_time if self._first is None else min(self._first, log_time)
         self._last = max(self._last, log_time)
 
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write a metadata record; unlike messages, it is with the system at once.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        self._writer.add_metadata(name, dict(facts))
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Write an attachment, a text.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        now = time.time_ns()
+        self._writer.add_attachment(now, now, name, 'text/plain', data)
+
     def flush(self, age: float = 0.0) -> None:
         """Finish the open chunk if the one before was finished `age` seconds ago, or longer.
 

@@ -119,6 +119,15 @@ def remarks(history: History, start: int) -> list[str]:
     return remark_lines(', '.join(sorted(names)), fault)
 
 
+def losses(history: History) -> list[str]:
+    """A line about messages that the recorder knows to be lost, if there are any."""
+    lost = {topic: count for topic, count in history.lost.items() if count}
+    if not lost:
+        return []
+    topics = ', '.join(f'{topic} ({count})' for topic, count in lost.items())
+    return [f'messages were lost on their way to the bag: {topics}']
+
+
 def remark_lines(limits: str, fault: tuple[float, str] | None) -> list[str]:
     """Lines about limits that acted and a fault: its time [s] and its text."""
     lines = [f'limits acted: {limits}'] if limits else []

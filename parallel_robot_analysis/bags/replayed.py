@@ -102,7 +102,7 @@ def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
     law = history.statuses[0].law if history.statuses else values['law']
     loop = _Loop(log, {**values, 'law': law if law in available(values) else values['law']})
     common = _common_start(log, history)
-    moment, pending, late, k = loop.first(common), _events(history, values), 0, 0
+    moment, pending, late, k = loop.first(common), events(history, values), 0, 0
     expected = log.answer.copy()
     torque = np.empty_like(expected)
     slack = SLACK
@@ -250,27 +250,27 @@ def _after(moment: _Moment, event: Event) -> _Moment:
     return _Moment(values, law, state, memory)
 
 
-def _events(history: History, values: Mapping[str, Any]) -> list[Event]:
+def events(history: History, values: Mapping[str, Any]) -> list[Event]:
     """What happened to the controller, in order; twice told does no harm."""
     codes = {text: code for code, text in faults.FAULT_TEXT.items()}
     laws = available(values)
     keys = {'law', *(key for key in values if key.partition('.')[0] in laws)}
-    events = []
+    found = []
     for change in history.changes:
         changed = {key: value for key, value in change.values.items() if key in keys}
         if changed and change.node.endswith('/controller'):
-            events.append(Event(change.stamp, changed))
+            found.append(Event(change.stamp, changed))
     law, fault = None, NOTHING
     for said in history.statuses:
         if law not in (None, said.law) and said.law in laws:
-            events.append(Event(said.stamp, {'law': said.law}))
+            found.append(Event(said.stamp, {'law': said.law}))
         if said.fault != fault:
             if fault != NOTHING:
-                events.append(Event(said.stamp, {}, faults.NONE))
+                found.append(Event(said.stamp, {}, faults.NONE))
             if codes.get(said.fault) in OUTSIDE:
-                events.append(Event(said.stamp, {}, codes[said.fault]))
+                found.append(Event(said.stamp, {}, codes[said.fault]))
         law, fault = said.law, said.fault
-    return sorted(events, key=lambda event: event.stamp)
+    return sorted(found, key=lambda event: event.stamp)
 
 
 def _common_start(log: RunLog, history: History) -> bool:

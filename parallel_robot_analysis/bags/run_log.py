@@ -354,21 +354,22 @@ def reference_at(
 def _answers(heard: np.ndarray, commands: Samples) -> np.ndarray:
     """Command that answered each state, NaN where there is none, shape (N, n).
 
-    The k-th answers the k-th; a zero after the last is the end of the controller. Where some of
-    either are lost, a command answers the newest state that was recorded before it, which is
-    exact in lockstep.
+    The k-th answers the k-th, but for zeros that the controller sent unasked: at its end, or when
+    states stayed away. Where some of either are lost, a command answers the newest state that was
+    recorded before it, which is exact in lockstep.
 
     Args:
         heard: Log times of the states [ns], shape (N,).
         commands: The commands.
     """
     torques = commands.numbers['data']
-    if len(torques) == len(heard) + 1 and not torques[-1].any():
-        torques = torques[:-1]
+    zeros = np.flatnonzero(~torques.any(axis=1))
+    if 0 < len(torques) - len(heard) <= len(zeros):
+        torques = np.delete(torques, zeros[len(heard) - len(torques) :], axis=0)
     if len(torques) == len(heard):
         return torques
     answers = np.full((len(heard), torques.shape[1]), np.nan)
-    newest = np.searchsorted(heard, commands.log_times[: len(torques)], side='right') - 1
+    newest = np.searchsorted(heard, commands.log_times, side='right') - 1
     answers[newest[newest >= 0]] = torques[newest >= 0]
     return answers
 

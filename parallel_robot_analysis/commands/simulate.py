@@ -73,19 +73,29 @@ def remarks(simulation: Simulation) -> list[str]:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag_writer.check(arguments.out)
-    changed = overrides(arguments) | {'time_mode': 'lockstep'}  # whose stamps it has
-    values = config.resolve(arguments.scenario, changed)
+    return record(arguments.scenario, overrides(arguments), arguments.out)
+
+
+def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+    """Simulate a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Raises:
+        InputError: something is wrong with the configuration or the place of the bag.
+        RunError: the robot left its workspace, or the disk is full.
+    """
+    bag_writer.check(out)
+    changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
+    values = config.resolve(scenario, changed)
     simulation = simulate(values)
     for text in remarks(simulation):
         print(f'warning: {text}', file=sys.stderr)
     try:
-        simulation_bag.write(arguments.out, values, simulation)
+        simulation_bag.write(out, values, simulation)
     except OSError as error:
-        raise RunError(f'cannot write {arguments.out}: {error.strerror}') from None
+        raise RunError(f'cannot write {out}: {error.strerror}') from None
     rate = simulation.loop.duration / simulation.loop_time
     print(
         f'{simulation.loop.duration:g} s of motion in {simulation.loop_time:.3f} s '
-        f'({rate:.0f} times real time)\nbag     {arguments.out}'
+        f'({rate:.0f} times real time)\nbag     {out}'
     )
     return 0
