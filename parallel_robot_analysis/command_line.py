@@ -13,7 +13,9 @@ from parallel_robot_analysis.commands import (
     compare,
     export,
     recover,
+    replay,
     report,
+    rerun,
     run,
     simulate,
 )
@@ -23,6 +25,8 @@ COMMANDS: dict[str, tuple[ModuleType, str]] = {
     'run': (run, 'run the nodes in processes of their own and record them'),
     'simulate': (simulate, 'run the same closed loop without ROS and record it'),
     'analyze': (analyze, 'figures of merit and a picture of a bag'),
+    'replay': (replay, 'the torques of a bag computed again, by its law or another'),
+    'rerun': (rerun, 'the experiment of a bag once more, from the bag alone'),
     'report': (report, "the paper's figures and an interactive page of one bag or several"),
     'export': (export, 'a bag as a table, one row a state'),
     'recover': (recover, 'a whole bag of what is intact in a broken one'),

@@ -10,8 +10,18 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis.bags.bag_writer import BagWriter, Channel, certify, channel_of
-from parallel_robot_analysis.bags.experiment import describe
+import yaml
+
+from parallel_robot_analysis.bags.bag_writer import (
+    CHANGES,
+    LAWS,
+    PARAMETERS,
+    BagWriter,
+    Channel,
+    certify,
+    channel_of,
+)
+from parallel_robot_analysis.bags.experiment import describe, software, sources
 from parallel_robot_interface.cdr import header_stamp
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
@@ -64,14 +74,17 @@ class Recorder:
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
         self._suite = RECORDED if suite else ()
         self._channels = {topic: channel_of(topic) for topic in self._suite}
+        self._laws = sources(values)  # as they are at the start
         self._newest = 0  # ns, largest stamp of the suite
         self._numbers: dict[Topic, int] = {}  # of the last message
         self._queue: queue.SimpleQueue[tuple[Topic, int, bytes]] = queue.SimpleQueue()
+        self._notes: queue.SimpleQueue[tuple[str, dict[str, str]]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         self.received: Counter[Topic] = Counter()
         self.gaps: dict[Topic, int | None] = {}
+        software()  # looked up now, not at the start of the motion
 
     def open(self, start_stamp: int = 0) -> None:
         """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
@@ -86,6 +99,8 @@ class Recorder:
         metadata = describe(self._loop, self._values, start_stamp)
         try:
             self._writer = BagWriter(self._directory, self._suite, metadata)
+            for name, source in self._laws.items():
+                self._writer.attach(LAWS + name, source)
         except OSError as error:
             raise self._broken(error) from None
         self._thread.start()
@@ -95,6 +110,16 @@ class Recorder:
     def add(self, topic: Topic, channel: Channel) -> None:
         """Record a topic that is not one of the suite's; before its first message is taken."""
         self._channels[topic] = channel
+
+    def found(self, node: str, parameters: Mapping[str, Any]) -> None:
+        """Note the parameters of a node at the start."""
+        self._notes.put((PARAMETERS, {node: _text(parameters)}))
+
+    def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
+        """Note a change of parameters of a node."""
+        stamp = max(self._newest, self._start)
+        facts = {'stamp': str(stamp), 'node': node, 'values': _text(parameters)}
+        self._notes.put((CHANGES, facts))
 
     def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
         """Take one serialised message.
@@ -118,7 +143,8 @@ class Recorder:
             if found is None:
                 return
             stamp = found
-            if stamp < self._start or (self._end is not None and stamp > self._end):
+            late = self._end is not None and stamp > self._end and topic.every
+            if stamp < self._start or late:  # what is latched may be of a controller that lags
                 return
             self._newest = max(self._newest, stamp)
         now = received or time.time_ns()
@@ -195,6 +221,8 @@ class Recorder:
         try:
             while True:
                 last = self._stop.wait(DRAIN)
+                while not self._notes.empty():
+                    self._writer.note(*self._notes.get())
                 while not self._queue.empty():
                     topic, log_time, data = self._queue.get()
                     if topic.name not in self._writer.written and topic not in self._suite:
@@ -208,3 +236,7 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RunError:
         return RunError(f'cannot write {self._directory}: {error.strerror}')
+
+
+def _text(parameters: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(parameters), sort_keys=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.recorder import Recorder
+from parallel_robot_analysis.ros_parameters import ParameterWatch
 from parallel_robot_analysis.ros_topics import Discovery, RecorderParameters, full_name, listen
 from parallel_robot_interface import config, topics
 from parallel_robot_interface.loop import WAIT
@@ -34,6 +35,7 @@ class RecorderNode(SuiteNode):
         for topic in () if choosing else topics.RECORDED:
             self._topics.append(topic)
             listen(self, topic, None, self._recorder.take)
+        self._parameter_watch = ParameterWatch(self, self._recorder.found, self._recorder.changed)
         self.create_timer(LOOK, self._look)
         self.create_timer(CHECK, self._check)
         self._waiting = True
@@ -42,9 +44,13 @@ class RecorderNode(SuiteNode):
             self.get_logger().info(f'recording to {directory}')
 
     def missing(self) -> str:
-        """What the recorder still waits for: topics that nobody publishes yet."""
+        """What the recorder still waits for: topics that nobody publishes yet, parameters."""
         silent = [topic.name for topic in self._topics if not self._publishers_of(topic)]
-        return f'no publisher of {", ".join(silent)}' if silent else ''
+        if silent:
+            return f'no publisher of {", ".join(silent)}'
+        self._ask()
+        silent = self._parameter_watch.missing()
+        return f'no parameters of {", ".join(silent)}' if silent else ''
 
     def diagnose(self) -> dict[str, Any]:
         """Messages by topic, and how many are known to be missing."""
@@ -65,7 +71,7 @@ class RecorderNode(SuiteNode):
             self.get_logger().info(line)
 
     def _look(self) -> None:
-        """Record what has appeared, and see who has several publishers."""
+        """Record what has appeared, ask its nodes, and see who has several publishers."""
         for topic, (channel, qos) in (self._discovery.new() if self._discovery else {}).items():
             self._recorder.add(topic, channel)
             self._topics.append(topic)
@@ -73,6 +79,16 @@ class RecorderNode(SuiteNode):
         for topic in self._topics:
             if self._publishers_of(topic) > 1:
                 self._recorder.several(topic)
+        self._ask()
+
+    def _ask(self) -> None:
+        """Ask all publishers for their parameters."""
+        for topic in self._topics:
+            self._parameter_watch.ask(
+                f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                for info in self.get_publishers_info_by_topic(full_name(topic))
+                if not info.node_name.startswith('_')  # not known yet
+            )
 
     def _publishers_of(self, topic: topics.Topic) -> int:
         return int(self.count_publishers(full_name(topic)))

@@ -24,6 +24,7 @@ class RecorderParameters(NamedTuple):
     """Where the bag goes, and what is recorded instead of the suite's topics."""
 
     out: Annotated[str, Field('', "directory of the bag, must not exist; '': by date and time")]
+    command_line: Annotated[str, Field('', "what started the run; '': what started the recorder")]
     topics: Annotated[tuple[str, ...], Field('', 'names of topics')]
     regex: Annotated[str, Field('', 'also topics in whose name this is found')]
     all: Annotated[bool, Field('', 'all topics but the hidden ones')]

@@ -315,7 +315,7 @@ class Controller:
             return JointReference(reference.position, still, still)
         dt = (stamp - known) / NANOSECONDS
         return JointReference(
-            reference.position + dt * reference.velocity + 0.5 * dt**2 * reference.acceleration,
+            reference.position + dt * reference.velocity + 0.5 * dt * dt * reference.acceleration,
             reference.velocity + dt * reference.acceleration,
             reference.acceleration,
         )

@@ -87,6 +87,23 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
     return config
 
 
+def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A resolved configuration with some keys changed.
+
+    Raises:
+        UnknownNameError: a key that it does not have.
+        InputError: a law of one's own cannot be loaded.
+    """
+    gains = preset(changes['own_laws']) if 'own_laws' in changes else {}
+    known = gains | dict(values)
+    for key in changes:
+        if key not in known:
+            raise UnknownNameError('parameter', key, known)
+    merged = known | dict(changes)
+    same = all(merged[key] == value for key, value in preset(merged['own_laws']).items())
+    return merged | {'preset': PRESET if same else 'custom'}
+
+
 def preset(own_laws: Any) -> dict[str, Any]:
     """Gains of all laws as the files say: Table 2 for the laws of the paper.
 

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from domain_coordinator import domain_id
 from mcap.reader import make_reader
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.bags import history, replayed, run_log
+from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_analysis.processes import MODULES
 
@@ -31,11 +34,12 @@ LATCHED = ('/controller/active_law', '/controller/status')
 
 @pytest.fixture
 def start(launch, domain):
-    """Start `run` for some seconds of motion."""
+    """Start `run` for some seconds of motion; a stall of a shared machine is no fault."""
+    patience = ('--set', 'safety.state_timeout=5', '--set', 'safety.reference_timeout=5')
 
     def start(out, seconds, *words):
         return launch(COMMAND_LINE, 'run', 'paper_circle', '--duration', seconds,
-                      '--out', out, *words)  # fmt: skip
+                      '--out', out, *patience, *words)  # fmt: skip
 
     return start
 
@@ -71,6 +75,7 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
     }  # fmt: skip
     for topic in first:
         assert first[topic] == second[topic] == third[topic]
+    assert main(['replay', str(tmp_path / 'first')]) == 0
 
 
 def test_a_run_in_real_time_is_complete(start, tmp_path):
@@ -91,6 +96,29 @@ def test_a_run_in_real_time_is_complete(start, tmp_path):
     for stream in streams(tmp_path / 'bag').values():
         times = [time for time, _ in stream]
         assert times == sorted(times) and times[0] >= log.start_stamp
+    assert main(['replay', str(tmp_path / 'bag')]) == 0
+
+
+def test_a_change_during_the_run_is_in_the_bag_and_replayed(start, peer, tmp_path):
+    process = start('bag', 4.0)
+    under_way(process, tmp_path / 'bag')
+    gains = Parameter('s_fotsmc.G', value=20.0).to_parameter_msg()
+    answer = peer.call(
+        SetParameters, 'controller/set_parameters', SetParameters.Request(parameters=[gains]),
+        process,
+    )  # fmt: skip
+    assert answer.results[0].successful
+    assert process.wait() == 0, process.stderr
+    past = history.read(tmp_path / 'bag')
+    assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
+    assert past.parameters['/controller']['s_fotsmc.G'] == 10.0
+    (change,) = past.changes
+    assert change.node == '/controller' and change.values['s_fotsmc.G'] == 20.0
+    assert 'limits acted: ramp after a take-over' in process.stderr
+    assert main(['replay', str(tmp_path / 'bag')]) == 0
+    log = run_log.read(tmp_path / 'bag')
+    unaware = replayed.again(log, past._replace(changes=()), log.config)
+    assert unaware.differing.any()
 
 
 def under_way(process, bag):

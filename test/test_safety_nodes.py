@@ -74,9 +74,18 @@ class Loop:
         return self.peer.until(condition)
 
     def until_steady(self):
-        """Wait until the law has brought the robot to the circle."""
+        """Wait until the law has brought the robot to the circle.
+
+        A machine that stands still for seconds brings a fault before the test begins.
+        """
         self.errors.clear()
-        self.until(lambda: self.errors and np.abs(self.errors[-1].position).max() < 1e-3)
+
+        def steady():
+            if self.status() and self.status()[0] == DiagnosticStatus.ERROR:
+                self.call('clear_fault')
+            return self.errors and np.abs(self.errors[-1].position).max() < 1e-3
+
+        self.until(steady)
 
     def status(self):
         """Level and message of the newest status."""

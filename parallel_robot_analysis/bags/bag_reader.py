@@ -15,7 +15,7 @@ from typing import IO, Generic, NamedTuple, TypeVar
 import numpy as np
 import yaml
 import zstandard
-from mcap.records import Channel, Header, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from parallel_robot_analysis.bags.bag_writer import METADATA
 from parallel_robot_analysis.bags.mcap_records import (
@@ -56,11 +56,15 @@ class Bag(Generic[Part]):
         streams: What was made of the messages, by full name of the topic.
         metadata: What the suite wrote about the experiment; empty when another recorded it.
         warnings: What is wrong with the bag, one line each.
+        notes: Other metadata records, by their name.
+        attachments: By name.
     """
 
     streams: dict[str, list[Part]]
     metadata: dict[str, str]
     warnings: tuple[str, ...]
+    notes: dict[str, list[dict[str, str]]]
+    attachments: dict[str, bytes]
 
 
 def read(
@@ -78,6 +82,8 @@ def read(
     """
     streams: dict[str, list[Part]] = {}
     facts: dict[str, str] = {}
+    notes: dict[str, list[dict[str, str]]] = {}
+    attachments: dict[str, bytes] = {}
     damage: list[Damage] = []
     understood = False
     for file in files(bag):
@@ -95,6 +101,10 @@ def read(
                         wanted[record.id] = name, topic
             elif isinstance(record, Metadata) and record.name == METADATA:
                 facts = record.metadata
+            elif isinstance(record, Metadata):
+                notes.setdefault(record.name, []).append(record.metadata)
+            elif isinstance(record, Attachment):
+                attachments[record.name] = record.data
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):
@@ -105,7 +115,8 @@ def read(
         raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
     if damage or not facts:
         facts = custom_data(bag) or facts
-    return Bag(streams, facts, (warning(bag, damage),) if damage else ())
+    warnings = (warning(bag, damage),) if damage else ()
+    return Bag(streams, facts, warnings, notes, attachments)
 
 
 def files(bag: Path) -> list[Path]:

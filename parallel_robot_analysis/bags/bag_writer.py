@@ -23,6 +23,9 @@ from parallel_robot_interface.topics import DEPTH, Topic
 CHUNK_SIZE = 255 * 1024  # bytes, and the message that goes beyond: at most 256 KiB
 METADATA = 'parallel_robot'  # name of the MCAP metadata record with the experiment
 MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost messages by topic
+PARAMETERS = 'parallel_robot_parameters'  # of records with the parameters of nodes at the start
+CHANGES = 'parallel_robot_changes'  # of records with a later change of parameters
+LAWS = 'own_laws/'  # begin of the names of attachments with the source of a law of one's own
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
@@ -128,6 +131,23 @@ class BagWriter:
         self._counts[channel] += 1
         self._first = log_time if self._first is None else min(self._first, log_time)
         self._last = max(self._last, log_time)
+
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write a metadata record; unlike messages, it is with the system at once.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        self._writer.add_metadata(name, dict(facts))
+
+    def attach(self, name: str, data: bytes) -> None:
+        """Write an attachment, a text.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        now = time.time_ns()
+        self._writer.add_attachment(now, now, name, 'text/plain', data)
 
     def flush(self, age: float = 0.0) -> None:
         """Finish the open chunk if the one before was finished `age` seconds ago, or longer.

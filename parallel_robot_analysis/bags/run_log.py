@@ -345,7 +345,7 @@ def reference_at(
     dt = ((stamps - known[newest]) / cdr.NANOSECONDS)[:, np.newaxis]
     position, velocity, acceleration = position[newest], velocity[newest], acceleration[newest]
     return (
-        position + dt * velocity + 0.5 * dt**2 * acceleration,
+        position + dt * velocity + 0.5 * dt * dt * acceleration,
         velocity + dt * acceleration,
         acceleration,
     )
@@ -354,14 +354,18 @@ def reference_at(
 def _answers(heard: np.ndarray, commands: Samples) -> np.ndarray:
     """Command that answered each state, NaN where there is none, shape (N, n).
 
-    The k-th answers the k-th; where some of either are lost, a command answers the newest state
-    that was recorded before it, which is exact in lockstep.
+    The k-th answers the k-th, but for zeros that the controller sent unasked: at its end, or when
+    states stayed away. Where some of either are lost, a command answers the newest state that was
+    recorded before it, which is exact in lockstep.
 
     Args:
         heard: Log times of the states [ns], shape (N,).
         commands: The commands.
     """
     torques = commands.numbers['data']
+    zeros = np.flatnonzero(~torques.any(axis=1))
+    if 0 < len(torques) - len(heard) <= len(zeros):
+        torques = np.delete(torques, zeros[len(heard) - len(torques) :], axis=0)
     if len(torques) == len(heard):
         return torques
     answers = np.full((len(heard), torques.shape[1]), np.nan)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.bags.bag_writer import BagWriter, certify
-from parallel_robot_analysis.bags.experiment import describe
+from parallel_robot_analysis.bags.bag_writer import LAWS, BagWriter, certify
+from parallel_robot_analysis.bags.experiment import SIMULATION, describe, sources
 from parallel_robot_control.messages import Status, Telemetry, status_message, telemetry_messages
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.loop import STEP_START
@@ -62,7 +62,10 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
         topics.POSE_REFERENCE: pose_messages(stamps[slow], reference.pose[rows][slow]),
         **telemetry_messages(loop.joints, stamps[slow], telemetry),
     }
-    with BagWriter(directory, topics.RECORDED, describe(loop, values, STEP_START)) as writer:
+    facts = describe(loop, values, STEP_START, SIMULATION)
+    with BagWriter(directory, topics.RECORDED, facts) as writer:
+        for name, source in sources(values).items():
+            writer.attach(LAWS + name, source)
         writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
         status = None
         acted = np.bitwise_or.accumulate(run.acted)

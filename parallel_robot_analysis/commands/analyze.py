@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.bags import history, run_log
 from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
 from parallel_robot_analysis.report import figures
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    log = run_log.read(arguments.bag)
+    log, past = run_log.read(arguments.bag), history.read(arguments.bag)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     try:
@@ -50,6 +50,9 @@ def execute(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     print(table(result, found))
+    quiet = ['no limit acted, no fault'] if past.statuses else []
+    for text in history.remarks(past, log.start_stamp) or quiet:
+        print(f'  {text}')
     print(f'bag     {arguments.bag}\nfigure  {figure}')
     return 0
 

@@ -11,7 +11,15 @@ from pathlib import Path
 from mcap import records as mcap
 
 from parallel_robot_analysis.bags import bag_reader, run_log
-from parallel_robot_analysis.bags.bag_writer import METADATA, BagWriter, Channel, check
+from parallel_robot_analysis.bags.bag_writer import (
+    CHANGES,
+    LAWS,
+    METADATA,
+    PARAMETERS,
+    BagWriter,
+    Channel,
+    check,
+)
 from parallel_robot_analysis.bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
 from parallel_robot_interface.errors import BagError, RunError
 
@@ -125,6 +133,10 @@ def _copy(file: Path, writer: BagWriter, numbers: dict[Channel, int], recovery: 
         elif isinstance(record, mcap.Statistics):
             written = record.channel_message_counts
             recovery.written_chunks += record.chunk_count
+        elif isinstance(record, mcap.Metadata) and record.name in (PARAMETERS, CHANGES):
+            writer.note(record.name, record.metadata)
+        elif isinstance(record, mcap.Attachment) and record.name.startswith(LAWS):
+            writer.attach(record.name, record.data)
         elif isinstance(record, mcap.Attachment):
             recovery.attachments += 1
         elif isinstance(record, Damage):

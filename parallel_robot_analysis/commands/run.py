@@ -8,9 +8,11 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis.bags import bag_writer
+from parallel_robot_analysis.bags import bag_writer, history
+from parallel_robot_analysis.bags.experiment import command_line
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_interface import config
@@ -23,7 +25,12 @@ READY = 120.0  # s, for the nodes to be ready; their kernels may have to be comp
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
 START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
 STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
-OWN = ('start_stamp', 'subscribers', 'recorder.out')  # keys that run gives to its nodes
+OWN = (
+    'start_stamp',
+    'subscribers',
+    'recorder.out',
+    'recorder.command_line',
+)  # keys that run gives to its nodes
 PATIENT = {  # s; the robot is simulated, and a desktop may stall: that is no danger to anybody
     'safety.state_timeout': 0.5,
     'safety.reference_timeout': 0.5,
@@ -45,19 +52,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     changed = simulate.overrides(arguments)
+    if arguments.time_mode is not None:
+        changed['time_mode'] = arguments.time_mode
     for key in OWN:
         if key in changed:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
-    if arguments.time_mode is not None:
-        changed['time_mode'] = arguments.time_mode
     if changed.get('time_mode') != 'lockstep':
         changed = PATIENT | changed
-    values = config.resolve(arguments.scenario, changed)
-    loop = assemble(values).loop
-    bag_writer.check(arguments.out)
+    return record(arguments.scenario, changed, arguments.out)
+
+
+def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+    """Run a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Raises:
+        InputError: something is wrong with the configuration or the place of the bag.
+        RunError: the run did not come to its end.
+    """
+    values = config.resolve(scenario, changed)
+    parts = assemble(values)
+    loop = parts.loop
+    bag_writer.check(out)
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
-    common = {'scenario': arguments.scenario, **changed, 'start_stamp': WAIT}
+    common = {'scenario': scenario, **changed, 'start_stamp': WAIT}
     subscribers = {
         'plant': 3 if loop.lockstep else 2,  # controller, recorder and, in lockstep, trajectory
         'trajectory': 2,  # controller and recorder
@@ -67,9 +85,14 @@ def execute(arguments: argparse.Namespace) -> int:
     parameters: dict[str, dict[str, Any]] = {
         name: {**common, 'subscribers': subscribers[name]} for name in MODULES
     }
-    parameters['recorder']['recorder.out'] = str(arguments.out)
+    parameters['recorder']['recorder.out'] = str(out)
+    parameters['recorder']['recorder.command_line'] = command_line()
     _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration)
-    print(f'bag     {arguments.out}')
+    past = history.read(out)
+    start = int(past.facts['start_stamp'])
+    for text in (*parts.law.warnings, *history.remarks(past, start), *history.losses(past)):
+        print(f'warning: {text}', file=sys.stderr)
+    print(f'bag     {out}')
     return 0
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_analysis.bags import bag_writer, simulation_bag
+from parallel_robot_analysis.bags.history import remark_lines
 from parallel_robot_control.faults import FAULT_TEXT
 from parallel_robot_control.messages import limits_text
 from parallel_robot_interface import config
@@ -34,6 +35,11 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--duration', type=float, metavar='S', help=f'seconds of motion, default {DURATION:g}'
     )
+    add_set_argument(parser)
+
+
+def add_set_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--set``."""
     parser.add_argument(
         '--set',
         action='append',
@@ -56,31 +62,40 @@ def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def remarks(simulation: Simulation) -> list[str]:
     """What a user should know of a simulation: doubts of the theory, limits, a fault."""
-    texts = list(simulation.law.warnings)
     acted = int(np.bitwise_or.reduce(simulation.run.acted))
-    if acted:
-        texts.append(f'limits acted: {limits_text(acted)}')
+    fault = None
     if simulation.fault is not None:
         time, code = simulation.fault
-        texts.append(f'fault at t = {time:.3f} s, safe action from there on: {FAULT_TEXT[code]}')
-    return texts
+        fault = time, FAULT_TEXT[code]
+    limits = limits_text(acted) if acted else ''
+    return [*simulation.law.warnings, *remark_lines(limits, fault)]
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag_writer.check(arguments.out)
-    changed = overrides(arguments) | {'time_mode': 'lockstep'}  # whose stamps it has
-    values = config.resolve(arguments.scenario, changed)
+    return record(arguments.scenario, overrides(arguments), arguments.out)
+
+
+def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+    """Simulate a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Raises:
+        InputError: something is wrong with the configuration or the place of the bag.
+        RunError: the robot left its workspace, or the disk is full.
+    """
+    bag_writer.check(out)
+    changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
+    values = config.resolve(scenario, changed)
     simulation = simulate(values)
     for text in remarks(simulation):
         print(f'warning: {text}', file=sys.stderr)
     try:
-        simulation_bag.write(arguments.out, values, simulation)
+        simulation_bag.write(out, values, simulation)
     except OSError as error:
-        raise RunError(f'cannot write {arguments.out}: {error.strerror}') from None
+        raise RunError(f'cannot write {out}: {error.strerror}') from None
     rate = simulation.loop.duration / simulation.loop_time
     print(
         f'{simulation.loop.duration:g} s of motion in {simulation.loop_time:.3f} s '
-        f'({rate:.0f} times real time)\nbag     {arguments.out}'
+        f'({rate:.0f} times real time)\nbag     {out}'
     )
     return 0

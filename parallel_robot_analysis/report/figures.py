@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,15 +28,7 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
         InputError: the suffix is of no picture format.
         OSError: the file cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 6.6), layout='constrained')
-    FigureCanvasAgg(figure)
-    if path.suffix not in FORMATS:
-        raise UnknownNameError('picture format', path.suffix, FORMATS)
-    title = without_mathematics(f'{printable(log.scenario)}, {printable(log.law)}')
-    figure.suptitle(title, fontweight='bold')
+    figure = _figure(f'{printable(log.scenario)}, {printable(log.law)}', path)
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
 
     xy = figure.add_subplot(grid[:, 0])
@@ -68,3 +61,52 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
     for axes in figure.axes:
         axes.grid(alpha=0.3)
     figure.savefig(path, dpi=130)
+
+
+def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: Path) -> None:
+    """Draw recorded commands and other torques for the same states, joint by joint.
+
+    Args:
+        log: The run.
+        torque: The other torques [N m], shape (N, n).
+        law: What they are of.
+        path: File to write; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file cannot be written.
+    """
+    figure = _figure(f'{printable(log.scenario)}: torques on the same motion', path)
+    rows = figure.subplots(len(log.joints), 1, sharex=True)
+    curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
+    for axes, joint, recorded, replayed in curves:
+        label = without_mathematics(f'recorded, {printable(log.law)}')
+        axes.plot(log.time, recorded, color='0.6', lw=2.0, label=label)
+        label = without_mathematics(f'replayed, {printable(law)}')
+        axes.plot(log.time, replayed, color=COLORS[0], lw=0.8, label=label)
+        axes.set(ylabel='[N m]', title=without_mathematics(printable(joint)))
+        axes.grid(alpha=0.3)
+    rows[0].legend(loc='upper right', ncols=2, fontsize='small')
+    rows[-1].set(xlabel='t [s]')
+    figure.savefig(path, dpi=130)
+
+
+def check_format(path: Path) -> None:
+    """Refuse a file whose suffix is of no picture format.
+
+    Raises:
+        UnknownNameError: with the formats.
+    """
+    if path.suffix not in FORMATS:
+        raise UnknownNameError('picture format', path.suffix, FORMATS)
+
+
+def _figure(title: str, path: Path) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
+    from matplotlib.figure import Figure
+
+    check_format(path)
+    figure = Figure(figsize=(11.0, 6.6), layout='constrained')
+    FigureCanvasAgg(figure)
+    figure.suptitle(without_mathematics(title), fontweight='bold')
+    return figure

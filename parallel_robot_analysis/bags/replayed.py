@@ -1,0 +1,279 @@
+"""The controller's torques computed again from recorded states and references.
+
+With the recorded law they are the recorded commands, bit for bit. Where something happened whose
+first state is not recorded (new gains, an emergency stop, a reference that came late), it is taken
+to have happened at the state from which on it explains the commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_analysis.bags.history import NOTHING, History
+from parallel_robot_analysis.bags.run_log import RunLog, reference_at
+from parallel_robot_control import faults
+from parallel_robot_control.batch import Batch, States, answer
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller import first_guess
+from parallel_robot_control.cycle import CycleState, initial_state, run_cycle, taking_over
+from parallel_robot_control.laws import LAWS, PreparedLaw, available, prepare
+from parallel_robot_control.safety import SafetyParameters, limits_of
+from parallel_robot_interface import config
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_interface.loop import STEP_START, LoopParameters
+from parallel_robot_model.kernel import in_memory
+from parallel_robot_model.parameters import RobotParameters, validate
+
+SLACK = NANOSECONDS // 4  # ns, between a change and its record
+HIDDEN = 2  # states after a change whose torques may not show it yet
+PROOF = 20  # states on which guesses are compared
+OUTSIDE = {  # faults that states and references do not show
+    faults.STATES_STALE,
+    faults.REFERENCE_STALE,
+    faults.STATES_DISAGREE,
+    faults.REFERENCES_DISAGREE,
+    faults.EMERGENCY_STOP,
+}
+
+
+class Event(NamedTuple):
+    """Something that happened to the controller.
+
+    Attributes:
+        stamp: When, roughly [ns].
+        values: New law or gains.
+        fault: Fault that it was brought into, NONE when the fault was cleared, else None.
+    """
+
+    stamp: int
+    values: dict[str, Any]
+    fault: int | None = None
+
+
+class Replay(NamedTuple):
+    """Torques computed again.
+
+    Attributes:
+        torque: [N m], shape (N, n).
+        recorded: The recorded commands, NaN where there is none [N m], shape (N, n).
+        late: How many states were answered with an older reference, extrapolated.
+    """
+
+    torque: np.ndarray
+    recorded: np.ndarray
+    late: int
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which states have a recorded command, shape (N,)."""
+        return ~np.isnan(self.recorded).any(axis=1)
+
+    @property
+    def differing(self) -> np.ndarray:
+        """Which commands are not the recorded ones, bit for bit, shape (N,)."""
+        bits = self.torque.view(np.int64) != self.recorded.view(np.int64)
+        return bits.any(axis=1) & self.known
+
+
+class _Moment(NamedTuple):
+    """All that a controller knows between two states."""
+
+    values: Mapping[str, Any]
+    law: PreparedLaw
+    state: CycleState
+    memory: Any
+
+
+def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
+    """The recorded law, with every switch and fault that is known.
+
+    Args:
+        log: The run.
+        history: What happened beside the motion.
+        values: Configuration of the controller at the first state.
+
+    Raises:
+        InputError: the configuration is not that of a controller.
+    """
+    law = history.statuses[0].law if history.statuses else values['law']
+    loop = _Loop(log, {**values, 'law': law if law in available(values) else values['law']})
+    common = _common_start(log, history)
+    moment, pending, late, k = loop.first(common), events(history, values), 0, 0
+    expected = log.answer.copy()
+    torque = np.empty_like(expected)
+    slack = SLACK
+    while k < len(torque):
+        due = pending[0].stamp + slack if pending else log.stamps[-1] + 1
+        stop = max(k, int(np.searchsorted(log.stamps, due)))
+        before, batch = (k, moment), loop.answer(moment, k, stop, expected)
+        torque[k : k + batch.answered] = batch.torque
+        moment = moment._replace(state=batch.state, memory=batch.memory)
+        k += batch.answered
+        if k == stop:
+            if pending:
+                moment = _after(moment, pending.pop(0))
+            continue
+        begun = [event for event in pending if event.stamp - SLACK <= log.stamps[k]]
+        guess = loop.explain_by_events(*before, k, begun, expected)
+        if guess is not None:
+            k, moment, happened = guess
+            pending = pending[happened:]
+        elif k == 0 and loop.answer(loop.first(not common), 0, 1, expected).answered:
+            moment = loop.first(not common)
+        elif loop.explain_by_late_reference(moment, k, expected):
+            late += 1
+        else:  # not explained: from here on, everything at its recorded time
+            expected[k:] = np.nan
+            slack = 0
+    return Replay(torque, log.answer, late)
+
+
+def instead(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
+    """Another law or other gains, from the first state to the last.
+
+    Raises:
+        InputError: the configuration is not that of a controller.
+    """
+    loop = _Loop(log, values)
+    moment = loop.first(_common_start(log, history))
+    free = np.full_like(log.answer, np.nan)
+    return Replay(loop.answer(moment, 0, len(free), free).torque, log.answer, 0)
+
+
+class _Loop:
+    """A controller's fixed parts and its inputs."""
+
+    def __init__(self, log: RunLog, values: Mapping[str, Any]) -> None:
+        self._values = values
+        self._robot = validate(config.group(values, RobotParameters, 'robot'))
+        self._loop = config.group(values, LoopParameters, '')
+        safety = config.group(values, SafetyParameters, 'safety')
+        self._limits = limits_of(safety)
+        self._oldest = round(safety.reference_timeout / self._loop.period)
+        dt = np.diff(log.stamps, prepend=0) / NANOSECONDS
+        dt[0] = self._loop.period
+        self._states = States(log.position, log.velocity, dt)
+        self._stamps, self._effort = log.stamps, log.effort
+        self._known = JointReference(
+            log.reference_position, log.reference_velocity, log.reference_acceleration
+        )
+        self._references = JointReference(*(row.copy() for row in self._known))
+
+    def first(self, common: bool) -> _Moment:
+        """Before the first state; without a common start, the controller takes over."""
+        law = prepare(self._values['law'], self._values)
+        state = initial_state(np.array(first_guess(self._values)), self._effort.shape[1])
+        state = state if common else taking_over(state, self._effort[0])
+        return _Moment(self._values, law, state, law.memory)
+
+    def answer(self, moment: _Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
+        """Answer some states."""
+        rows = slice(first, stop)
+        with in_memory(answer, run_cycle) if moment.law.name not in LAWS else nullcontext():
+            return answer(
+                moment.law.update,
+                moment.law.gains,
+                self._robot,
+                self._limits,
+                JointReference(*(row[rows] for row in self._references)),
+                States(*(row[rows] for row in self._states)),
+                expected[rows],
+                moment.state,
+                moment.memory,
+            )
+
+    def explain_by_events(
+        self, first: int, moment: _Moment, k: int, events: list[Event], expected: np.ndarray
+    ) -> tuple[int, _Moment, int] | None:
+        """Find the state from which on the first events explain the command of state k best.
+
+        New gains may change only what a law remembers: the first torque that shows them then is
+        that of the next state.
+
+        Args:
+            first: A state before, or k itself.
+            moment: Before that state.
+            k: The first state whose command is not understood.
+            events: What may have happened by then.
+            expected: The recorded commands.
+
+        Returns:
+            The state, the moment before it, and how many events happened; None without success.
+        """
+        best, found = k, None
+        for since in range(k, max(first, k - HIDDEN) - 1, -1):
+            batch = self.answer(moment, first, since, expected)
+            guess = moment._replace(state=batch.state, memory=batch.memory)
+            for happened, event in enumerate(events, start=1):
+                guess = _after(guess, event)
+                explained = since + self.answer(guess, since, k + PROOF, expected).answered
+                if explained > best:
+                    best, found = explained, (since, guess, happened)
+        return found
+
+    def explain_by_late_reference(self, moment: _Moment, k: int, expected: np.ndarray) -> bool:
+        """Keep, for state k, the newest older reference that explains its command, if one does."""
+        for age in [*range(1, min(k, self._oldest) + 1), 0]:  # 0: as it was
+            known = slice(k - age, k - age + 1)
+            older = reference_at(
+                self._stamps[k : k + 1], self._stamps[known], *(row[known] for row in self._known)
+            )
+            for row, values in zip(self._references, older, strict=True):
+                row[k] = values[0]
+            if self.answer(moment, k, k + 1, expected).answered:
+                return True
+        return False
+
+
+def _after(moment: _Moment, event: Event) -> _Moment:
+    """What an event makes of a controller, as Controller does it."""
+    values, law, state, memory = moment
+    values = {**values, **event.values}
+    last = state.last.torque
+    if event.values:
+        new = prepare(values['law'], values)
+        if (new.name, new.gains) != (law.name, law.gains):
+            memory = memory if new.name == law.name else new.memory
+            state = taking_over(state, last) if state.last.known else state
+            law = new
+    if event.fault == faults.NONE and state.fault != faults.NONE:
+        state = taking_over(state, last)._replace(fault=faults.NONE)
+        memory = law.memory
+    elif event.fault and state.fault == faults.NONE:
+        state = state._replace(fault=event.fault, held=state.last.position)
+        if event.fault == faults.STATES_STALE:
+            state = state._replace(last=state.last._replace(torque=np.zeros(len(last))))
+    return _Moment(values, law, state, memory)
+
+
+def events(history: History, values: Mapping[str, Any]) -> list[Event]:
+    """What happened to the controller, in order; twice told does no harm."""
+    codes = {text: code for code, text in faults.FAULT_TEXT.items()}
+    laws = available(values)
+    keys = {'law', *(key for key in values if key.partition('.')[0] in laws)}
+    found = []
+    for change in history.changes:
+        changed = {key: value for key, value in change.values.items() if key in keys}
+        if changed and change.node.endswith('/controller'):
+            found.append(Event(change.stamp, changed))
+    law, fault = None, NOTHING
+    for said in history.statuses:
+        if law not in (None, said.law) and said.law in laws:
+            found.append(Event(said.stamp, {'law': said.law}))
+        if said.fault != fault:
+            if fault != NOTHING:
+                found.append(Event(said.stamp, {}, faults.NONE))
+            if codes.get(said.fault) in OUTSIDE:
+                found.append(Event(said.stamp, {}, codes[said.fault]))
+        law, fault = said.law, said.fault
+    return sorted(found, key=lambda event: event.stamp)
+
+
+def _common_start(log: RunLog, history: History) -> bool:
+    """Whether the first state was the start of the motion, for the controller too."""
+    told = int(history.facts.get('start_stamp', 0)) or STEP_START
+    return bool(log.stamps[0] == told)

@@ -1,0 +1,145 @@
+"""The command ``replay``: the torques of a bag computed again, by its law or another."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_analysis.bags import history, replayed, run_log
+from parallel_robot_analysis.bags.history import History
+from parallel_robot_analysis.bags.run_log import RunLog
+from parallel_robot_analysis.commands.simulate import add_set_argument
+from parallel_robot_analysis.report import figures
+from parallel_robot_control.laws import available
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import BagError, InputError
+
+USED = ('law', 'own_laws', 'robot', 'safety', 'controller')  # beginnings of keys, beside the laws'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag, or one file of it')
+    parser.add_argument('--law', help='control law, default: the recorded one')
+    add_set_argument(parser)
+    parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='FILE',
+        help='picture of both torques; with --law or --set: default BAG/replay_LAW.png',
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    changes = config.parse_overrides(arguments.assignments)
+    if arguments.law is not None:
+        changed_law = changes.setdefault('law', arguments.law)
+        if changed_law != arguments.law:
+            raise InputError(f'--law is {arguments.law}, but --set law={changed_law}')
+    if arguments.figure is not None:
+        _check_figure(arguments.figure)
+    bag = arguments.bag
+    log, past = run_log.read(bag), history.read(bag)
+    for warning in log.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    if np.isnan(log.answer).all():
+        raise BagError(f'{bag}: no command answers a state')
+    with tempfile.TemporaryDirectory() as directory:
+        values = configuration(log, past, Path(directory), changes)
+        law = str(values['law'])
+        if law not in available(values) and not changes:
+            raise BagError(f'{bag} does not say which law ran; --law tries one')
+        figure = arguments.figure
+        if changes and figure is None:
+            figure = (bag if bag.is_dir() else bag.parent) / f'replay_{law}.png'
+            _check_figure(figure)
+        compute = replayed.instead if changes else replayed.again
+        result = compute(log, past, values)
+    if figure is not None:
+        try:
+            figures.draw_torques(log, result.torque, law, figure)
+        except OSError as error:
+            raise InputError(f'cannot write {figure}: {error.strerror}') from None
+    print(f'{log.scenario}, {log.law}: {len(log.time)} states answered again by {law}')
+    lines = table(log, result) if changes else verdict(log, result)
+    print('\n'.join([*lines, *([f'figure  {figure}'] if figure else [])]))
+    return int(not changes and bool(result.differing.any()))
+
+
+def configuration(
+    log: RunLog, past: History, directory: Path, changes: dict[str, Any]
+) -> dict[str, Any]:
+    """Configuration of a bag's controller at the first state, with changes.
+
+    Args:
+        log: The run.
+        past: What happened beside the motion.
+        directory: Where the laws of one's own that the bag holds are written.
+        changes: Key to value.
+
+    Raises:
+        InputError: a key does not exist, is not one of the controller, or its value is wrong.
+    """
+    values = log.config
+    laws = past.own_laws(directory)
+    if laws and 'own_laws' not in changes:
+        print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
+        values = config.changed(values, {'own_laws': laws})
+    elif 'own_laws' in changes:
+        values = config.changed(values, {'own_laws': changes['own_laws']})
+    for node, parameters in past.parameters.items():
+        if node.endswith('/controller'):
+            values |= {
+                key: value
+                for key, value in parameters.items()
+                if key in values and key != 'own_laws'
+            }
+    values = config.changed(values, changes)
+    for key in changes:
+        if key.partition('.')[0] not in (*USED, *available(values)):
+            raise InputError(f'{key} is nothing that torques on a recorded motion depend on')
+    return values
+
+
+def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
+    """Whether the torques are the recorded commands."""
+    count, differing = int(result.known.sum()), np.flatnonzero(result.differing)
+    lines = []
+    if result.late:
+        lines.append(f'{result.late} states were answered with a reference that came late')
+    if count < len(result.known):
+        lines.append(f'{len(result.known) - count} states have no recorded command')
+    if not differing.size:
+        return [*lines, f'identical: {count} commands']
+    difference = np.abs(result.torque - result.recorded)[differing].max()
+    return [
+        *lines,
+        f'{differing.size} of {count} commands differ, by up to {difference:.3g} N m, '
+        f'from t = {log.time[differing[0]]:.3f} s on',
+    ]
+
+
+def table(log: RunLog, result: replayed.Replay) -> list[str]:
+    """Difference to the recorded commands, joint by joint."""
+    difference = (result.torque - result.recorded)[result.known]
+    rows = {
+        'rms': np.sqrt((difference**2).mean(axis=0)),
+        'max': np.abs(difference).max(axis=0),
+    }
+    lines = ['difference of torques [N m]' + ''.join(f'{joint:>12}' for joint in log.joints)]
+    return lines + [
+        f'  {name:<25}' + ''.join(f'{value:>12.3f}' for value in values)
+        for name, values in rows.items()
+    ]
+
+
+def _check_figure(figure: Path) -> None:
+    figures.check_format(figure)
+    if figure.exists():
+        raise InputError(f'{figure} exists; nothing is overwritten, choose another --figure')

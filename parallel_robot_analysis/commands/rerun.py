@@ -1,0 +1,142 @@
+"""The command ``rerun``: the experiment of a bag once more, from the bag alone."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from parallel_robot_analysis.bags import history, replayed, run_log
+from parallel_robot_analysis.bags.experiment import SIMULATION, software
+from parallel_robot_analysis.bags.history import History
+from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_analysis.commands import run, simulate
+from parallel_robot_interface import config
+from parallel_robot_interface.errors import BagError
+
+MADE_BY = ('version', 'revision')  # facts that say which code made a bag
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag of simulate or run')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='new bag; must not exist; default: BAG_rerun'
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    bag = arguments.bag.resolve()
+    out = arguments.out or bag.parent / f'{bag.name.removesuffix(".mcap")}_rerun'
+    log, past = run_log.read(bag), history.read(bag)
+    if not past.facts:
+        raise BagError(f'{bag} does not say what experiment made it')
+    lockstep = past.facts['time_mode'] == 'lockstep'
+    simulated = past.facts.get('source') == SIMULATION
+    with tempfile.TemporaryDirectory() as directory:
+        if past.laws:
+            print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
+        own_laws = past.own_laws(Path(directory)) or log.config['own_laws']
+        values = {**log.config, 'own_laws': own_laws}
+        for text in (*log.warnings, *doubts(values, past)):
+            print(f'warning: {text}', file=sys.stderr)
+        record = simulate.record if simulated else run.record
+        code = record(past.facts['scenario'], changes(values), out)
+    if not (simulated or lockstep):
+        print('a run in real time: bytes cannot be compared')
+        return code
+    count, difference = compare(bag, out)
+    print(f'differs: {difference}' if difference else f'identical: {count} messages')
+    return code or int(bool(difference))
+
+
+def changes(values: dict[str, Any]) -> dict[str, Any]:
+    """What of a recorded configuration its scenario alone does not give.
+
+    Raises:
+        InputError: its scenario does not exist, or a law of one's own is none.
+    """
+    laws = {'own_laws': values['own_laws']}
+    known = config.resolve(str(values['scenario']), laws)
+    left = {'own_laws', 'preset', *run.OWN}
+    return laws | {
+        key: value
+        for key, value in values.items()
+        if key in known and key not in left and known[key] != value
+    }
+
+
+def doubts(values: dict[str, Any], past: History) -> list[str]:
+    """Why a rerun may not be the same."""
+    lines = []
+    now = software()
+    others = [f'{key} {past.facts[key]}' for key in MADE_BY if key in past.facts]
+    ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
+    if others != ours:
+        lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
+    happened = replayed.events(past, values)
+    if happened:
+        lines.append(
+            f'{len(happened)} changes of law, gains or fault during the run are not repeated'
+        )
+    return lines
+
+
+class _Difference(NamedTuple):
+    """Where two streams part: time [ns], topic and what is there."""
+
+    log_time: int
+    topic: str
+    what: str
+
+
+def compare(bag: Path, other: Path) -> tuple[int, str]:
+    """Compare two bags topic by topic, message by message.
+
+    Args:
+        bag: A bag.
+        other: Another.
+
+    Returns:
+        How many messages the first has, and the first difference in words; empty without one.
+
+    Raises:
+        BagError: one cannot be read to its end.
+    """
+    first, second = _streams(bag), _streams(other)
+    found = []
+    for topic in sorted({*first, *second}):
+        pair = first.get(topic, []), second.get(topic, [])
+        for (time, data), (other_time, other_data) in zip(*pair, strict=False):
+            if (time, data) != (other_time, other_data):
+                what = 'another time' if data == other_data else 'other bytes'
+                found.append(_Difference(time, topic, what))
+                break
+        else:
+            longer = max(pair, key=len)
+            shared = min(map(len, pair))
+            if len(longer) > shared:
+                what = f'{len(pair[0])} messages, now {len(pair[1])}'
+                found.append(_Difference(longer[shared][0], topic, what))
+    count = sum(map(len, first.values()))
+    if not found:
+        return count, ''
+    earliest = min(found)
+    start = min(stream[0][0] for stream in first.values() if stream)
+    return count, (
+        f'first on {earliest.topic} at t = {(earliest.log_time - start) / 1e9:.3f} s: '
+        f'{earliest.what}; {len(found)} topics differ'
+    )
+
+
+def _streams(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Time and bytes of all messages by topic."""
+    reader = BagReader(bag)
+    streams: dict[str, list[tuple[int, bytes]]] = {}
+    for message in reader.messages(reader.topics, reader.start):
+        streams.setdefault(message.topic, []).append((message.log_time, message.data))
+    reader.close()
+    return streams

@@ -1,0 +1,98 @@
+"""Many control cycles as one compiled loop, over states and references that are known before."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.cycle import CycleState, run_cycle
+from parallel_robot_control.safety import Limits
+from parallel_robot_model.kernel import kernel
+from parallel_robot_model.parameters import RobotParameters
+
+Array = NDArray[np.float64]
+
+
+class States(NamedTuple):
+    """States of the robot, one row each.
+
+    Attributes:
+        position: [rad], shape (N, n).
+        velocity: [rad/s], shape (N, n).
+        dt: Time since the state before [s], shape (N,).
+    """
+
+    position: Array
+    velocity: Array
+    dt: Array
+
+
+class Batch(NamedTuple):
+    """Answers to the first states.
+
+    Attributes:
+        torque: [N m], shape (answered, n).
+        answered: How many states were answered before the first unexpected torque.
+        state: Of the controller after the last of them.
+        memory: Of the law after the last of them.
+    """
+
+    torque: Array
+    answered: int
+    state: CycleState
+    memory: Any
+
+
+@kernel
+def answer(
+    update: Any,
+    gains: Any,
+    robot: RobotParameters,
+    limits: Limits,
+    references: JointReference,
+    states: States,
+    expected: Array,
+    state: CycleState,
+    memory: Any,
+) -> Batch:
+    """Answer states until a torque is not the expected one.
+
+    Args:
+        update: The law, as FirstClass.
+        gains: Its gains.
+        robot: Nominal robot.
+        limits: See SafetyParameters.
+        references: Desired joint motion at the states, each shape (N, n).
+        states: See States.
+        expected: Torques [N m], shape (N, n); NaN where any will do.
+        state: Of the controller before the first state.
+        memory: Of the law before the first state.
+    """
+    count = len(states.dt)
+    torque = np.empty((count, expected.shape[1]))
+    for k in range(count):
+        reference = JointReference(
+            references.position[k], references.velocity[k], references.acceleration[k]
+        )
+        cycle = run_cycle(
+            update,
+            gains,
+            robot,
+            limits,
+            reference,
+            states.position[k],
+            states.velocity[k],
+            state,
+            memory,
+            states.dt[k],
+        )
+        for i in range(expected.shape[1]):
+            if cycle.torque[i] != expected[k, i] and not np.isnan(expected[k, i]):
+                return Batch(torque[:k].copy(), k, state, memory)
+        torque[k] = cycle.torque
+        state = cycle.state
+        memory = cycle.memory
+    return Batch(torque, count, state, memory)

@@ -1,0 +1,225 @@
+"""Torques computed again from a bag: the recorded ones, bit for bit, or those of another law."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import streams, write_foreign
+
+from parallel_robot_analysis.bags import history, replayed, run_log, simulation_bag
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.experiment import describe
+from parallel_robot_analysis.command_line import main
+from parallel_robot_control import faults
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller import Controller, JointSample
+from parallel_robot_control.messages import status_message
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_sim.simulation import simulate
+from parallel_robot_sim.simulator import Simulator
+from trajectory_gen.messages import reference_messages
+from trajectory_gen.trajectory import Trajectory
+
+EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_law.py'
+START = 1_700_000_000 * 10**9  # ns
+MS = 10**6  # ns
+N = 400
+
+
+@pytest.fixture
+def simulated(tmp_path):
+    """Make the bag of a simulation of 0.3 s."""
+
+    def make(**changed):
+        changed = {key.replace('__', '.'): value for key, value in changed.items()}
+        values = config.resolve(
+            'paper_circle', {'duration': 0.3, 'time_mode': 'lockstep', **changed}
+        )
+        simulation_bag.write(tmp_path / 'bag', values, simulate(values))
+        return tmp_path / 'bag'
+
+    return make
+
+
+def again(bag):
+    log, past = run_log.read(bag), history.read(bag)
+    return replayed.again(log, past, log.config)
+
+
+@pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'nftsmc', 'adaptive_s_fotsmc'])
+def test_a_simulation_is_replayed_bit_for_bit(law, simulated, capsys):
+    bag = simulated(law=law)
+    assert main(['replay', str(bag)]) == 0
+    assert 'identical: 301 commands' in capsys.readouterr().out
+
+
+def test_limits_and_faults_are_replayed(simulated):
+    bag = simulated(safety__torque_limit=[3.0, 3.0, 3.0], safety__speed_limit=[0.05, 9.0, 9.0])
+    said = history.read(bag).statuses
+    assert said[0].fault == 'none' and said[-1].fault != 'none'
+    assert not again(bag).differing.any()
+
+
+def live(directory, script, common=True):
+    """Write the bag of a controller in real time, to which things happen.
+
+    `script` maps a state to a function of the controller, called before that state; or to a number
+    of milliseconds by which references are late from that state on.
+    """
+    values = config.resolve('paper_circle', {'duration': N * 1e-3, 'start_stamp': -1})
+    loop = config.group(values, LoopParameters, '')
+    controller, plant = Controller(values), Simulator(values)
+    stamps = START + np.arange(N + 1) * MS
+    reference = Trajectory.of(values).sample(np.arange(N + 1) * 1e-3)
+    records = reference_messages(loop.joints, stamps, reference)
+    if common:
+        controller.begin(START)
+    status, known, late = None, 0, -5
+    with BagWriter(directory, topics.RECORDED, describe(loop, values, START * common)) as bag:
+        for k, stamp in enumerate(stamps.tolist()):
+            act = script.get(k)
+            late = act if isinstance(act, int) else late
+            if callable(act):
+                act(controller)
+            while known <= min(k - late, N):
+                row = JointReference(
+                    reference.position[known],
+                    reference.velocity[known],
+                    reference.acceleration[known],
+                )
+                controller.add_reference(int(stamps[known]), row)
+                bag.write('reference', stamp, records[known].tobytes())
+                known += 1
+            message = plant.message(stamp)
+            measured = plant.measurement()
+            sample = controller.add_state(
+                stamp, JointSample(measured.theta, measured.theta_dot, plant.state.torque)
+            )
+            bag.write('joint_states', stamp, message)
+            if sample.status != status:
+                status = sample.status
+                bag.write('controller/status', stamp, status_message(stamp, status))
+            bag.write(
+                'effort_controller/commands', stamp + 1000,
+                cdr.float64_multi_array(3).encode(data=sample.torque),
+            )  # fmt: skip
+            plant.advance(sample.torque)
+    return directory
+
+
+def switch(**changes):
+    changes = {key.replace('__', '.'): value for key, value in changes.items()}
+    return lambda controller: controller.apply(controller.judge(changes))
+
+
+def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
+    bag = live(
+        tmp_path / 'bag',
+        {
+            50: switch(law='pid'),
+            120: lambda controller: controller.trip(faults.EMERGENCY_STOP),
+            180: lambda controller: controller.clear_fault(),
+            230: switch(law='s_fotsmc'),
+        },
+    )
+    log, found = run_log.read(bag), again(bag)
+    assert found.known.all() and not found.differing.any() and found.late == 0
+    assert np.array_equal(found.torque, log.command)
+    laws = [said.law for said in history.read(bag).statuses]
+    assert set(laws) == {'s_fotsmc', 'pid'}
+
+
+@pytest.mark.parametrize('recorded_at', [-20, 0, 20])
+def test_new_gains_act_where_they_explain_the_commands(recorded_at, tmp_path):
+    bag = live(tmp_path / 'bag', {100: switch(s_fotsmc__G=20.0)})
+    log, past = run_log.read(bag), history.read(bag)
+    stamp = START + (100 + recorded_at) * MS
+    change = history.Change(stamp, '/controller', {'s_fotsmc.G': 20.0, 'preset': 'custom'})
+    found = replayed.again(log, past._replace(changes=(change,)), log.config)
+    assert not found.differing.any()
+    unknown = replayed.again(log, past, log.config)
+    assert np.flatnonzero(unknown.differing)[0] == 101  # at 100 they change only the memory
+
+
+def test_references_that_came_late_are_found(tmp_path):
+    bag = live(tmp_path / 'bag', {100: 1, 110: 0, 200: 7, 203: -5})
+    found = again(bag)
+    assert not found.differing.any() and found.late == 5 + 3  # the next 5 were known
+
+
+def test_a_controller_that_took_over_is_replayed(tmp_path):
+    assert not again(live(tmp_path / 'bag', {}, common=False)).differing.any()
+
+
+def test_what_cannot_be_explained_is_counted(tmp_path, capsys):
+    def sabotage(controller):
+        controller._memory = controller.law.memory
+
+    bag = live(tmp_path / 'bag', {300: sabotage})
+    assert main(['replay', str(bag)]) == 1
+    out = capsys.readouterr().out
+    assert f'of {N + 1} commands differ, by up to' in out and 'from t = 0.300 s on' in out
+
+
+def test_another_law_is_drawn_beside_the_recorded_one(simulated, capsys):
+    bag = simulated()
+    assert main(['replay', str(bag), '--law', 'smc']) == 0
+    picture = bag / 'replay_smc.png'
+    assert picture.read_bytes().startswith(b'\x89PNG')
+    first = capsys.readouterr().out
+    log = run_log.read(bag)
+    values = config.changed(log.config, {'law': 'smc'})
+    torque = replayed.instead(log, history.read(bag), values).torque
+    largest = np.abs(torque - log.command).max(axis=0)
+    assert ''.join(f'{value:>12.3f}' for value in largest) in first
+    assert main(['replay', str(bag), '--law', 'smc']) == 2
+    assert 'nothing is overwritten' in capsys.readouterr().err
+
+
+def test_the_same_law_instead_gives_the_recorded_commands(simulated):
+    bag = simulated(law='s_smc')
+    log = run_log.read(bag)
+    found = replayed.instead(log, history.read(bag), log.config)
+    assert not found.differing.any()
+
+
+def test_a_law_of_ones_own_is_replayed_and_tried(simulated, tmp_path, capsys):
+    words = ['--set', f'own_laws=[{EXAMPLE}]', '--law', 'example_law']
+    words += ['--figure', str(tmp_path / 'own.pdf')]
+    bag = simulated(own_laws=[str(EXAMPLE)], law='example_law')
+    assert main(['replay', str(bag)]) == 0
+    assert 'identical: 301 commands' in capsys.readouterr().out
+    assert main(['replay', str(bag), *words]) == 0
+    assert (tmp_path / 'own.pdf').read_bytes().startswith(b'%PDF')
+    maxima = capsys.readouterr().out.partition('max')[2].splitlines()[0].split()
+    assert maxima == ['0.000'] * 3
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        (['--set', 'circle.radius=1'], 'circle.radius is nothing that torques'),
+        (['--law', 'smd'], "unknown law 'smd'"),
+        (['--set', 's_fotsmc.H=1'], "unknown parameter 's_fotsmc.H'"),
+        (['--set', 's_fotsmc.G=.nan'], 's_fotsmc.G must be finite'),
+        (['--law', 'smc', '--set', 'law=pid'], '--law is smc'),
+        (['--law', 'smc', '--figure', 'torques.doc'], 'unknown picture format'),
+        (['--law', 'smc', '--figure', 'missing/torques.png'], 'cannot write'),
+    ],
+)
+def test_bad_words_cost_one_line(words, message, simulated, capsys):
+    bag = simulated()
+    assert main(['replay', str(bag), *words]) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and message in err and err.count('\n') == 1
+    assert not list(bag.glob('*.png'))
+
+
+def test_a_bag_of_others_does_not_say_its_law(tmp_path, capsys):
+    values = config.resolve('paper_circle')
+    rest = np.tile(Trajectory.of(values).sample(0.0).position, (50, 1))
+    write_foreign(tmp_path / 'bag', streams(rest, rest))
+    assert main(['replay', str(tmp_path / 'bag')]) == 2
+    assert 'does not say which law ran' in capsys.readouterr().err
+    assert main(['replay', str(tmp_path / 'bag'), '--law', 'smc']) == 0
