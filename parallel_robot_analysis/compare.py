@@ -12,6 +12,7 @@ import numpy as np
 from parallel_robot_analysis import claims, metrics, simulate
 from parallel_robot_analysis.analyze import json_draft
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_control.laws import LAWS
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
@@ -42,16 +43,12 @@ def execute(arguments: argparse.Namespace) -> int:
             raise UnknownNameError('law', law, LAWS)
     results = {}
     notes: list[str] = []
-    for number, law in enumerate(laws, start=1):
-        if sys.stderr.isatty():
-            print(f'\r[{number}/{len(laws)}] {law:<24}', end='', file=sys.stderr)
+    for law in tracked(laws, len(laws), 'laws'):
         changed = simulate.overrides(arguments) | {'law': law}
         values = config.resolve(arguments.scenario, changed)
         made = simulation.simulate(values)
         results[law] = evaluate(made)
         notes += simulate.remarks(made)
-    if sys.stderr.isatty():
-        print('\r' + ' ' * 40 + '\r', end='', file=sys.stderr)
     verdicts = claims.judge(results)
     if arguments.json:
         try:
