@@ -4,7 +4,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
   launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py parallel_robot_*/*/*.py \
-  parallel_robot_*/templates/* trajectory_gen/*.py))
+  parallel_robot_*/*/templates/* trajectory_gen/*.py))
+WARM := from parallel_robot_control.controller import Controller; \
+  from parallel_robot_interface import config; Controller(config.resolve('paper_circle'))
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
@@ -62,5 +64,6 @@ $(INSTALLED): $(DEPENDENCIES)
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
 	@warm=$$(mktemp -d) && trap 'rm -rf "$$warm"' EXIT && \
-	$(BIN)/parallel_robot simulate paper_circle --duration 0.1 --out "$$warm/run" > /dev/null
+	$(BIN)/parallel_robot simulate paper_circle --duration 0.1 --out "$$warm/run" > /dev/null && \
+	cd "$$warm" && '$(abspath $(BIN))/python' -c "$(WARM)"
 	@touch $@

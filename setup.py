@@ -33,8 +33,11 @@ setup(
         'parallel_robot_control.laws',
         'parallel_robot_sim',
         'parallel_robot_analysis',
+        'parallel_robot_analysis.bags',
+        'parallel_robot_analysis.commands',
+        'parallel_robot_analysis.report',
     ],
-    package_data={'parallel_robot_analysis': ['templates/*']},
+    package_data={'parallel_robot_analysis.report': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

@@ -22,7 +22,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.indexed_reader import BagReader
+from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_interface import topics
 from parallel_robot_interface.ros_node import message_class, qos_of
 

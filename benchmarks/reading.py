@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.highlevel import AnyReader
 
-from parallel_robot_analysis import run_log, simulation_bag
+from parallel_robot_analysis.bags import run_log, simulation_bag
 from parallel_robot_interface import config, topics
 from parallel_robot_sim.simulation import simulate
 

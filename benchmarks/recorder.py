@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from parallel_robot_analysis.bag_writer import MESSAGES
+from parallel_robot_analysis.bags.bag_writer import MESSAGES
 from parallel_robot_interface import cdr
 from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.ros_node import message_class

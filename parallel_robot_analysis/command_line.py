@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from types import ModuleType
 
-from parallel_robot_analysis import (
+from parallel_robot_analysis.commands import (
     analyze,
     compare,
     export,

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from parallel_robot_analysis.run_log import RunLog
+from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_interface import config

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.run_log import reference_at
+from parallel_robot_analysis.bags.run_log import reference_at
 from parallel_robot_control.controller import first_guess
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS

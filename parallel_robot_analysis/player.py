@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection
 from typing import Annotated, NamedTuple
 
-from parallel_robot_analysis.indexed_reader import BagReader
+from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field

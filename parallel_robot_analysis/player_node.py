@@ -19,7 +19,7 @@ from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.indexed_reader import BagReader, RecordedTopic
+from parallel_robot_analysis.bags.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_analysis.player import Player, PlayerOptions
 from parallel_robot_interface import cdr, fields, topics
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError

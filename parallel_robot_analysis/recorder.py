@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from parallel_robot_analysis.bag_writer import (
+from parallel_robot_analysis.bags.bag_writer import (
     CHANGES,
     LAWS,
     PARAMETERS,
@@ -21,7 +21,7 @@ from parallel_robot_analysis.bag_writer import (
     certify,
     channel_of,
 )
-from parallel_robot_analysis.experiment import describe, software, sources
+from parallel_robot_analysis.bags.experiment import describe, software, sources
 from parallel_robot_interface.cdr import header_stamp
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters

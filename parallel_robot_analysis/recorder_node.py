@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import bag_writer
+from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_analysis.ros_parameters import ParameterWatch
 from parallel_robot_analysis.ros_topics import Discovery, RecorderParameters, full_name, listen

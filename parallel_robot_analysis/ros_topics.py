@@ -10,8 +10,8 @@ from typing import Annotated, Any, NamedTuple
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from parallel_robot_analysis.bag_writer import Channel, channel, qos_profile
-from parallel_robot_analysis.message_definition import definition
+from parallel_robot_analysis.bags.bag_writer import Channel, channel, qos_profile
+from parallel_robot_analysis.bags.message_definition import definition
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
 from parallel_robot_interface.ros_node import message_class, qos_of

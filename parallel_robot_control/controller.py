@@ -100,6 +100,7 @@ class Controller:
         self._state_timeout = safety.state_timeout
         self._reference_timeout = round(safety.reference_timeout * NANOSECONDS)
         self.law = prepare(self._loop.law, values)
+        self._preset = _typed(values, config.preset(values['own_laws']))
         self.counts: Counter[str] = Counter()
         self._references: deque[tuple[int, JointReference]] = deque(maxlen=10_000)
         self._pending: tuple[int, JointSample] | None = None
@@ -107,6 +108,7 @@ class Controller:
         self._answered_at = 0.0
         self._heard_at: float | None = None  # when the last state came; None: none or the end
         self._last: int | None = None
+        self._lost = False  # whether the joint states were found stale, and none came since
         self._start: int | None = self._loop.start_stamp if self._loop.start_stamp > 0 else None
         if self._loop.lockstep and self._loop.start_stamp == 0:
             self._start = STEP_START
@@ -139,7 +141,7 @@ class Controller:
             UnknownNameError: no such key or law.
             InputError: a value is wrong, or the theory of its law forbids the set of gains.
         """
-        gains = config.preset(self._values['own_laws'])
+        gains = self._preset
         known = {'law', 'preset', *gains}
         for key in changes:
             if key not in known:
@@ -206,11 +208,11 @@ class Controller:
         """Enter a fault when the joint states are stale.
 
         Returns:
-            Whether it was entered now: then no torque is right for states nobody knows.
+            Whether they are since the last call: then no torque is right for states nobody knows.
         """
-        fresh = self._state.fault != faults.STATES_STALE
-        if not (fresh and self.stale()):
+        if self._lost or not self.stale():
             return False
+        self._lost = True
         self.trip(faults.STATES_STALE)
         zero = np.zeros(len(self._state.last.torque))
         self._state = self._state._replace(last=self._state.last._replace(torque=zero))
@@ -224,13 +226,17 @@ class Controller:
             reference: Desired joint motion at the stamp.
         """
         if self._references and stamp <= self._references[-1][0]:
-            if not self._loop.lockstep and self._references[-1][0] - stamp < RESTART:
+            back = self._references[-1][0] - stamp
+            if not self._loop.lockstep and back < RESTART:
                 self.counts['reference stamps that repeat or go back'] += 1
                 known = next((old for at, old in reversed(self._references) if at == stamp), None)
                 if known is not None and not _equal(known, reference):
                     self.trip(faults.REFERENCES_DISAGREE)
                 return None
-            self._references.clear()
+            if not self._loop.lockstep:
+                self.counts['reference stamps that jump back'] += 1
+            while self._references and self._references[-1][0] >= stamp:
+                self._references.pop()  # the later ones, which were wrong or of another run
         self._references.append((stamp, reference))
         if self._pending is not None:
             return self._answer(*self._pending)
@@ -281,6 +287,7 @@ class Controller:
         status = Status(self.law.name, int(self._state.fault), self._acted)
         self._sample = Sample(cycle.torque, telemetry, status)
         self._answered_at = time.monotonic()
+        self._lost = False
         self._heard_at = None if self._is_end(stamp) else self._answered_at
         return self._sample
 
@@ -352,6 +359,16 @@ class Controller:
 
 _STILL = JointSample(np.zeros(3), np.zeros(3), np.zeros(3))
 _RESTING = JointReference(np.zeros(3), np.zeros(3), np.zeros(3))
+
+
+def _typed(values: Mapping[str, Any], gains: Mapping[str, Any]) -> dict[str, Any]:
+    """Gains of all laws as the laws take them: 12 becomes 12.0."""
+    typed: dict[str, Any] = {}
+    for name, law in available(values).items():
+        of_law = config.group(gains, law.Gains, name)
+        keys = (f'{name}.{parameter.key}' for parameter in parameters(law.Gains))
+        typed |= dict(zip(keys, of_law, strict=True))
+    return typed
 
 
 def _equal(one: tuple[Array, ...] | None, other: tuple[Array, ...]) -> bool:

@@ -68,6 +68,7 @@ class ControllerNode(SuiteNode):
         self._layout = cdr.float64_multi_array(len(joints))
         self._stamp = 0
         self._status: Status | None = None
+        self._told = self._controller.law.name  # the law on the latched topic
         self._from = 0 if self.loop.start_stamp != WAIT else None  # ns; None: not yet
         self._commands = self.publisher(topics.COMMANDS)
         self._telemetry = {
@@ -168,7 +169,8 @@ class ControllerNode(SuiteNode):
         """Publish and log a new status since a stamp [ns]."""
         before, self._status = self._status, status
         self._statuses.publish(status_message(stamp, status))
-        if before is not None and status.law != before.law:
+        if status.law != self._told:
+            self._told = status.law
             self._active_law.publish(cdr.text_message(status.law))
             self.get_logger().info(f'law {status.law}')
         if status.fault != (before.fault if before else faults.NONE):
@@ -205,8 +207,11 @@ class ControllerNode(SuiteNode):
     def _answer_clear_fault(
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        before = self._controller.fault
         response.message = self._controller.clear_fault()
         response.success = not response.message
+        if self._controller.fault != before:
+            self._tell_now()
         return response
 
     def _warn(self, warnings: tuple[str, ...]) -> None:

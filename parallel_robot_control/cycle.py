@@ -68,10 +68,22 @@ def initial_state(pose: Array, joints: int = 3) -> CycleState:
 
 
 def taking_over(state: CycleState, torque: Array) -> CycleState:
-    """The state, the next torque going on from the one given [N m], shape (n,)."""
+    """The state, the next torque going on from the one given [N m], shape (n,).
+
+    Where the torque given is not a number, nobody knows it: zero.
+    """
+    known = np.where(np.isfinite(torque), torque, 0.0)
     return state._replace(
-        last=state.last._replace(torque=torque, takes_over=True), excess=np.zeros(len(torque))
+        last=state.last._replace(torque=known, takes_over=True), excess=np.zeros(len(torque))
     )
+
+
+@kernel
+def _is_finite(x: Array) -> bool:
+    finite = True
+    for i in range(len(x)):
+        finite = finite and np.isfinite(x[i])
+    return finite
 
 
 @kernel
@@ -115,7 +127,7 @@ def run_cycle(
             model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
             feedback = Feedback(position, velocity, state.excess)
             output = update(gains, model, reference, feedback, memory, dt)
-            if np.all(np.isfinite(output.torque)):
+            if _is_finite(output.torque):
                 demand = output.torque
                 sliding_variable = output.sliding_variable
                 coupled_error = output.coupled_error

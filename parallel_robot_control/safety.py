@@ -183,7 +183,7 @@ def limit_torque(
     Args:
         limits: See SafetyParameters.
         demand: [N m], shape (n,).
-        last: The cycle before; its torque is where the rates start.
+        last: The cycle before; its torque, within the limit, is where the rates start.
         dt: Time since then [s].
 
     Returns:
@@ -194,9 +194,10 @@ def limit_torque(
     torque, excess, offset = np.empty(n), np.empty(n), np.empty(n)
     acted = 0
     for i in range(n):
+        start = min(max(last.torque[i], -limits.torque[i]), limits.torque[i])
         offset[i] = last.offset[i]
         if last.takes_over:
-            offset[i] = demand[i] - last.torque[i]
+            offset[i] = demand[i] - start
         fade = limits.ramp[i] * dt
         if offset[i] != 0.0:
             acted |= RAMP
@@ -205,10 +206,10 @@ def limit_torque(
         torque[i] = min(max(wanted, -limits.torque[i]), limits.torque[i])
         if torque[i] != wanted:
             acted |= TORQUE
-        step = torque[i] - last.torque[i]
+        step = torque[i] - start
         fastest = limits.rate[i] * dt
         if abs(step) > fastest:
-            torque[i] = last.torque[i] + np.copysign(fastest, step)
+            torque[i] = start + np.copysign(fastest, step)
             acted |= RATE
         excess[i] = wanted - torque[i]
     return torque, excess, offset, acted

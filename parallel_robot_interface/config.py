@@ -119,10 +119,12 @@ def preset(own_laws: Any) -> dict[str, Any]:
         gains.update(_flatten(_read(path)))
     if isinstance(own_laws, str) or not isinstance(own_laws, Sequence):
         raise InputError(f'own_laws must be a list of texts, not {own_laws!r}')
+    names = {file.stem for file in laws}
     for path in own_laws:
         name, law = plugins.load(str(path))
-        if name in {file.stem for file in laws}:
+        if name in names:
             raise InputError(f'own_laws: {path}: there is already a law {name}; rename the file')
+        names.add(name)
         gains.update(defaults(law.Gains, f'{name}.'))
     return gains
 

@@ -64,3 +64,9 @@ class BagError(InputError):
 
 class RunError(ParallelRobotError):
     """A run that did not come to its end."""
+
+
+def first_line(error: BaseException) -> str:
+    """Kind of an error of somebody else's code, and what it says first."""
+    text = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
+    return type(error).__name__ + (f': {text}' if text else '')

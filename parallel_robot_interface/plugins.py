@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from parallel_robot_interface.errors import InputError
+from parallel_robot_interface.errors import InputError, first_line
+from parallel_robot_interface.fields import parameters
 
 NEEDED = ('Gains', 'initial_memory', 'update')
 
@@ -40,9 +41,15 @@ def _module(file: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever the code of somebody else may raise
-        raise InputError(f'own_laws: {file}: {type(error).__name__}: {error}') from error
+    except (Exception, SystemExit) as error:  # whatever the code of somebody else may raise
+        raise InputError(f'own_laws: {file}: {first_line(error)}') from error
     for attribute in NEEDED:
         if not hasattr(module, attribute):
             raise InputError(f'own_laws: {file} has no {attribute}: it is not a law')
+    if not hasattr(module.Gains, '_fields'):
+        raise InputError(f'own_laws: {file}: Gains is not a NamedTuple')
+    try:
+        parameters(module.Gains)
+    except Exception as error:  # of its annotations
+        raise InputError(f'own_laws: {file}: {first_line(error)}') from error
     return module

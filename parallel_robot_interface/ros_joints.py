@@ -10,6 +10,7 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 
 from parallel_robot_interface import cdr
+from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.ros_node import message_class
 from parallel_robot_interface.topics import Topic
 
@@ -18,7 +19,8 @@ class JointReader:
     """Reads one topic; learns the byte layout of its publisher from the first message.
 
     Messages that cannot be used are counted with the reason, never passed on: joints that are
-    missing or named twice, fields shorter than the names, values that are not finite.
+    missing or named twice, fields shorter than the names, values that are not finite, a stamp that
+    is none.
     """
 
     def __init__(
@@ -62,6 +64,9 @@ class JointReader:
         vectors = [records[name][0][self._order] for name in self._fields]
         if not all(np.isfinite(vector).all() for vector in vectors):
             self._counts[f'{self._topic.name}: not finite'] += 1
+            return None
+        if records['nanosec'][0] >= NANOSECONDS:
+            self._counts[f'{self._topic.name}: the stamp has more than a second in ns'] += 1
             return None
         if self._optional:
             vectors.append(self._read_optional(records))

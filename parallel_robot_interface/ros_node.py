@@ -102,7 +102,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
-        self._inputs: list[str] = []
+        self._inputs: list[tuple[str, str]] = []  # names, as written and as remapped
         self._started_at: int | None = None
         given = {
             key: list(parameter.value) if _is_array(parameter.value) else parameter.value
@@ -129,8 +129,10 @@ class SuiteNode(Node):  # type: ignore[misc]
     def subscribe(self, topic: Topic, callback: Callable[[bytes], None]) -> None:
         """Subscribe to the serialised messages of a topic."""
         kind = message_class(topic.type)
-        self.create_subscription(kind, topic.name, callback, qos_of(topic), raw=True)
-        self._inputs.append(topic.name)
+        subscription = self.create_subscription(
+            kind, topic.name, callback, qos_of(topic), raw=True
+        )
+        self._inputs.append((topic.name, subscription.topic_name))
 
     def missing(self) -> str:
         """What the node still waits for; empty when it is ready."""
@@ -251,8 +253,8 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _publish_diagnostics(self) -> None:
         figures = {**self.diagnose(), **self.counts}
-        for name in self._inputs:
-            count = self.count_publishers(name)
+        for name, resolved in self._inputs:
+            count = self.count_publishers(resolved)
             if count > 1:
                 figures[f'{name}: publishers'] = count
         alarm = self.alarm()

@@ -14,6 +14,7 @@ from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.topics import FRAME
 from parallel_robot_model.kinematics import inverse_kinematics
 from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.skeleton import skeleton
 
 PROXIMAL = ColorRGBA(r=0.16, g=0.32, b=0.75, a=1.0)
 DISTAL = ColorRGBA(r=0.40, g=0.62, b=0.90, a=1.0)
@@ -34,10 +35,7 @@ class RobotMarkers:
         """Markers at a pose, shape (3,); `stamp` in nanoseconds."""
         robot = self._robot
         theta = inverse_kinematics(robot, pose).theta
-        base = np.stack([robot.base_x, robot.base_y], axis=1)
-        elbow = base + robot.l1 * np.stack([np.cos(theta), np.sin(theta)], axis=1)
-        angle = pose[2] + np.array(robot.platform_angle)
-        joint = pose[:2] + robot.l3 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        base, elbow, joint = skeleton(robot, pose, theta)
         self._path.append(_point(pose))
         lists = [
             ('proximal', Marker.LINE_LIST, PROXIMAL, WIDTH, _pairs(base, elbow)),

@@ -60,7 +60,7 @@ class Simulator:
         self.stepping = stepping(parameters)
         safety = config.group(values, SafetyParameters, 'safety')
         self._safe = safe_action(parameters.timeout_action, safety)
-        self._patience = round(parameters.command_timeout / loop.period)
+        self._patience = max(1, round(parameters.command_timeout / loop.period))
         self._silent = 0  # steps since the last command
         self._held: np.ndarray = np.zeros(3)
         self.state: PlantState = initial_state(parameters, self.robot)

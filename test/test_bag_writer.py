@@ -12,9 +12,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_writer import BagWriter
-from parallel_robot_analysis.mcap_records import Block, Damage
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.mcap_records import Block, Damage
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import BagError

@@ -5,8 +5,9 @@ import json
 import pytest
 from bags import full_disk
 
-from parallel_robot_analysis import run, run_log
+from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.commands import run
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 

@@ -7,7 +7,7 @@ import pandas
 import pytest
 from bags import full_disk
 
-from parallel_robot_analysis import run_log
+from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.command_line import main
 
 READERS = {'.csv': pandas.read_csv, '.parquet': pandas.read_parquet}

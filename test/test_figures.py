@@ -7,7 +7,9 @@ import pytest
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
-from parallel_robot_analysis import figures, metrics, run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.report import figures
 
 
 @pytest.fixture(scope='module')

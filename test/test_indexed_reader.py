@@ -6,8 +6,8 @@ from bags import content, write_foreign
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from parallel_robot_analysis.bag_writer import BagWriter
-from parallel_robot_analysis.indexed_reader import BagReader
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import BagError
 

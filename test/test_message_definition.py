@@ -7,7 +7,7 @@ import pytest
 from bags import STORE
 from rosbags.typesys import get_types_from_msg
 
-from parallel_robot_analysis.message_definition import concatenate, definition
+from parallel_robot_analysis.bags.message_definition import concatenate, definition
 from parallel_robot_interface.errors import InputError
 
 

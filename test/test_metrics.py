@@ -6,7 +6,7 @@ from bags import JOINTS
 from geometry import PAPER_START, legs
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.run_log import RunLog
+from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_interface import config
 
 COUNT = 1000

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from bags import streams, write_foreign
 
-from parallel_robot_analysis import metrics, run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.monitor import Figures
 from parallel_robot_interface import config, topics
 from parallel_robot_interface.topics import Topic

@@ -67,7 +67,7 @@ def test_every_package_is_installed(setup):
 def test_templates_are_installed(setup):
     for package, patterns in setup['package_data'].items():
         assert all(list((ROOT / package.replace('.', '/')).glob(pattern)) for pattern in patterns)
-    assert setup['package_data']['parallel_robot_analysis'] == ['templates/*']
+    assert setup['package_data']['parallel_robot_analysis.report'] == ['templates/*']
 
 
 def test_there_is_one_command(setup):

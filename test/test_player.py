@@ -6,8 +6,8 @@ import time
 import pytest
 from bags import MS
 
-from parallel_robot_analysis.bag_writer import BagWriter
-from parallel_robot_analysis.indexed_reader import BagReader
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.player import Player, PlayerOptions
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import InputError

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis import simulation_bag
+from parallel_robot_analysis.bags import simulation_bag
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_sim import simulation
 

@@ -10,10 +10,10 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot_analysis import bag_reader
 from parallel_robot_analysis import recorder as module
-from parallel_robot_analysis.bag_writer import MESSAGES, channel, qos_profile
-from parallel_robot_analysis.mcap_records import Block
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_writer import MESSAGES, channel, qos_profile
+from parallel_robot_analysis.bags.mcap_records import Block
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_interface import cdr, config, topics

@@ -9,8 +9,8 @@ from mcap.reader import make_reader
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, String
 
-from parallel_robot_analysis.bag_writer import MESSAGES
-from parallel_robot_analysis.indexed_reader import BagReader
+from parallel_robot_analysis.bags.bag_writer import MESSAGES
+from parallel_robot_analysis.bags.indexed_reader import BagReader
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from bags import streams, write_foreign
 
-from parallel_robot_analysis import history, replayed, run_log, simulation_bag
-from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_analysis.bags import history, replayed, run_log, simulation_bag
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.experiment import describe
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample

@@ -10,10 +10,10 @@ import pytest
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
-from parallel_robot_analysis import page, runs
-from parallel_robot_analysis.charts import charts
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.paper_figures import draw
+from parallel_robot_analysis.report import page, runs
+from parallel_robot_analysis.report.charts import charts
+from parallel_robot_analysis.report.paper_figures import draw
 from parallel_robot_interface import topics
 
 pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
@@ -200,7 +200,7 @@ def test_names_of_a_bag_are_text(hostile, tmp_path):
 
 
 def test_scenario_names_make_no_paths(bags, tmp_path, monkeypatch):
-    from parallel_robot_analysis import report
+    from parallel_robot_analysis.commands import report
 
     monkeypatch.setattr(report, 'charts', lambda found: charts(found)[1:2])
     groups = {'../../x y': runs.read_runs(bags[:1])['paper_circle']}
@@ -225,7 +225,7 @@ def test_a_disk_that_is_full_leaves_nothing(bags, tmp_path, capsys, monkeypatch)
     def full(*_):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('parallel_robot_analysis.paper_figures.draw', full)
+    monkeypatch.setattr('parallel_robot_analysis.report.paper_figures.draw', full)
     assert 'No space left' in refused([bags[0], '--out', tmp_path / 'out'], capsys)
     assert not list(tmp_path.iterdir())
 

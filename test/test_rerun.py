@@ -7,9 +7,10 @@ import pytest
 from bags import content
 from test_replay import live, switch
 
-from parallel_robot_analysis import experiment, history, rerun, run_log
-from parallel_robot_analysis.bag_writer import BagWriter
+from parallel_robot_analysis.bags import experiment, history, run_log
+from parallel_robot_analysis.bags.bag_writer import BagWriter
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.commands import rerun
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_control import faults
 from parallel_robot_interface import config, topics

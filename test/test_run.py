@@ -14,10 +14,11 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis import history, metrics, replayed, run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import history, replayed, run_log
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_analysis.recover import recover
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import typeof
-from numba.core.errors import NumbaError
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
 from parallel_robot_control.laws import (
@@ -24,7 +24,7 @@ from parallel_robot_control.laws import (
     super_twisting,
 )
 from parallel_robot_interface import config, plugins
-from parallel_robot_interface.errors import InputError, UnknownNameError
+from parallel_robot_interface.errors import InputError, UnknownNameError, first_line
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import FirstClass, distinguish
 
@@ -88,13 +88,20 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
         warnings = tuple(f'{name}: {text}' for text in judge(gains)) if judge else ()
     except InputError as error:
         raise InputError(f'{name}: {error}') from None
-    memory = law.initial_memory(joints)
-    distinguish(gains, memory)
+    except Exception as error:  # whatever the code of somebody else may raise
+        raise InputError(f'{name}: judge: {first_line(error)}') from error
+    if not hasattr(law.update, 'py_func'):
+        raise InputError(f'{name}: update is not compiled: put @kernel before it')
+    try:
+        memory = law.initial_memory(joints)
+        distinguish(gains, memory)
+        typeof(memory)
+    except Exception as error:
+        raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
     try:
         update = _compiled(law, gains, memory, joints)
-    except NumbaError as error:
-        reason = next(line for line in str(error).splitlines()[::-1] if line.strip())
-        raise InputError(f'{name}: update does not compile: {reason.strip()}') from error
+    except Exception as error:  # Numba has many
+        raise InputError(f'{name}: update does not compile: {_reason(error)}') from error
     row = np.zeros(joints)
     if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
         raise InputError(
@@ -115,3 +122,11 @@ def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
         memory,
         1e-3,
     )
+
+
+def _reason(error: Exception) -> str:
+    """What Numba says of the cause, and of the line."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    cause = next((line for line in lines if not line.startswith('Failed in ')), '')
+    place = re.search(r'^File .*, (line \d+):$', str(error), re.MULTILINE)
+    return (cause or type(error).__name__) + (f' ({place[1]})' if place else '')

@@ -6,7 +6,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_interface.fields import Field
@@ -15,7 +14,8 @@ from parallel_robot_model.kernel import kernel
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
-_fixed_gain = s_fotsmc.update
+_without_switching = s_fotsmc.without_switching
+_switched = s_fotsmc.switched
 
 
 class Gains(NamedTuple):
@@ -65,25 +65,13 @@ def update(
         Doan, Le, Vo (2019), Remark 1, for the aim; Obeid, Fridman, Laghrouche, Harmouche (2018),
         Barrier function-based adaptive sliding mode control, Automatica 93, for the barrier.
     """
-    still = s_fotsmc.Gains(
-        gains.lambda_, 0.0, 0.0, gains.Gamma1, gains.Gamma2, gains.gamma1, gains.gamma2
-    )
-    output = _fixed_gain(still, model, reference, feedback, memory, dt)
+    output = _without_switching(gains, model, reference, feedback, memory, dt)
     S = output.sliding_variable
-    advance = np.zeros(len(S))
+    step = np.empty(len(S))
     for i in range(len(S)):
         left = 1.0 - abs(S[i]) / gains.width
         G = gains.G_max
         if left > 0.0:
             G = min(gains.G_max, gains.slope * abs(S[i]) / left)
-        advance[i] = dt * G * np.sign(S[i])
-    advanced = output.memory
-    switching = advanced.switching + unless_saturated(advance, feedback.excess)
-    return ControlOutput(
-        output.torque,
-        S,
-        output.coupled_error,
-        s_fotsmc.Memory(
-            advanced.coupling, advanced.surface, switching, advanced.v, advanced.started
-        ),
-    )
+        step[i] = dt * G * np.sign(S[i])
+    return _switched(output, step, feedback.excess)

@@ -85,6 +85,54 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
+def without_switching(
+    gains: Any,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Memory,
+    dt: float,
+) -> ControlOutput:
+    """The law but for the step of tau_sw, for any gains that have lambda_, Gamma and gamma."""
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    De = coupling(e)
+    e_c = e + gains.lambda_ * memory.coupling
+    e_c_dot = e_dot + gains.lambda_ * De
+    w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
+    v = e_c_dot + memory.surface
+    S = memory.started * (v - memory.v) / dt
+    acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + memory.switching
+    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    advanced = Memory(
+        memory.coupling + unless_any_saturated(dt * De, feedback.excess),
+        memory.surface + dt * w,
+        memory.switching,
+        v,
+        1.0,
+    )
+    return ControlOutput(torque, S, e_c, advanced)
+
+
+@kernel
+def switched(output: ControlOutput, step: Array, excess: Array) -> ControlOutput:
+    """The output with tau_sw advanced by a step [rad/s^2], where the torque is not saturated."""
+    memory = output.memory
+    return ControlOutput(
+        output.torque,
+        output.sliding_variable,
+        output.coupled_error,
+        Memory(
+            memory.coupling,
+            memory.surface,
+            memory.switching + unless_saturated(step, excess),
+            memory.v,
+            memory.started,
+        ),
+    )
+
+
+@kernel
 def update(
     gains: Gains,
     model: Model,
@@ -118,25 +166,6 @@ def update(
         Doan, Le, Vo (2019), eqs. (12)-(17); Feng, Han, Yu (2014), Automatica 50(4), for sgn(S)
         from velocities.
     """
-    e = reference.position - feedback.position
-    e_dot = reference.velocity - feedback.velocity
-    e_c = e + gains.lambda_ * memory.coupling
-    e_c_dot = e_dot + gains.lambda_ * coupling(e)
-    w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
-    v = e_c_dot + memory.surface
-    S = memory.started * (v - memory.v) / dt
-    acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + memory.switching
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    switching = dt * (gains.G + gains.g) * np.sign(S)
-    return ControlOutput(
-        torque,
-        S,
-        e_c,
-        Memory(
-            memory.coupling + unless_any_saturated(dt * coupling(e), feedback.excess),
-            memory.surface + dt * w,
-            memory.switching + unless_saturated(switching, feedback.excess),
-            v,
-            1.0,
-        ),
-    )
+    output = without_switching(gains, model, reference, feedback, memory, dt)
+    step = dt * (gains.G + gains.g) * np.sign(output.sliding_variable)
+    return switched(output, step, feedback.excess)

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
+from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import sig
 from parallel_robot_control.laws import s_fotsmc
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
+_switched = s_fotsmc.switched
 
 
 class Gains(NamedTuple):
@@ -122,16 +123,12 @@ def update(
     S = memory.started * (v - memory.v) / dt
     acceleration = reference.acceleration + gains.lambda_ * De_dot + w + memory.switching
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    switching = dt * (gains.G + gains.g) * np.sign(S)
-    return ControlOutput(
-        torque,
-        S,
-        e_c,
-        s_fotsmc.Memory(
-            memory.coupling + unless_any_saturated(dt * De, feedback.excess),
-            memory.surface + dt * w,
-            memory.switching + unless_saturated(switching, feedback.excess),
-            v,
-            1.0,
-        ),
+    advanced = s_fotsmc.Memory(
+        memory.coupling + unless_any_saturated(dt * De, feedback.excess),
+        memory.surface + dt * w,
+        memory.switching,
+        v,
+        1.0,
     )
+    step = dt * (gains.G + gains.g) * np.sign(S)
+    return _switched(ControlOutput(torque, S, e_c, advanced), step, feedback.excess)

@@ -74,16 +74,17 @@ def update(
     """
     e = feedback.position - reference.position
     e_dot = feedback.velocity - reference.velocity
+    De = coupling(e)
     e_c = e + gains.lambda_ * memory.coupling
-    e_c_dot = e_dot + gains.lambda_ * coupling(e)
+    e_c_dot = e_dot + gains.lambda_ * De
     S = e_c_dot + gains.z * e_c
     acceleration = reference.acceleration - gains.lambda_ * coupling(e_dot) - gains.z * e_c_dot
-    velocity = reference.velocity - gains.lambda_ * coupling(e) - gains.z * e_c
+    velocity = reference.velocity - gains.lambda_ * De - gains.z * e_c
     torque = (
         multiply(model.M, acceleration)
         + multiply(model.Q, velocity)
         - gains.K * S
         - (gains.G + gains.g) * saturate(S / gains.u)
     )
-    advance = unless_any_saturated(dt * coupling(e), feedback.excess)
+    advance = unless_any_saturated(dt * De, feedback.excess)
     return ControlOutput(torque, S, -e_c, Memory(memory.coupling + advance))

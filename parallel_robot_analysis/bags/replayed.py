@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis.history import NOTHING, History
-from parallel_robot_analysis.run_log import RunLog, reference_at
+from parallel_robot_analysis.bags.history import NOTHING, History
+from parallel_robot_analysis.bags.run_log import RunLog, reference_at
 from parallel_robot_control import faults
 from parallel_robot_control.batch import Batch, States, answer
 from parallel_robot_control.contract import JointReference

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from parallel_robot_analysis import claims
-from parallel_robot_analysis.animation import animation
-from parallel_robot_analysis.charts import Chart
-from parallel_robot_analysis.decimation import INTERVALS
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
-from parallel_robot_analysis.palette import STYLES
-from parallel_robot_analysis.plots import plot
-from parallel_robot_analysis.printable import printable
-from parallel_robot_analysis.runs import Run
+from parallel_robot_analysis.report.animation import animation
+from parallel_robot_analysis.report.charts import Chart
+from parallel_robot_analysis.report.decimation import INTERVALS
+from parallel_robot_analysis.report.palette import STYLES
+from parallel_robot_analysis.report.plots import plot
+from parallel_robot_analysis.report.printable import printable
+from parallel_robot_analysis.report.runs import Run
 
 
 def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:
@@ -30,7 +30,7 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
     from plotly.offline import get_plotlyjs
 
     environment = Environment(
-        loader=PackageLoader('parallel_robot_analysis'),
+        loader=PackageLoader('parallel_robot_analysis.report'),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

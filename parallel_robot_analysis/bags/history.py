@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_reader import Messages
-from parallel_robot_analysis.bag_writer import CHANGES, LAWS, MESSAGES, PARAMETERS
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_reader import Messages
+from parallel_robot_analysis.bags.bag_writer import CHANGES, LAWS, MESSAGES, PARAMETERS
 from parallel_robot_interface import cdr, config
 from parallel_robot_interface.topics import STATUS, Topic
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.charts import Chart, Curve, Panel
-from parallel_robot_analysis.palette import STYLES
+from parallel_robot_analysis.report.charts import Chart, Curve, Panel
+from parallel_robot_analysis.report.palette import STYLES
 
 ROW = 170  # px, height of a panel over time
 GAP = 44  # px, between two rows

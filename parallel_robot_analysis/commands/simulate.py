@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis import bag_writer, simulation_bag
-from parallel_robot_analysis.history import remark_lines
+from parallel_robot_analysis.bags import bag_writer, simulation_bag
+from parallel_robot_analysis.bags.history import remark_lines
 from parallel_robot_control.faults import FAULT_TEXT
 from parallel_robot_control.messages import limits_text
 from parallel_robot_interface import config

@@ -12,7 +12,7 @@ from typing import IO
 
 import numpy as np
 
-from parallel_robot_analysis import run_log
+from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_interface.errors import InputError, RunError, UnknownNameError
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_analysis.printable import printable, without_mathematics
-from parallel_robot_analysis.run_log import RunLog
+from parallel_robot_analysis.report.printable import printable, without_mathematics
 from parallel_robot_interface.errors import UnknownNameError
 
 FORMATS = ('.png', '.pdf', '.svg')

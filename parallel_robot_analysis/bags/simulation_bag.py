@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.bag_writer import LAWS, BagWriter, certify
-from parallel_robot_analysis.experiment import SIMULATION, describe, sources
+from parallel_robot_analysis.bags.bag_writer import LAWS, BagWriter, certify
+from parallel_robot_analysis.bags.experiment import SIMULATION, describe, sources
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_control.messages import Status, Telemetry, status_message, telemetry_messages
 from parallel_robot_interface import cdr, config, topics

@@ -8,10 +8,11 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot_analysis import history, replayed, run, run_log, simulate
-from parallel_robot_analysis.experiment import SIMULATION, software
-from parallel_robot_analysis.history import History
-from parallel_robot_analysis.indexed_reader import BagReader
+from parallel_robot_analysis.bags import history, replayed, run_log
+from parallel_robot_analysis.bags.experiment import SIMULATION, software
+from parallel_robot_analysis.bags.history import History
+from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_analysis.commands import run, simulate
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import BagError
 

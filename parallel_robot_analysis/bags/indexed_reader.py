@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import get_chunk_data_stream
 
-from parallel_robot_analysis.bag_reader import files
+from parallel_robot_analysis.bags.bag_reader import files
 from parallel_robot_interface.errors import BagError
 
 RECORD = struct.Struct('<BQ')  # opcode, length of the rest

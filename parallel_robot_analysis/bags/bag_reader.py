@@ -17,8 +17,8 @@ import yaml
 import zstandard
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from parallel_robot_analysis.bag_writer import METADATA
-from parallel_robot_analysis.mcap_records import (
+from parallel_robot_analysis.bags.bag_writer import METADATA
+from parallel_robot_analysis.bags.mcap_records import (
     HEAD,
     MESSAGE_HEAD,
     Block,

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis import figures, history, replayed, run_log
-from parallel_robot_analysis.history import History
-from parallel_robot_analysis.run_log import RunLog
-from parallel_robot_analysis.simulate import add_set_argument
+from parallel_robot_analysis.bags import history, replayed, run_log
+from parallel_robot_analysis.bags.history import History
+from parallel_robot_analysis.bags.run_log import RunLog
+from parallel_robot_analysis.commands.simulate import add_set_argument
+from parallel_robot_analysis.report import figures
 from parallel_robot_control.laws import available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import BagError, InputError

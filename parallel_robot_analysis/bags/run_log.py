@@ -12,9 +12,9 @@ import numpy as np
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis import bag_reader
-from parallel_robot_analysis.bag_reader import Messages
-from parallel_robot_analysis.bag_writer import METADATA
+from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags.bag_reader import Messages
+from parallel_robot_analysis.bags.bag_writer import METADATA
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError, InputError
 from parallel_robot_interface.loop import LoopParameters
@@ -188,10 +188,11 @@ def _configuration(
         values = values | {'scenario': 'unknown', 'law': 'unknown'}
     try:
         if metadata:
-            values = values | dict(yaml.load(metadata['config'], config.LOADER))
+            stored = yaml.load(metadata['config'], config.LOADER)
+            values = values | {str(key): value for key, value in stored.items()}
         start = int(metadata.get('start_stamp', 0))
         return values, config.group(values, LoopParameters, ''), start
-    except (KeyError, TypeError, ValueError, InputError, yaml.YAMLError):
+    except (AttributeError, KeyError, ValueError, InputError, yaml.YAMLError):
         raise BagError(f'{bag}: its metadata {METADATA} hold no usable config') from None
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from mcap import records as mcap
 
-from parallel_robot_analysis import bag_reader, run_log
-from parallel_robot_analysis.bag_writer import (
+from parallel_robot_analysis.bags import bag_reader, run_log
+from parallel_robot_analysis.bags.bag_writer import (
     CHANGES,
     LAWS,
     METADATA,
@@ -20,7 +20,7 @@ from parallel_robot_analysis.bag_writer import (
     Channel,
     check,
 )
-from parallel_robot_analysis.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
+from parallel_robot_analysis.bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface.errors import BagError, RunError
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.plots import packed
-from parallel_robot_analysis.runs import Run
+from parallel_robot_analysis.report.plots import packed
+from parallel_robot_analysis.report.runs import Run
 from parallel_robot_interface import config
 from parallel_robot_model.parameters import RobotParameters
 from parallel_robot_model.skeleton import skeleton

@@ -10,8 +10,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import bag_writer, history, simulate
-from parallel_robot_analysis.experiment import command_line
+from parallel_robot_analysis.bags import bag_writer, history
+from parallel_robot_analysis.bags.experiment import command_line
+from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
@@ -30,6 +31,11 @@ OWN = (
     'recorder.out',
     'recorder.command_line',
 )  # keys that run gives to its nodes
+PATIENT = {  # s; the robot is simulated, and a desktop may stall: that is no danger to anybody
+    'safety.state_timeout': 0.5,
+    'safety.reference_timeout': 0.5,
+    'plant.command_timeout': 0.5,
+}
 LOOK = 0.1  # s, between two looks at the processes
 
 
@@ -51,6 +57,8 @@ def execute(arguments: argparse.Namespace) -> int:
     for key in OWN:
         if key in changed:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
+    if changed.get('time_mode') != 'lockstep':
+        changed = PATIENT | changed
     return record(arguments.scenario, changed, arguments.out)
 
 

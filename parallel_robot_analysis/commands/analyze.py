@@ -13,8 +13,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import figures, history, metrics, run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import history, run_log
 from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
+from parallel_robot_analysis.report import figures
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
 
 

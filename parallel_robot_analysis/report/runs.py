@@ -11,8 +11,10 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis import metrics, palette, run_log
-from parallel_robot_analysis.printable import printable
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.report import palette
+from parallel_robot_analysis.report.printable import printable
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
 from parallel_robot_interface.topics import CROSS_COUPLING_ERROR

@@ -7,11 +7,12 @@ import re
 import tempfile
 from pathlib import Path
 
-from parallel_robot_analysis import bag_writer, page, paper_figures
-from parallel_robot_analysis.charts import charts
-from parallel_robot_analysis.palette import RUNS
+from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.progress import tracked
-from parallel_robot_analysis.runs import Run, read_runs
+from parallel_robot_analysis.report import page, paper_figures
+from parallel_robot_analysis.report.charts import charts
+from parallel_robot_analysis.report.palette import RUNS
+from parallel_robot_analysis.report.runs import Run, read_runs
 from parallel_robot_interface.errors import InputError
 
 PAGE = 'report.html'

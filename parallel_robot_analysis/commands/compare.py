@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import claims, metrics, simulate
-from parallel_robot_analysis.analyze import json_draft
+from parallel_robot_analysis import claims, metrics
+from parallel_robot_analysis.commands import simulate
+from parallel_robot_analysis.commands.analyze import json_draft
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
 from parallel_robot_analysis.progress import tracked
-from parallel_robot_control.laws import LAWS
+from parallel_robot_control.laws import available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_sim import simulation
@@ -37,10 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    laws = arguments.laws or list(LAWS)
+    known = available(config.resolve(arguments.scenario, simulate.overrides(arguments)))
+    laws = arguments.laws or list(known)
     for law in laws:
-        if law not in LAWS:
-            raise UnknownNameError('law', law, LAWS)
+        if law not in known:
+            raise UnknownNameError('law', law, known)
     results = {}
     notes: list[str] = []
     for law in tracked(laws, len(laws), 'laws'):

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis.decimation import extremes
-from parallel_robot_analysis.runs import Run, Series
+from parallel_robot_analysis.report.decimation import extremes
+from parallel_robot_analysis.report.runs import Run, Series
 from parallel_robot_control.coupling import synchronisation_error
 
 TIME = 't [s]'

@@ -1,0 +1,128 @@
+"""Cost of every law: its kernel, and one cycle of the controller node from bytes to command.
+
+Usage: python benchmarks/laws.py [cycles]
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller_node import ControllerNode
+from parallel_robot_control.cycle import run_cycle
+from parallel_robot_control.laws import LAWS
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_model.kernel import kernel
+from parallel_robot_sim.simulation import assemble
+from trajectory_gen.messages import reference_messages
+
+WARM = 200  # cycles that are not counted
+BATCHES = 7  # of the kernel
+
+
+@kernel
+def repeat(
+    count: int,
+    update: Any,
+    gains: Any,
+    robot: Any,
+    limits: Any,
+    reference: JointReference,
+    position: Any,
+    velocity: Any,
+    state: Any,
+    memory: Any,
+    dt: float,
+) -> float:
+    """Run a cycle `count` times."""
+    total = 0.0
+    for _ in range(count):
+        cycle = run_cycle(
+            update, gains, robot, limits, reference, position, velocity, state, memory, dt
+        )
+        state, memory = cycle.state, cycle.memory
+        total += cycle.torque[0]
+    return total
+
+
+def kernel_cost(law: str, count: int) -> list[float]:
+    """Time of one cycle without Python around it [us], one figure a batch."""
+    parts = assemble(config.resolve('paper_circle', {'law': law, 'duration': 1.0}))
+    motion = parts.trajectory.sample(0.0)
+    theta, still = motion.position[0], np.zeros(3)
+    arguments = (
+        parts.law.update, parts.law.gains, parts.nominal, parts.limits,
+        JointReference(theta, still, still), theta + 1e-4, still + 1e-2,
+        parts.cycle, parts.law.memory, 1e-3,
+    )  # fmt: skip
+    repeat(1, *arguments)
+    figures = []
+    for _ in range(BATCHES):
+        begun = time.perf_counter()
+        repeat(count, *arguments)
+        figures.append(1e6 * (time.perf_counter() - begun) / count)
+    return figures
+
+
+def node_cost(law: str, count: int) -> list[float]:
+    """Time from a joint state and a reference as bytes to the published command [us]."""
+    rclpy.init(args=['--ros-args', '-p', f'law:={law}'])
+    node, context = ControllerNode(), Context()
+    context.init()
+    listener = rclpy.create_node('listener', context=context)
+    kind = message_class(topics.COMMANDS.type)
+    listener.create_subscription(kind, topics.COMMANDS.name, print, qos_of(topics.COMMANDS))
+    while not node.count_subscribers(topics.COMMANDS.name):
+        time.sleep(0.01)
+    parts = assemble(config.resolve('paper_circle', {'law': law, 'duration': 1.0}))
+    indices = np.arange(WARM + count)
+    motion = parts.trajectory.sample(indices * 1e-3)
+    stamps = 10**9 + indices * 10**6
+    joints = node.loop.joints
+    references = reference_messages(joints, stamps, motion)
+    states = cdr.joint_state(joints).records(
+        len(stamps), stamps, position=motion.position + 1e-4, velocity=motion.velocity
+    )
+    node.set_start(int(stamps[0]))
+    figures = []
+    for reference, state in zip(references, states, strict=True):
+        data = reference.tobytes(), state.tobytes()
+        begun = time.perf_counter()
+        node._on_reference(data[0])
+        node._on_state(data[1])
+        figures.append(1e6 * (time.perf_counter() - begun))
+    assert not node.alarm(), node.alarm()
+    listener.destroy_node()
+    context.try_shutdown()
+    node.destroy_node()
+    rclpy.shutdown()
+    return figures[WARM:]
+
+
+def main() -> None:
+    """Print one row a law."""
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 5000
+    print(f'us a cycle; median (min - max) of {BATCHES} batches, and of {count} cycles')
+    print(f'{"law":<20}{"kernel":>22}{"node":>22}{"99 %":>8}')
+    for law in LAWS:
+        alone, whole = kernel_cost(law, count), node_cost(law, count)
+        cells = (
+            f'{statistics.median(figures):.1f} ({min(figures):.1f} - {max(figures):.0f})'
+            for figures in (alone, whole)
+        )
+        print(f'{law:<20}' + ''.join(f'{cell:>22}' for cell in cells), end='')
+        print(f'{np.percentile(whole, 99):>8.0f}', flush=True)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,1 @@
+"""Bags: MCAP records, writing, reading, and what a run is made of again."""

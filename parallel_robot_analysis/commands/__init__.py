@@ -1,0 +1,1 @@
+"""The subcommands of parallel_robot, one module each."""

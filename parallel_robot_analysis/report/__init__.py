@@ -1,0 +1,1 @@
+"""Pictures of runs: figures for a paper, and the interactive page."""

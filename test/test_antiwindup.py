@@ -1,0 +1,81 @@
+"""Integrals while the torque is limited: they rest, and the way back is short."""
+
+import numpy as np
+import pytest
+from rig import Rig
+
+from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
+from parallel_robot_control.laws import LAWS
+from parallel_robot_interface import config
+from parallel_robot_sim.simulation import simulate
+
+WITH_INTEGRAL = [
+    'pid', 'super_twisting', 's_smc',
+    's_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft',
+]  # fmt: skip
+INTEGRALS = {'pid': 'integral', 'super_twisting': 'integral', 's_smc': 'coupling'}
+WEAK = 600  # samples for which the motors are too weak
+
+
+def test_an_integral_that_adds_to_the_excess_rests_and_another_does_not():
+    increment, excess = np.array([1.0, -2.0, 3.0]), np.array([5.0, 5.0, 0.0])
+    assert unless_saturated(increment, excess).tolist() == [0.0, -2.0, 3.0]
+    assert unless_saturated(increment, -excess).tolist() == [1.0, 0.0, 3.0]
+
+
+def test_integrals_over_differences_rest_together_so_that_their_sum_stays():
+    increment = np.array([2.0, -1.0, -1.0])
+    assert unless_any_saturated(increment, np.zeros(3)).tolist() == increment.tolist()
+    assert not unless_any_saturated(increment, np.array([0.0, -1e-9, 0.0])).any()
+
+
+def weak_at_first(law, deaf):
+    """Error from the end of saturation on [rad s], and the largest integral at that end.
+
+    The robot starts 8.6 mm off the circle with motors that are too weak to bring it back. Without
+    conditional integration (`deaf`) the law does not learn what was cut off.
+    """
+    rig = Rig('lockstep', law=law)
+    strong = rig.controller._limits
+    rig.controller._limits = strong._replace(torque=np.full(3, 1.5))
+    errors = []
+    for k in range(1400):
+        if k == WEAK:
+            rig.controller._limits = strong
+            memory = rig.controller._memory
+            integral = np.abs(getattr(memory, INTEGRALS.get(law, 'switching'))).max()
+            assert (np.abs(rig.torques) == 1.5).any(axis=1).mean() > 0.5
+        if deaf:
+            state = rig.controller._state
+            rig.controller._state = state._replace(excess=np.zeros(3))
+        sample = rig.step()
+        if sample.status.fault:
+            return np.inf, integral
+        errors.append(np.abs(sample.telemetry.error[0]).max())
+    return 1e-3 * sum(errors[WEAK:]), integral
+
+
+@pytest.mark.parametrize('law', WITH_INTEGRAL)
+def test_after_saturation_the_way_back_is_short(law):
+    """Less than half of what it would be with an integral that had wound up three times as far."""
+    error, integral = weak_at_first(law, deaf=False)
+    wound_error, wound_integral = weak_at_first(law, deaf=True)
+    assert 3.0 * integral < wound_integral
+    assert error < 0.5 * wound_error
+
+
+@pytest.mark.parametrize('law', WITH_INTEGRAL)
+def test_without_saturation_nothing_changes(law):
+    """The bits of a law that is never told of an excess."""
+    heard, deaf = Rig('lockstep', law=law), Rig('lockstep', law=law)
+    for _ in range(200):
+        deaf.controller._state = deaf.controller._state._replace(excess=np.zeros(3))
+        heard.step(), deaf.step()
+    assert np.array_equal(heard.torques, deaf.torques)
+
+
+@pytest.mark.parametrize('law', LAWS)
+@pytest.mark.parametrize('scenario', ['paper_circle', 'paper_line', 'circle_pi12'])
+def test_in_the_paper_s_scenarios_no_limit_acts(scenario, law):
+    made = simulate(config.resolve(scenario, {'law': law, 'duration': 12.0}))
+    assert not made.run.acted.any() and not made.run.fault.any()

@@ -1,0 +1,223 @@
+"""Laws of one's own: one file, found everywhere; a wrong one costs one line."""
+
+import signal
+import timeit
+
+import numpy as np
+import pytest
+from rig import Rig
+
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.processes import MODULES
+from parallel_robot_control.laws import LAWS, prepare
+from parallel_robot_interface import config, topics
+from parallel_robot_interface.errors import InputError
+from parallel_robot_sim.simulation import simulate
+
+pytest_plugins = ['ros_fixtures']
+
+# PID with other gains, whose classes have the names and the fields of the suite's own PID.
+LAW = """
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from parallel_robot_control.contract import ControlOutput
+from parallel_robot_interface.fields import Field
+from parallel_robot_model.kernel import kernel
+
+
+class Gains(NamedTuple):
+    Kp: Annotated[float, Field('N m/rad', 'proportional gain', 0.0)] = 1350
+    Ki: Annotated[float, Field('N m/(rad s)', 'integral gain', 0.0)] = 6000.0
+    Kd: Annotated[float, Field('N m s/rad', 'derivative gain', 0.0)] = 90.0
+
+
+class Memory(NamedTuple):
+    integral: np.ndarray
+
+
+def initial_memory(joints):
+    return Memory(np.zeros(joints))
+
+
+@kernel
+def update(gains, model, reference, feedback, memory, dt):
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot
+    return ControlOutput(torque, e, e, Memory(memory.integral + dt * e))
+"""
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Write a law file with some of its text replaced; the test runs beside it."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(name, *replaced, folder='.'):
+        text = LAW
+        for old, new in replaced:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / folder).mkdir(exist_ok=True)
+        path = tmp_path / folder / f'{name}.py'
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope='module')
+def mine(tmp_path_factory):
+    """A good law file; compiled once."""
+    path = tmp_path_factory.mktemp('laws') / 'mine.py'
+    path.write_text(LAW)
+    return path
+
+
+def values_of(path, **changes):
+    return config.resolve('paper_circle', {'own_laws': [str(path)], 'law': path.stem, **changes})
+
+
+def test_a_law_of_ones_own_is_compared_and_simulated_like_the_others(
+    mine, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(mine.parent)
+    own = ['--duration', '2', '--set', 'own_laws=[mine.py]']
+    assert main(['compare', 'paper_circle', *own, '--laws', 'mine', 'pid']) == 0
+    rows = {
+        line.split()[0]: line.split()[1:] for line in capsys.readouterr().out.splitlines()[3:5]
+    }
+    assert rows['mine'] == rows['pid'] and len(rows['mine']) > 5
+    assert main(['compare', 'paper_circle', *own, '--laws', 'mien']) == 2
+    assert "unknown law 'mien'; did you mean 'mine'?" in capsys.readouterr().err
+    assert (
+        main(['simulate', 'paper_circle', *own, '--law', 'mine', '--out', str(tmp_path / 'bag')])
+        == 0
+    )
+
+
+def test_classes_of_the_same_names_as_those_of_another_law_are_told_apart(mine):
+    values = values_of(mine, duration=2.0)
+    made, pid = simulate(values), simulate(values | {'law': 'pid'})
+    assert np.array_equal(made.run.command, pid.run.command)
+    assert type(made.run.memory) is type(made.law.memory) is not LAWS['pid'].Memory
+    assert type(pid.run.memory) is LAWS['pid'].Memory
+
+
+def test_a_cycle_with_such_a_law_takes_no_longer_than_with_the_other(mine):
+    times = {}
+    rigs = {law: Rig('lockstep', law=law, own_laws=[str(mine)]) for law in ('pid', 'mine')}
+    for rig in rigs.values():
+        rig.run(5)
+    for law, rig in rigs.items():
+        core, given = rig.controller, (rig.reference(), rig.measured())
+
+        def cycle(core=core, given=given):
+            core._cycle(core.law, *given, core._memory, 1e-3)
+
+        times[law] = min(timeit.repeat(cycle, number=200, repeat=7))
+        assert type(core._memory) is type(core.law.memory)
+    assert times['mine'] < 3.0 * times['pid']
+
+
+def test_the_laws_are_switched_to_and_fro(mine):
+    rig = Rig('lockstep', own_laws=[str(mine)])
+    for law in ('mine', 'pid', 's_fotsmc', 'mine'):
+        before = rig.run(20).torque
+        rig.change(law=law)
+        sample = rig.step()
+        assert sample.status.law == law and sample.status.fault == 0
+        assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
+        assert type(rig.controller._memory) is type(rig.controller.law.memory)
+
+
+def test_the_preset_of_a_law_of_ones_own_are_its_defaults_as_numbers(mine):
+    rig = Rig('lockstep', law='mine', own_laws=[str(mine)])
+    rig.change(mine__Kp=1000.0)
+    change = rig.controller.judge({'preset': 'paper'})
+    gain = change.values['mine.Kp']
+    assert (type(gain), gain) == (float, 1350.0)  # the file says 1350
+
+
+def test_judge_of_a_law_of_ones_own_may_refuse_or_fail(write):
+    judged = '\n\ndef judge(gains):\n    return [f"{1.0 / (gains.Kp - 2.0)}"]\n'
+    path = write('judging', ('\n\n@kernel', judged + '\n\n@kernel'))
+    assert prepare('judging', values_of(path, **{'judging.Kp': 3.0})).warnings == ('judging: 1.0',)
+    with pytest.raises(InputError, match=r'^judging: judge: ZeroDivisionError'):
+        prepare('judging', values_of(path, **{'judging.Kp': 2.0}))
+
+
+RETURN = 'ControlOutput(torque, e, e, Memory(memory.integral + dt * e))'
+WRONG = {
+    'syntax': ([('def update(', 'def update((')], 'SyntaxError'),
+    'no_update': ([('def update(', 'def upgrade(')], 'no_update.py has no update'),
+    'no_gains': ([('class Gains(', 'class Grains(')], 'no_gains.py has no Gains'),
+    'no_default': ([(' = 1350', '')], 'no_default.Kp has no default'),
+    'no_field': (
+        [("Annotated[float, Field('N m/rad', 'proportional gain', 0.0)]", 'float')],
+        'Gains.Kp needs Annotated',
+    ),
+    'no_tuple': ([('class Gains(NamedTuple)', 'class Gains')], 'Gains is not a NamedTuple'),
+    'negative': ([(' = 90.0', ' = -90.0')], 'negative.Kd must be at least 0 N m s/rad, not -90'),
+    'not_a_number': ([(' = 90.0', " = float('nan')")], 'not_a_number.Kd must be finite'),
+    'plain': ([('@kernel\n', '')], 'plain: update is not compiled: put @kernel before it'),
+    'unknown': ([('gains.Kp * e', 'gains.Kq * e')], "does not compile: Unknown attribute 'Kq'"),
+    'short': ([('feedback, memory, dt)', 'feedback)')], 'short: update does not compile: '),
+    'scalar': ([(RETURN, RETURN.replace('torque', '1.0'))], 'scalar: update must return Control'),
+    'tuple_alone': ([(RETURN, '(torque, e, e, memory)')], 'tuple_alone: update must return Contr'),
+    'other_memory': (
+        [('Memory(memory.integral + dt * e))', 'memory.integral)')],
+        'other_memory: update must return ControlOutput',
+    ),
+    'odd_memory': ([('return Memory(np.zeros(joints))', 'return {}')], 'odd_memory: initial_memo'),
+    'failing': ([('return Memory(np.zeros(joints))', 'return 1 // 0')], 'ZeroDivisionError'),
+    'exits': ([('class Gains', 'raise SystemExit(0)\n\n\nclass Gains')], 'SystemExit: 0'),
+    'wordy': (
+        [('class Gains', 'raise OSError("a\\nb")\n\n\nclass Gains')],
+        'wordy.py: OSError: a',
+    ),
+    'smc': ([], 'own_laws: smc.py: there is already a law smc; rename the file'),
+}
+
+
+@pytest.mark.parametrize('name', WRONG)
+def test_a_wrong_file_costs_one_line(name, write, capsys):
+    replaced, reason = WRONG[name]
+    write(name, *replaced)
+    words = ['paper_circle', '--duration', '0.1', '--set', f'own_laws=[{name}.py]']
+    for command in (['simulate', *words, '--law', name, '--out', 'bag'], ['compare', *words]):
+        assert main(command) == 2
+        out, err = capsys.readouterr()
+        assert out == '' and err.count('\n') == 1 and reason in err and len(err) < 300
+
+
+@pytest.mark.parametrize('given', ['missing.py', '.', 'a-b.py', 'mine.txt'])
+def test_a_file_that_is_none_costs_one_line(given, write, tmp_path, capsys):
+    (tmp_path / 'a-b.py').write_text(LAW), (tmp_path / 'mine.txt').write_text(LAW)
+    assert main(['compare', 'paper_circle', '--set', f'own_laws=[{given}]']) == 2
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1 and f'own_laws: {given} is not a Python file' in err
+
+
+def test_two_files_of_one_name_are_not_confused(write, capsys):
+    write('same'), write('same', folder='b')
+    assert main(['compare', 'paper_circle', '--set', 'own_laws=[same.py, b/same.py]']) == 2
+    assert 'own_laws: b/same.py: there is already a law same' in capsys.readouterr().err
+
+
+@pytest.mark.xdist_group('processes')
+def test_the_node_runs_it_or_says_in_one_line_why_not(write, launch, peer):
+    def node(path, law):
+        words = ['-p', f'own_laws:=["{path}"]', '-p', f'law:={law}', '-p', f'{law}.Kp:=1000']
+        return launch(MODULES['controller'], '--ros-args', *words)
+
+    good = node(write('tuned'), 'tuned')
+    wrong = node(write('mistaken', ('gains.Kp * e', 'gains.Kq * e')), 'mistaken')
+    laws = peer.listen(topics.ACTIVE_LAW)
+    peer.until(lambda: laws or not good.running)
+    assert laws[-1].data == 'tuned'
+    assert wrong.wait() == 2
+    assert wrong.stderr.count('\n') == 1 and "Unknown attribute 'Kq'" in wrong.stderr
+    assert good.end(signal.SIGINT) == 0

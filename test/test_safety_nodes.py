@@ -1,0 +1,231 @@
+"""Safety with real nodes in real time: services, latched status, a controller that is killed."""
+
+import signal
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from domain_coordinator import domain_id
+from ros_fixtures import Peer, Process
+from std_srvs.srv import Trigger
+
+from parallel_robot_analysis.processes import MODULES
+from parallel_robot_control.faults import EMERGENCY_STOP, FAULT_TEXT, STATES_DISAGREE, STATES_STALE
+from parallel_robot_interface import topics
+
+pytest_plugins = ['ros_fixtures']
+pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
+
+DAMPING = 40.0  # N m s/rad, docs/safety.md
+STATE_TIMEOUT = 2.0  # s; the machine is shared
+LATE = 500  # states, that a command may come behind its own: 0.5 s of a stalled machine
+PATIENT = [
+    'law:=computed_torque',  # which is stable although a loaded machine delays its commands
+    f'safety.state_timeout:={STATE_TIMEOUT}',
+    'safety.reference_timeout:=5.0',
+    'plant.command_timeout:=0.5',
+]
+
+
+@pytest.fixture
+def start(launch, domain):
+    """Start a node by its name, parameters and further words."""
+
+    def start(name, *parameters, words=()):
+        given = [word for parameter in parameters for word in ('-p', parameter)]
+        return launch(MODULES[name], '--ros-args', *words, *given)
+
+    return start
+
+
+class Loop:
+    """Controller, plant and trajectory, and what they say."""
+
+    def __init__(self, start, peer):
+        self.start, self.peer = start, peer
+        self.states = peer.listen(topics.JOINT_STATES)
+        self.errors = peer.listen(topics.ERROR)
+        self.statuses = peer.listen(topics.STATUS)
+        self.diagnostics = {}
+        peer.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
+        self.nodes = {}
+        for name in ('trajectory', 'plant', 'controller'):
+            self.begin(name)
+
+    def _take(self, array):
+        for status in array.status:
+            figures = {item.key: item.value for item in status.values}
+            self.diagnostics[status.hardware_id] = (status.level, status.message, figures)
+
+    def begin(self, name):
+        self.nodes[name] = self.start(name, *PATIENT)
+        self.peer.see(f'/{name}')
+
+    def until(self, condition):
+        return self.peer.until(condition)
+
+    def until_steady(self):
+        """Wait until the law has brought the robot to the circle.
+
+        A machine that stands still for seconds brings a fault before the test begins.
+        """
+        self.errors.clear()
+
+        def steady():
+            if self.status() and self.status()[0] == DiagnosticStatus.ERROR:
+                self.call('clear_fault')
+            return self.errors and np.abs(self.errors[-1].position).max() < 5e-3
+
+        self.until(steady)
+
+    def status(self):
+        """Level and message of the newest status."""
+        if not self.statuses:
+            return None
+        (status,) = self.statuses[-1].status
+        return status.level, status.message
+
+    def until_fault(self, fault):
+        wanted = (DiagnosticStatus.ERROR, f'fault: {FAULT_TEXT[fault]}')
+        self.until(lambda: self.status() == wanted)
+
+    def call(self, service):
+        name = f'controller/{service}'
+        return self.peer.call(Trigger, name, Trigger.Request(), self.nodes['controller'])
+
+    def until_told(self, node, level, *marks):
+        """Wait for diagnostics of a node that say all of this."""
+
+        def told():
+            found = self.diagnostics.get(f'/{node}')
+            return found and found[0] == level and all(mark in str(found) for mark in marks)
+
+        self.until(told)
+
+    def damps(self, first):
+        """Whether each effort from state `first` on damps one of the states just before it."""
+        torques = efforts(self.states)
+        damped = -DAMPING * np.array([state.velocity[:3] for state in self.states])
+        return all(
+            (damped[max(k - LATE, 0) : k] == torques[k]).all(axis=1).any()
+            for k in range(first, len(self.states))
+        )
+
+
+@pytest.fixture(scope='module')
+def loop(compiled, tmp_path_factory):
+    """One loop for many tests; each but the last leaves it without a fault."""
+    with pytest.MonkeyPatch.context() as patch, domain_id() as number, ExitStack() as stack:
+        patch.setenv('ROS_DOMAIN_ID', str(number))
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+
+        def start(name, *parameters, words=()):
+            given = [word for parameter in parameters for word in ('-p', parameter)]
+            words = [MODULES[name], '--ros-args', *words, *given]
+            process = Process(words, tmp_path_factory.mktemp(name), {})
+            stack.callback(process.clean)
+            return process
+
+        peer = Peer()
+        stack.callback(peer.close)
+        yield Loop(start, peer)
+
+
+def efforts(states):
+    return np.array([state.effort[:3] for state in states])
+
+
+def test_a_killed_controller_leaves_the_motors_safe_and_its_successor_takes_over(loop):
+    loop.until_steady()
+    assert loop.nodes['controller'].end(signal.SIGKILL) == -signal.SIGKILL
+    before = len(loop.states)
+    loop.until_told('plant', DiagnosticStatus.WARN, 'command time-outs')
+    torques, speeds = (
+        np.array([getattr(state, field)[:3] for state in loop.states[before - 200 :]])
+        for field in ('effort', 'velocity')
+    )
+    damped = np.abs(torques[1:] + DAMPING * speeds[:-1]).max(axis=1) < 1e-12
+    kept = np.abs(np.diff(torques, axis=0)).max(axis=1) == 0.0
+    since = len(damped) - np.argmin(damped[::-1])  # from here on always
+    silent = since - 1 - np.argmin(kept[:since][::-1][1:])  # the last command came until here
+    assert damped[since:].all() and len(damped) - since > 5
+    assert 0.45e3 <= since - silent <= 0.55e3  # the last torque is held for 0.5 s, at 1 kHz
+
+    alone = before - 200 + 1 + since
+    loop.begin('controller')
+    loop.until_steady()
+    torques = efforts(loop.states[alone:])
+    speeds = np.array([state.velocity[:3] for state in loop.states[alone:]])
+    driven = np.flatnonzero(np.abs(torques[1:] + DAMPING * speeds[:-1]).max(axis=1) > 1e-12)[0]
+    taken_over = torques[driven + 1] - torques[driven]
+    assert np.abs(taken_over).max() <= 1.1  # of the state that it answered: at most 1 N m
+    assert loop.status()[0] == DiagnosticStatus.WARN  # the ramp has acted
+    assert not loop.nodes['controller'].stderr.count('fault')
+
+
+def test_an_emergency_stop_is_latched_until_it_is_cleared(loop):
+    loop.until_steady()
+    answer = loop.call('emergency_stop')
+    assert answer.success and 'clear_fault' in answer.message
+    loop.until_fault(EMERGENCY_STOP)
+    first = len(loop.states) + LATE
+    loop.until(lambda: len(loop.states) > first + 100)
+    assert loop.damps(first)
+    late = loop.peer.listen(topics.STATUS)
+    loop.until(lambda: late)
+    assert late[0].status[0].level == DiagnosticStatus.ERROR
+    loop.until_told('controller', DiagnosticStatus.ERROR, FAULT_TEXT[EMERGENCY_STOP])
+    assert loop.call('clear_fault').success
+    loop.until(lambda: loop.status()[0] == DiagnosticStatus.WARN)
+    loop.until_steady()
+
+
+def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
+    loop.until_steady()
+    commands = loop.peer.listen(topics.COMMANDS)
+    assert loop.nodes['plant'].end(signal.SIGKILL) == -signal.SIGKILL
+    loop.until_fault(STATES_STALE)
+    loop.until(lambda: commands and not any(commands[-1].data))
+    answer = loop.call('clear_fault')
+    assert not answer.success and answer.message == FAULT_TEXT[STATES_STALE]
+    assert loop.status()[0] == DiagnosticStatus.ERROR
+    count = len(loop.states)
+    loop.begin('plant')
+    loop.until(lambda: len(loop.states) > count + 100)
+    loop.until_fault(STATES_STALE)  # still, though states are there
+    assert loop.call('clear_fault').success
+    loop.until_steady()
+
+
+def test_two_plants_are_seen_and_their_mixture_is_not_controlled(loop):
+    loop.until_steady()
+    loop.start('plant', *PATIENT, words=['-r', '__node:=other'])
+    loop.until_fault(STATES_DISAGREE)
+    loop.until_told('controller', DiagnosticStatus.ERROR, "'joint_states: publishers': '2'")
+
+
+def test_two_publishers_are_seen_on_a_topic_of_another_name(start, peer):
+    """As with hardware, whose topics have names of their own."""
+    start('controller', 'time_mode:=lockstep', words=['-r', 'joint_states:=/hardware/joints'])
+    told = {}
+
+    def take(array):
+        told.update({item.key: item.value for item in array.status[0].values})
+
+    peer.node.create_subscription(DiagnosticArray, '/diagnostics', take, 10)
+    topic = topics.JOINT_STATES._replace(name='/hardware/joints')
+    publishers = [peer.publisher(topic) for _ in range(2)]
+    peer.until(lambda: told.get('joint_states: publishers') == str(len(publishers)))
+
+
+def test_a_stop_before_the_first_state_is_told_and_can_be_cleared(start, peer):
+    process = start('controller')
+    statuses = peer.listen(topics.STATUS)
+    for service, level in (
+        ('emergency_stop', DiagnosticStatus.ERROR),
+        ('clear_fault', DiagnosticStatus.OK),
+    ):
+        answer = peer.call(Trigger, f'controller/{service}', Trigger.Request(), process)
+        assert answer.success
+        peer.until(lambda: statuses and statuses[-1].status[0].level == level)  # noqa: B023
