@@ -132,6 +132,11 @@ class BagWriter:
         self._first = log_time if self._first is None else min(self._first, log_time)
         self._last = max(self._last, log_time)
 
+    @property
+    def size(self) -> int:
+        """Length of the file [bytes]."""
+        return self._file.tell()
+
     def note(self, name: str, facts: Mapping[str, str]) -> None:
         """Write a metadata record; unlike messages, it is with the system at once.
 

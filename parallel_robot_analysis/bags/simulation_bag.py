@@ -10,6 +10,7 @@ import numpy as np
 
 from parallel_robot_analysis.bags.bag_writer import LAWS, BagWriter, certify
 from parallel_robot_analysis.bags.experiment import SIMULATION, describe, sources
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_control.messages import Status, Telemetry, status_message, telemetry_messages
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.loop import STEP_START
@@ -69,7 +70,7 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
         writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
         status = None
         acted = np.bitwise_or.accumulate(run.acted)
-        for k in range(count):
+        for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
             now = Status(law.name, int(run.fault[k]), int(acted[k]))
             if now != status:

@@ -13,6 +13,7 @@ from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.commands.analyze import json_draft
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_control.laws import available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
@@ -44,16 +45,12 @@ def execute(arguments: argparse.Namespace) -> int:
             raise UnknownNameError('law', law, known)
     results = {}
     notes: list[str] = []
-    for number, law in enumerate(laws, start=1):
-        if sys.stderr.isatty():
-            print(f'\r[{number}/{len(laws)}] {law:<24}', end='', file=sys.stderr)
+    for law in tracked(laws, len(laws), 'laws'):
         changed = simulate.overrides(arguments) | {'law': law}
         values = config.resolve(arguments.scenario, changed)
         made = simulation.simulate(values)
         results[law] = evaluate(made)
         notes += simulate.remarks(made)
-    if sys.stderr.isatty():
-        print('\r' + ' ' * 40 + '\r', end='', file=sys.stderr)
     verdicts = claims.judge(results)
     if arguments.json:
         try:

@@ -13,6 +13,7 @@ from typing import IO
 import numpy as np
 
 from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_interface.errors import InputError, RunError, UnknownNameError
 
 Table = Mapping[str, np.ndarray]
@@ -62,7 +63,9 @@ def write_csv(table: Table, stream: IO[bytes]) -> None:
     text = io.TextIOWrapper(stream, newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(table)
-    writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+    rows = zip(*(column.tolist() for column in table.values()), strict=True)
+    count = len(next(iter(table.values())))
+    writer.writerows(tracked(rows, count, 'rows'))
     text.detach()
 
 

@@ -21,6 +21,7 @@ from parallel_robot_analysis.bags.bag_writer import (
     check,
 )
 from parallel_robot_analysis.bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
+from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface.errors import BagError, RunError
 
 
@@ -106,8 +107,9 @@ def recover(bag: Path, out: Path) -> Recovery:
     try:
         with BagWriter(out, (), _facts(bag, files)) as writer:
             created = True
-            for file in files:
-                _copy(file, writer, numbers, recovery)
+            with Progress(sum(file.stat().st_size for file in files) // 1000, 'kB') as progress:
+                for file in files:
+                    _copy(file, writer, numbers, recovery, progress)
             if not recovery.kept:
                 raise BagError(f'{bag} holds no message that is intact')
         recovery.missing = _missing(out)
@@ -120,7 +122,13 @@ def recover(bag: Path, out: Path) -> Recovery:
     return recovery
 
 
-def _copy(file: Path, writer: BagWriter, numbers: dict[Channel, int], recovery: Recovery) -> None:
+def _copy(
+    file: Path,
+    writer: BagWriter,
+    numbers: dict[Channel, int],
+    recovery: Recovery,
+    progress: Progress,
+) -> None:
     """Copy what is intact in a file; `numbers` are those of the new channels, and grow."""
     schemas: dict[int, mcap.Schema] = {}
     channels: dict[int, Channel] = {}
@@ -143,6 +151,7 @@ def _copy(file: Path, writer: BagWriter, numbers: dict[Channel, int], recovery: 
             recovery.damage.append(record)
         elif isinstance(record, Block):
             recovery.chunks += 1
+            progress.show(writer.size // 1000)
             for start, head in zip(record.starts.tolist(), record.heads().tolist(), strict=True):
                 length, source, sequence, log_time, publish_time = head
                 channel = channels[source]

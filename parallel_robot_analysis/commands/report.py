@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from parallel_robot_analysis.bags import bag_writer
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import page, paper_figures
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.palette import RUNS
@@ -64,10 +65,10 @@ def write(groups: dict[str, list[Run]], directory: Path) -> int:
         draft.mkdir()
         text = page.render(groups, drawn)
         (draft / PAGE).write_text(text, encoding='utf-8')
-        for scenario, members in drawn.items():
-            for chart in members:
-                stem = f'figure_{chart.number}_{chart.name}_{_file_name(scenario)}'
-                paper_figures.draw(chart, draft, stem)
+        members = [(scenario, chart) for scenario, some in drawn.items() for chart in some]
+        for scenario, chart in tracked(members, len(members), 'figures'):
+            stem = f'figure_{chart.number}_{chart.name}_{_file_name(scenario)}'
+            paper_figures.draw(chart, draft, stem)
         figures = len(list(draft.iterdir())) - 1
         draft.rename(directory)
     return figures

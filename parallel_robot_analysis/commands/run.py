@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from parallel_robot_analysis.bags import bag_writer, history
 from parallel_robot_analysis.bags.experiment import command_line
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
+from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
@@ -121,14 +121,15 @@ def _supervise(
                 start = STEP_START if lockstep else (now + LEAD) // START_GRID * START_GRID
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
-                _follow(processes, session, samples, _progress(duration))
+                with Progress(duration, 's') as progress:
+                    _follow(processes, session, samples, duration, progress)
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
 
 def _follow(
-    processes: NodeProcesses, session: Any, samples: int, progress: Callable[[float], None]
+    processes: NodeProcesses, session: Any, samples: int, duration: float, progress: Progress
 ) -> None:
     """Wait until the recorder has all of the motion.
 
@@ -140,21 +141,7 @@ def _follow(
         session.spin(LOOK)
         if session.state != seen:
             seen, since = session.state, time.monotonic()
-            progress(min(1.0, seen / samples))
+            progress.show(round(duration * min(1.0, seen / samples), 1))
         elif time.monotonic() - since > STANDSTILL:
             raise RunError(f'the plant stands still at state {seen} of {samples}')
     processes.check()
-    progress(1.0)
-
-
-def _progress(duration: float) -> Callable[[float], None]:
-    """Show progress on a terminal; stay silent in a pipe."""
-    if not sys.stderr.isatty():
-        return lambda share: None
-
-    def show(share: float) -> None:
-        bar = '#' * round(30 * share)
-        end = '\n' if share == 1.0 else ''
-        print(f'\r[{bar:<30}] {share * duration:.1f} of {duration:g} s', end=end, file=sys.stderr)
-
-    return show

@@ -1,0 +1,63 @@
+"""Progress is for terminals."""
+
+import io
+from types import SimpleNamespace
+
+import pytest
+
+from parallel_robot_analysis import progress
+from parallel_robot_analysis.progress import CLEAR, Progress, tracked
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """A terminal on which everything is drawn at once."""
+    monkeypatch.setattr(progress, 'QUIET', 0.0)
+    monkeypatch.setattr(progress, 'AGAIN', 0.0)
+    terminal = Terminal()
+    monkeypatch.setattr(progress, 'sys', SimpleNamespace(stderr=terminal))
+    return terminal
+
+
+def test_a_pipe_sees_nothing(monkeypatch, capsys):
+    monkeypatch.setattr(progress, 'QUIET', 0.0)
+    assert list(tracked('abc', 3, 'letters')) == ['a', 'b', 'c']
+    assert capsys.readouterr() == ('', '')
+
+
+def test_a_terminal_sees_a_bar_that_goes_away(terminal):
+    assert list(tracked('abcd', 4, 'letters')) == ['a', 'b', 'c', 'd']
+    pictures = terminal.getvalue().split(CLEAR)
+    assert len(pictures) == 6 and pictures[0] == pictures[-1] == ''
+    assert pictures[3].startswith('[' + 15 * '#' + 15 * ' ' + '] 2 of 4 letters')
+
+
+def test_short_work_says_nothing(terminal, monkeypatch):
+    monkeypatch.setattr(progress, 'QUIET', 60.0)
+    list(tracked('abc', 3, 'letters'))
+    assert terminal.getvalue() == ''
+
+
+def test_the_bar_goes_away_after_an_error(terminal):
+    def items():
+        yield from 'ab'
+        raise ValueError('broken')
+
+    with pytest.raises(ValueError, match='broken'):
+        list(tracked(items(), 3, 'letters'))
+    assert '1 of 3 letters' in terminal.getvalue() and terminal.getvalue().endswith(CLEAR)
+
+
+def test_nothing_to_do_and_more_than_expected(terminal):
+    with Progress(0) as bar:
+        bar.show(0)
+    with Progress(1) as bar:
+        bar.show(5)
+    assert 2 * f'[{30 * "#"}]' in terminal.getvalue().replace(f'{CLEAR}', '').replace(
+        ' 0 of 0 ', ''
+    )
