@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib.util
 import sys
+import zlib
 from pathlib import Path
 from types import ModuleType
 
@@ -34,7 +35,8 @@ def load(path: str) -> tuple[str, ModuleType]:
 
 @functools.cache
 def _module(file: Path) -> ModuleType:
-    name = f'parallel_robot_own_{file.stem}'
+    # Numba tells tuples apart by the names of module and class: two files must not share one.
+    name = f'parallel_robot_own_{file.stem}_{zlib.crc32(bytes(file)):08x}'
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None and spec.loader is not None  # of a .py file there always is one
     module = importlib.util.module_from_spec(spec)
