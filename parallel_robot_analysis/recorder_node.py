@@ -83,12 +83,11 @@ class RecorderNode(SuiteNode):
 
     def _ask(self) -> None:
         """Ask all publishers for their parameters."""
-        for topic in self._topics:
-            self._parameter_watch.ask(
-                f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                for info in self.get_publishers_info_by_topic(full_name(topic))
-                if not info.node_name.startswith('_')  # not known yet
-            )
+        self._parameter_watch.ask(
+            f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+            for topic in self._topics
+            for info in self.get_publishers_info_by_topic(full_name(topic))
+        )
 
     def _publishers_of(self, topic: topics.Topic) -> int:
         return int(self.count_publishers(full_name(topic)))

@@ -17,6 +17,7 @@ from parallel_robot_interface.topics import DEPTH
 
 Tell = Callable[[str, dict[str, Any]], None]  # full name of a node, its parameters
 OTHERS = ('use_sim_time', 'start_stamp')  # changes of these are the start of a run
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # what rclpy calls a node of which only a topic is known so far
 PATIENCE = 5.0  # s, how long the answer of a node is waited for
 
 
@@ -34,15 +35,19 @@ class ParameterWatch:
         self._node = node
         self._found = found
         self._changed = changed
-        self._asked: dict[str, float] = {node.get_fully_qualified_name(): 0.0}  # s, when
-        self._answered = set(self._asked)
+        itself = node.get_fully_qualified_name()
+        self._seen: dict[str, float] = {itself: 0.0}  # s, when
+        self._present: set[str] = set()
+        self._asked, self._answered = {itself}, {itself}
         self._clients: dict[str, tuple[Any, Any]] = {}
         node.create_subscription(ParameterEvent, '/parameter_events', self._on_event, DEPTH)
 
     def ask(self, names: Iterable[str]) -> None:
-        """Ask the nodes that were not asked yet, by full name."""
-        for name in names:
-            if name in self._asked:
+        """Ask the nodes that were not asked yet, given those that are there by full name."""
+        self._present = set(names)
+        for name in self._present:
+            self._seen.setdefault(name, time.monotonic())
+            if name in self._asked or UNKNOWN in name:
                 continue
             if name not in self._clients:
                 self._clients[name] = (
@@ -50,17 +55,17 @@ class ParameterWatch:
                     self._node.create_client(GetParameters, f'{name}/get_parameters'),
                 )
             if all(client.service_is_ready() for client in self._clients[name]):
-                self._asked[name] = time.monotonic()
+                self._asked.add(name)
                 future = self._clients[name][0].call_async(ListParameters.Request())
                 future.add_done_callback(partial(self._on_names, name))
 
     def missing(self) -> list[str]:
-        """Nodes that were asked and have not answered yet."""
+        """Nodes that are there and have not answered yet."""
         now = time.monotonic()
         return [
             name
-            for name, since in self._asked.items()
-            if name not in self._answered and now - since < PATIENCE
+            for name in sorted(self._present - self._answered)
+            if now - self._seen[name] < PATIENCE
         ]
 
     def _on_names(self, node: str, future: Future) -> None:

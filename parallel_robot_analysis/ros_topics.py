@@ -124,7 +124,9 @@ def listen(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> None
     signature = inspect.signature(lambda message, information: None)
     pass_on.__signature__ = signature  # type: ignore[attr-defined]
     kind = message_class(topic.type)
-    node.create_subscription(kind, full_name(topic), pass_on, qos or qos_of(topic), raw=True)
+    profile = qos or qos_of(topic)
+    profile.depth = DEPTH  # of what is latched too: not only the last is wanted
+    node.create_subscription(kind, full_name(topic), pass_on, profile, raw=True)
 
 
 def full_name(topic: Topic) -> str:
