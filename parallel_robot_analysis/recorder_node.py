@@ -10,7 +10,7 @@ from typing import Any
 from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_analysis.ros_parameters import ParameterWatch
-from parallel_robot_analysis.ros_topics import Discovery, RecorderParameters, full_name, listen
+from parallel_robot_analysis.ros_topics import Discovery, RecorderParameters, full_name, listen_all
 from parallel_robot_interface import config, topics
 from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
@@ -34,7 +34,7 @@ class RecorderNode(SuiteNode):
         self._discovery = Discovery(self, wanted) if choosing else None
         for topic in () if choosing else topics.RECORDED:
             self._topics.append(topic)
-            listen(self, topic, None, self._recorder.take)
+            listen_all(self, topic, None, self._recorder.take)
         self._parameter_watch = ParameterWatch(self, self._recorder.found, self._recorder.changed)
         self.create_timer(LOOK, self._look)
         self.create_timer(CHECK, self._check)
@@ -75,7 +75,7 @@ class RecorderNode(SuiteNode):
         for topic, (channel, qos) in (self._discovery.new() if self._discovery else {}).items():
             self._recorder.add(topic, channel)
             self._topics.append(topic)
-            listen(self, topic, qos, self._recorder.take)
+            listen_all(self, topic, qos, self._recorder.take)
         for topic in self._topics:
             if self._publishers_of(topic) > 1:
                 self._recorder.several(topic)
@@ -90,7 +90,7 @@ class RecorderNode(SuiteNode):
         )
 
     def _publishers_of(self, topic: topics.Topic) -> int:
-        return int(self.count_publishers(full_name(topic)))
+        return int(self.count_publishers(self.resolve_topic_name(full_name(topic))))
 
     def _check(self) -> None:
         if self._waiting and not self.missing():

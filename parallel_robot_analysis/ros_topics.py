@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
@@ -14,7 +13,7 @@ from parallel_robot_analysis.bags.bag_writer import Channel, channel, qos_profil
 from parallel_robot_analysis.bags.message_definition import definition
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import listen, message_class, qos_of
 from parallel_robot_interface.topics import DEPTH, RECORDED, Topic
 
 Take = Callable[[Topic, bytes, int, int], None]  # topic, data, time of reception [ns], number
@@ -98,7 +97,7 @@ class Discovery:
         return not hidden and (self._all or found)
 
 
-def listen(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> None:
+def listen_all(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> None:
     """Subscribe to the serialised messages of a topic, with their reception and number.
 
     The numbers tell every loss. The middleware's event for lost messages does not know of those
@@ -111,22 +110,17 @@ def listen(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> None
         take: Called with topic, data, time of reception [ns], number that its publisher gave it.
     """
 
-    def pass_on(*arguments: Any) -> None:
-        # EventsExecutor passes message and information as one tuple (rclpy 7.1).
-        data, information = arguments if len(arguments) == 2 else arguments[0]
+    def pass_on(data: bytes, information: dict[str, int]) -> None:
         take(
             topic,
             data,
             information['received_timestamp'],
-            information['publication_sequence_number'],
+            information['publication_sequence_number'] or 0,
         )
 
-    signature = inspect.signature(lambda message, information: None)
-    pass_on.__signature__ = signature  # type: ignore[attr-defined]
-    kind = message_class(topic.type)
     profile = qos or qos_of(topic)
     profile.depth = DEPTH  # of what is latched too: not only the last is wanted
-    node.create_subscription(kind, full_name(topic), pass_on, profile, raw=True)
+    listen(node, topic._replace(name=full_name(topic)), profile, pass_on)
 
 
 def full_name(topic: Topic) -> str:

@@ -210,10 +210,18 @@ class Controller:
         Returns:
             Whether they are since the last call: then no torque is right for states nobody knows.
         """
-        if self._lost or not self.stale():
+        return self.stale() and self.lose(faults.STATES_STALE)
+
+    def lose(self, fault: int) -> bool:
+        """Enter a fault for want of joint states that can be believed.
+
+        Returns:
+            Whether they are lost since the last call: then no torque is right.
+        """
+        if self._lost:
             return False
         self._lost = True
-        self.trip(faults.STATES_STALE)
+        self.trip(fault)
         zero = np.zeros(len(self._state.last.torque))
         self._state = self._state._replace(last=self._state.last._replace(torque=zero))
         return True

@@ -136,6 +136,13 @@ class ControllerNode(SuiteNode):
         fault = self._controller.fault
         return f'fault: {faults.FAULT_TEXT[fault]}' if fault else ''
 
+    def leave_out(self, topic: topics.Topic) -> None:
+        """Go over to the safe action: of two robots, or two motions, none is the right one."""
+        if topic == topics.JOINT_STATES:
+            self._lose_torque(self._controller.lose(faults.STATES_DISAGREE))
+        elif self._controller.fault == faults.NONE:
+            self._controller.trip(faults.REFERENCES_DISAGREE)
+
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
         self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
@@ -184,7 +191,11 @@ class ControllerNode(SuiteNode):
 
     def _watch(self) -> None:
         """Take the torque away when the joint states are stale."""
-        if self._controller.watch():
+        self._lose_torque(self._controller.watch())
+
+    def _lose_torque(self, lost: bool) -> None:
+        """Take the torque away if the joint states are lost."""
+        if lost:
             self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
             self._tell_now()
 

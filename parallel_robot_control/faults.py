@@ -27,7 +27,7 @@ FAULT_TEXT = {
     TYPE_2: 'the platform is close to yielding (type 2 singularity)',
     STATES_STALE: 'no joint state came for too long',
     REFERENCE_STALE: 'no reference came for too long',
-    STATES_DISAGREE: 'two joint states of one time differ: two publishers?',
-    REFERENCES_DISAGREE: 'two references of one time differ: two publishers?',
+    STATES_DISAGREE: 'joint states contradict one another: two publishers',
+    REFERENCES_DISAGREE: 'references contradict one another: two publishers',
     EMERGENCY_STOP: 'emergency stop',
 }

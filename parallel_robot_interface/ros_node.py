@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import gc
 import importlib
+import inspect
 import math
 import signal
 import sys
@@ -36,6 +37,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_interface import config, loop
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
+from parallel_robot_interface.single_publisher import SinglePublisher
 from parallel_robot_interface.topics import DEPTH, Topic
 
 LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
@@ -54,6 +56,33 @@ def qos_of(topic: Topic) -> QoSProfile:
     if topic.latched:
         return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     return QoSProfile(depth=DEPTH)
+
+
+def listen(
+    node: Node, topic: Topic, qos: QoSProfile, take: Callable[[bytes, dict[str, int]], None]
+) -> str:
+    """Subscribe to the serialised messages of a topic, with what the middleware knows of each.
+
+    Args:
+        node: Who listens.
+        topic: Name and type.
+        qos: Quality of service.
+        take: Called with the message and the fields of its rmw_message_info_t.
+
+    Returns:
+        Name of the topic, as remapped.
+    """
+
+    def pass_on(*arguments: Any) -> None:
+        # EventsExecutor passes message and information as one tuple (rclpy 7.1).
+        data, information = arguments if len(arguments) == 2 else arguments[0]
+        take(data, information)
+
+    signature = inspect.signature(lambda message, information: None)
+    pass_on.__signature__ = signature  # type: ignore[attr-defined]
+    kind = message_class(topic.type)
+    subscription = node.create_subscription(kind, topic.name, pass_on, qos, raw=True)
+    return str(subscription.topic_name)
 
 
 class _WholeSets(ParameterService):  # type: ignore[misc]
@@ -127,12 +156,24 @@ class SuiteNode(Node):  # type: ignore[misc]
         return publisher
 
     def subscribe(self, topic: Topic, callback: Callable[[bytes], None]) -> None:
-        """Subscribe to the serialised messages of a topic."""
-        kind = message_class(topic.type)
-        subscription = self.create_subscription(
-            kind, topic.name, callback, qos_of(topic), raw=True
-        )
-        self._inputs.append((topic.name, subscription.topic_name))
+        """Subscribe to the serialised messages of a topic; those of a mixture are left out.
+
+        In lockstep none is left out, for nobody would go on; there, stamps tell a mixture.
+        """
+        publisher = SinglePublisher()
+
+        def take(data: bytes, information: dict[str, int]) -> None:
+            number = information['publication_sequence_number'] or 0
+            if publisher.mixed(number, time.monotonic()) and not self.loop.lockstep:
+                self.counts[f'{topic.name}: messages of two publishers'] += 1
+                self.leave_out(topic)
+            else:
+                callback(data)
+
+        self._inputs.append((topic.name, listen(self, topic, qos_of(topic), take)))
+
+    def leave_out(self, topic: Topic) -> None:
+        """React to a message that is left out because a topic has several publishers."""
 
     def missing(self) -> str:
         """What the node still waits for; empty when it is ready."""

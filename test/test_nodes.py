@@ -12,10 +12,12 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_interface import config, topics
+from parallel_robot_sim.simulation import simulate
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
@@ -33,9 +35,9 @@ PATIENT = [  # the machine is shared
 def start(launch, domain):
     """Start a node by its name and parameters."""
 
-    def start(name, *parameters, namespace=''):
-        words = [word for parameter in parameters for word in ('-p', parameter)]
-        return launch(MODULES[name], '--ros-args', '-r', f'__ns:=/{namespace}', *words)
+    def start(name, *parameters, namespace='', words=()):
+        given = [word for parameter in parameters for word in ('-p', parameter)]
+        return launch(MODULES[name], '--ros-args', '-r', f'__ns:=/{namespace}', *given, *words)
 
     return start
 
@@ -94,6 +96,29 @@ def test_nodes_started_by_hand_close_the_loop(start, peer):
     peer.until(lambda: not any(states[-1].effort))
     assert not any(commands[-1].data)
     assert all(nodes[name].running for name in ('plant', 'trajectory'))
+
+
+def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
+    """As with hardware, whose topics have names of their own."""
+    names = [
+        '-r',
+        'joint_states:=/motors/joints',
+        '-r',
+        'effort_controller/commands:=/motors/efforts',
+    ]
+    parameters = ['time_mode:=lockstep', 'duration:=0.2', 'recorder.out:=bag']
+    recorder = start('recorder', *parameters, words=names)
+    recorder.until((tmp_path / 'bag').exists)
+    states = peer.listen(topics.JOINT_STATES._replace(name='/motors/joints'))
+    subscribers = {'controller': 2, 'plant': 4, 'trajectory': 2}
+    for name, count in subscribers.items():
+        start(name, *parameters, f'subscribers:={count}', words=names)
+    peer.until(lambda: len(states) == 201)
+    assert recorder.end(signal.SIGINT) == 0, recorder.stderr
+    assert 'ready: every topic has a publisher' in recorder.stderr
+    log = run_log.read(tmp_path / 'bag')
+    assert len(log.stamps) == 201
+    assert np.array_equal(log.command[:200], simulate(log.config).run.command[:200])
 
 
 def diagnosed(peer):

@@ -206,11 +206,24 @@ def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
     loop.until_steady()
 
 
+def test_of_two_controllers_none_is_obeyed_until_one_ends(loop):
+    loop.until_steady()
+    other = loop.start('controller', *PATIENT, words=['-r', '__node:=other'])
+    mark = "'effort_controller/commands: messages of two publishers'"
+    loop.until_told('plant', DiagnosticStatus.WARN, mark, "'command time-outs'")
+    loop.until(lambda: damped(loop.states[-20:]).all())
+    assert other.end(signal.SIGINT) == 0
+    loop.until_steady()
+
+
 def test_two_plants_are_seen_and_their_mixture_is_not_controlled(loop):
     loop.until_steady()
+    commands = loop.peer.listen(topics.COMMANDS)
     loop.start('plant', *PATIENT, words=['-r', '__node:=other'])
     loop.until_fault(STATES_DISAGREE)
     loop.until_told('controller', DiagnosticStatus.ERROR, "'joint_states: publishers': '2'")
+    loop.until_told('controller', DiagnosticStatus.ERROR, 'messages of two publishers')
+    loop.until(lambda: not any(commands[-1].data))
 
 
 def test_two_publishers_are_seen_on_a_topic_of_another_name(start, peer):
