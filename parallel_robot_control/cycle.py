@@ -115,9 +115,6 @@ def run_cycle(
     """
     fault = state.fault
     pose, held, last = state.pose, state.held, state.last
-    demand = np.zeros(len(position))
-    sliding_variable = np.zeros(len(position))
-    coupled_error = reference.position - position
     assembly = forward_kinematics(robot, position, pose)
     if assembly.status == FOUND:
         pose = assembly.pose
@@ -127,10 +124,10 @@ def run_cycle(
             model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
             feedback = Feedback(position, velocity, state.excess)
             output = update(gains, model, reference, feedback, memory, dt)
-            if _is_finite(output.torque):
-                demand = output.torque
-                sliding_variable = output.sliding_variable
-                coupled_error = output.coupled_error
+            demand = output.torque
+            sliding_variable = output.sliding_variable
+            coupled_error = output.coupled_error
+            if _is_finite(demand):
                 memory = output.memory
             else:
                 fault = faults.TORQUE_NOT_FINITE
@@ -138,6 +135,8 @@ def run_cycle(
         if state.fault == faults.NONE or not last.known:
             held = position
         demand = safe_torque(limits.safe, held, position, velocity)
+        sliding_variable = np.zeros(len(position))
+        coupled_error = reference.position - position
         last = Last(
             last.position, last.reference, last.torque, np.zeros(len(demand)), False, last.known
         )

@@ -105,11 +105,10 @@ def actuated_dynamics(
 
 @kernel
 def _product(a: Array, b: Array) -> Array:
-    c = np.zeros((3, 3))
+    c = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
-            for k in range(3):
-                c[i, j] += a[i, k] * b[k, j]
+            c[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
     return c
 
 
@@ -117,9 +116,8 @@ def _product(a: Array, b: Array) -> Array:
 def _congruence(J: Array, a: Array) -> Array:
     """J^T a J."""
     right = _product(a, J)
-    c = np.zeros((3, 3))
+    c = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
-            for k in range(3):
-                c[i, j] += J[k, i] * right[k, j]
+            c[i, j] = J[0, i] * right[0, j] + J[1, i] * right[1, j] + J[2, i] * right[2, j]
     return c

@@ -169,10 +169,12 @@ def inverse(a: Array) -> Array:
 @kernel
 def multiply(a: Array, x: Array) -> Array:
     """Product of a matrix (n, n) and a vector (n,), summed in order: the same bits everywhere."""
-    y = np.zeros(len(x))
+    y = np.empty(len(x))
     for i in range(len(x)):
+        total = 0.0
         for j in range(len(x)):
-            y[i] += a[i, j] * x[j]
+            total += a[i, j] * x[j]
+        y[i] = total
     return y
 
 
@@ -187,25 +189,34 @@ def multiply_transposed(a: Array, x: Array) -> Array:
 
 
 @kernel
-def _closure(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, Array]:
-    """Closure residual (|C_i - E_i|^2 - l2^2) / (2 l2) [m] and its derivative by the pose."""
-    residual = np.empty(3)
-    jacobian = np.empty((3, 3))
+def _cranks(robot: RobotParameters, theta: Array) -> Array:
+    """Proximal links l1 u(theta_i) [m], shape (3, 2)."""
+    cranks = np.empty((3, 2))
+    for i in range(3):
+        cranks[i, 0] = robot.l1 * math.cos(theta[i])
+        cranks[i, 1] = robot.l1 * math.sin(theta[i])
+    return cranks
+
+
+@kernel
+def _close(
+    robot: RobotParameters, cranks: Array, pose: Array, residual: Array, jacobian: Array
+) -> None:
+    """Write the closure residual (|C_i - E_i|^2 - l2^2) / (2 l2) [m] and its Jacobian by pose."""
     for i in range(3):
         angle = pose[2] + robot.platform_angle[i]
         px = robot.l3 * math.cos(angle)
         py = robot.l3 * math.sin(angle)
-        dx = pose[0] + px - robot.base_x[i] - robot.l1 * math.cos(theta[i])
-        dy = pose[1] + py - robot.base_y[i] - robot.l1 * math.sin(theta[i])
+        dx = pose[0] + px - robot.base_x[i] - cranks[i, 0]
+        dy = pose[1] + py - robot.base_y[i] - cranks[i, 1]
         residual[i] = (dx * dx + dy * dy - robot.l2 * robot.l2) / (2.0 * robot.l2)
         jacobian[i, 0] = dx / robot.l2
         jacobian[i, 1] = dy / robot.l2
         jacobian[i, 2] = (dy * px - dx * py) / robot.l2
-    return residual, jacobian
 
 
 @kernel
-def _newton(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, float]:
+def _newton(robot: RobotParameters, cranks: Array, pose: Array) -> tuple[Array, float]:
     """Newton's iteration on the loop closure, begun only where it is known to converge.
 
     The Newton-Kantorovich condition L |J^-1| |step| <= 1/2 at the start guarantees one solution
@@ -219,7 +230,9 @@ def _newton(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, f
     Source:
         Ortega (1968), The Newton-Kantorovich theorem, Amer. Math. Monthly 75(6).
     """
-    residual, jacobian = _closure(robot, theta, pose)
+    residual = np.empty(3)
+    jacobian = np.empty((3, 3))
+    _close(robot, cranks, pose, residual, jacobian)
     inverted = inverse(jacobian)
     step = multiply(inverted, residual)
     size = math.sqrt(step[0] ** 2 + step[1] ** 2 + (robot.l3 * step[2]) ** 2)
@@ -234,7 +247,7 @@ def _newton(robot: RobotParameters, theta: Array, pose: Array) -> tuple[Array, f
         return pose, 0.0
     found = pose - step
     for _ in range(20):
-        residual, jacobian = _closure(robot, theta, found)
+        _close(robot, cranks, found, residual, jacobian)
         step = multiply(inverse(jacobian), residual)
         found = found - step
         if abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-9:  # quadratic: the error is round-off
@@ -272,12 +285,14 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
     done = 0.0
     part = 1.0 if largest < LONGEST_STEP else LONGEST_STEP / largest
     shortest = 1e-3 * part
+    cranks = np.empty((3, 2))
     while done < 1.0:
         if not part > shortest or not abs(side) > SINGULAR:
             return Assembly(guess, beta, NOT_CONVERGED)
         share = min(1.0, done + part)
         target = theta if share == 1.0 else start.theta + share * change
-        found, determinant_found = _newton(robot, target, pose)
+        cranks = _cranks(robot, target)
+        found, determinant_found = _newton(robot, cranks, pose)
         if determinant_found * side > 0.0:
             pose = found
             side = determinant_found
@@ -288,12 +303,10 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
         return Assembly(guess, beta, NOT_CONVERGED)
     for i in range(3):
         angle = pose[2] + robot.platform_angle[i]
-        dx = pose[0] + robot.l3 * math.cos(angle)
-        dx -= robot.base_x[i] + robot.l1 * math.cos(theta[i])
-        dy = pose[1] + robot.l3 * math.sin(angle)
-        dy -= robot.base_y[i] + robot.l1 * math.sin(theta[i])
+        dx = pose[0] + robot.l3 * math.cos(angle) - (robot.base_x[i] + cranks[i, 0])
+        dy = pose[1] + robot.l3 * math.sin(angle) - (robot.base_y[i] + cranks[i, 1])
         beta[i] = math.atan2(dy, dx)
-        if not robot.working_mode[i] * math.sin(beta[i] - theta[i]) < 0.0:
+        if not robot.working_mode[i] * (cranks[i, 0] * dy - cranks[i, 1] * dx) < 0.0:
             return Assembly(guess, beta, WRONG_WORKING_MODE)
     return Assembly(pose, beta, FOUND)
 
