@@ -157,6 +157,7 @@ class ControllerNode(SuiteNode):
     def _on_state(self, data: bytes) -> None:
         message = self._state_reader.read(data)
         if message is not None and self._from is not None and message[0] >= self._from:
+            self._watch()  # the node itself may have stood still
             self._stamp, vectors = message
             self._publish(self._controller.add_state(self._stamp, JointSample(*vectors)))
 

@@ -38,7 +38,7 @@ from parallel_robot_interface import config, loop
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
 from parallel_robot_interface.single_publisher import SinglePublisher
-from parallel_robot_interface.topics import DEPTH, Topic
+from parallel_robot_interface.topics import DEPTH, QUEUE, Topic
 
 LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
 PATIENCE = 0.1  # s, longest time between a signal and the end of the executor
@@ -170,7 +170,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             else:
                 callback(data)
 
-        self._inputs.append((topic.name, listen(self, topic, qos_of(topic), take)))
+        self._inputs.append((topic.name, listen(self, topic, QoSProfile(depth=QUEUE), take)))
 
     def leave_out(self, topic: Topic) -> None:
         """React to a message that is left out because a topic has several publishers."""

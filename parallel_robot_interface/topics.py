@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-DEPTH = 1000  # samples of history: one second; ten lost messages at every stall of 10 ms
+DEPTH = 10_000  # samples that publishers keep for those who must not lose any: ten seconds
+QUEUE = 1000  # samples that wait for a node of the suite
 SLOW = 10  # what is for the eye is published every tenth sample (100 Hz at 1 kHz)
 MARKERS_EVERY = 20  # samples between two sets of markers (50 Hz at 1 kHz)
 FRAME = 'base'  # frame of poses and markers

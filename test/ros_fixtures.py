@@ -80,10 +80,14 @@ class Process:
         until(lambda: not self.running or condition())
         assert self.running, self.stderr
 
+    def signal(self, number):
+        """Send a signal."""
+        self._popen.send_signal(number)
+
     def end(self, *signals):
         """Send signals and return the exit code."""
         for number in signals:
-            self._popen.send_signal(number)
+            self.signal(number)
         return self.wait()
 
     def children(self):

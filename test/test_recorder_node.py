@@ -7,10 +7,12 @@ from bags import content
 from diagnostic_msgs.msg import DiagnosticArray
 from mcap.reader import make_reader
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
 from parallel_robot_analysis.bags.bag_writer import MESSAGES
 from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_interface import topics
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
@@ -31,6 +33,18 @@ def publishers(peer):
     }
 
 
+def diagnosed(peer):
+    """Newest figures of the recorder, as a dictionary that fills itself."""
+    heard = {}
+    peer.node.create_subscription(
+        DiagnosticArray,
+        '/diagnostics',
+        lambda array: heard.update({item.key: item.value for item in array.status[0].values}),
+        10,
+    )
+    return heard
+
+
 @pytest.mark.parametrize(
     ('choice', 'recorded'),
     [
@@ -42,13 +56,7 @@ def publishers(peer):
 def test_chosen_topics_are_recorded_as_they_are_offered(
     choice, recorded, publishers, launch, peer, tmp_path
 ):
-    heard = {}
-    peer.node.create_subscription(
-        DiagnosticArray,
-        '/diagnostics',
-        lambda array: heard.update({item.key: item.value for item in array.status[0].values}),
-        10,
-    )
+    heard = diagnosed(peer)
     publishers['name'].publish(String(data='latched before'))
     process = launch(RECORDER, '--ros-args', '-p', 'recorder.out:=bag', '-p', choice)
     peer.until(lambda: all(publishers[key].get_subscription_count() for key in recorded))
@@ -77,6 +85,23 @@ def test_chosen_topics_are_recorded_as_they_are_offered(
         )
     if 'quick' in recorded:
         assert metadata['machine/quick'] == f'written {COUNT}, lost 0'
+
+
+def test_a_recorder_that_stands_still_for_seconds_loses_nothing(launch, peer, tmp_path):
+    heard, count = diagnosed(peer), 3 * topics.QUEUE
+    publisher = peer.node.create_publisher(Float64, 'number', QoSProfile(depth=topics.DEPTH))
+    words = ['-p', 'recorder.out:=bag', '-p', 'recorder.topics:=[number]']
+    process = launch(RECORDER, '--ros-args', *words)
+    peer.until(publisher.get_subscription_count)
+    process.signal(signal.SIGSTOP)
+    for k in range(count):
+        publisher.publish(Float64(data=float(k)))
+    process.signal(signal.SIGCONT)
+    peer.until(lambda: heard.get('number') == str(count))
+    assert process.end(signal.SIGINT) == 0
+    (stream,) = content(tmp_path / 'bag' / 'bag_0.mcap').values()
+    values = [deserialize_message(data, Float64).data for _, data in stream]
+    assert values == list(map(float, range(count)))
 
 
 def test_a_wrong_expression_costs_one_line(launch, domain):

@@ -19,9 +19,10 @@ pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they r
 
 DAMPING = 10.0  # N m s/rad
 STATE_TIMEOUT = 2.0  # s; the machine is shared
+PERIOD = 0.005  # s
 LATE = 60  # samples by which a command may come late
 PATIENT = [
-    'period:=0.005',
+    f'period:={PERIOD}',
     'safety.ramp_rate:=[200, 200, 200]',
     f'safety.state_timeout:={STATE_TIMEOUT}',
     'safety.reference_timeout:=5.0',
@@ -203,6 +204,17 @@ def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
     loop.until(lambda: len(loop.states) > count + 100)
     loop.until_fault(STATES_STALE)  # still, though states are there
     loop.until(lambda: loop.call('clear_fault').success)  # when the controller hears them too
+    loop.until_steady()
+
+
+def test_a_controller_that_stood_still_does_not_go_on_as_if_nothing_were(loop):
+    loop.until_steady()
+    loop.nodes['controller'].signal(signal.SIGSTOP)
+    first = len(loop.states)
+    loop.until(lambda: len(loop.states) > first + 1.2 * STATE_TIMEOUT / PERIOD)
+    loop.nodes['controller'].signal(signal.SIGCONT)
+    loop.until_fault(STATES_STALE)
+    loop.until(lambda: loop.call('clear_fault').success)
     loop.until_steady()
 
 
