@@ -279,13 +279,21 @@ def test_topics_that_are_not_ours_are_recovered_too(tmp_path):
         camera = writer.register_channel('/camera', 'cdr', 0)
         for k in range(50):
             writer.add_message(camera, k, b'\0\1\0\0' + bytes(k), k + 3, sequence=k)
-        writer.add_attachment(0, 0, 'notes', 'text/plain', b'hello')
+        writer.add_attachment(5, 5, 'photo', 'image/png', b'hello')
+        writer.add_metadata('calibration', {'offset': '0.1'})
         writer.finish()
     assert main(['recover', str(path)]) == 0
     out = tmp_path / 'other_recovered' / 'other_recovered_0.mcap'
     with path.open('rb') as old, out.open('rb') as new:
         pair = [[message for *_, message in make_reader(f).iter_messages()] for f in (old, new)]
     assert pair[0] == pair[1] and len(pair[0]) == 50
+    with out.open('rb') as stream:
+        reader = make_reader(stream)
+        (attachment,) = reader.iter_attachments()
+        (metadata,) = reader.iter_metadata()
+    assert (attachment.name, attachment.media_type) == ('photo', 'image/png')
+    assert attachment.data == b'hello' and attachment.create_time == 5
+    assert (metadata.name, metadata.metadata) == ('calibration', {'offset': '0.1'})
     with pytest.raises(BagError, match='no messages on joint_states'):
         run_log.read(tmp_path / 'other_recovered')
 

@@ -145,14 +145,14 @@ class BagWriter:
         """
         self._writer.add_metadata(name, dict(facts))
 
-    def attach(self, name: str, data: bytes) -> None:
-        """Write an attachment, a text.
+    def attach(self, name: str, data: bytes, kind: str = 'text/plain', at: int = 0) -> None:
+        """Write an attachment of a media type, made at a time [ns]; 0: now.
 
         Raises:
             OSError: the disk is full or gone.
         """
         now = time.time_ns()
-        self._writer.add_attachment(now, now, name, 'text/plain', data)
+        self._writer.add_attachment(at or now, now, name, kind, data)
 
     def flush(self, age: float = 0.0) -> None:
         """Finish the open chunk if the one before was finished `age` seconds ago, or longer.

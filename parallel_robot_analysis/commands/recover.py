@@ -11,18 +11,13 @@ from pathlib import Path
 from mcap import records as mcap
 
 from parallel_robot_analysis.bags import bag_reader, run_log
-from parallel_robot_analysis.bags.bag_writer import (
-    CHANGES,
-    LAWS,
-    METADATA,
-    PARAMETERS,
-    BagWriter,
-    Channel,
-    check,
-)
+from parallel_robot_analysis.bags.bag_writer import MESSAGES, METADATA, BagWriter, Channel, check
 from parallel_robot_analysis.bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface.errors import BagError, RunError
+
+# Metadata that says what is in a file, the last of them that of rosbag2.
+WRITTEN_ANEW = (METADATA, MESSAGES, 'rosbag2')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,7 +48,6 @@ class Recovery:
         written: Messages that the broken bag says it held, by topic; empty when it does not say.
         written_chunks: Chunks that it says it held.
         missing: Messages that the rhythm of the stamps lacks, by name without leading slash.
-        attachments: How many were not copied.
         damage: What is damaged.
     """
 
@@ -62,7 +56,6 @@ class Recovery:
     written: Counter[str] = field(default_factory=Counter)
     written_chunks: int = 0
     missing: dict[str, int] = field(default_factory=dict)
-    attachments: int = 0
     damage: list[Damage] = field(default_factory=list)
 
     def lines(self) -> list[str]:
@@ -83,8 +76,6 @@ class Recovery:
             for topic, count in self.missing.items()
             if count and f'/{topic}' not in gone
         ]
-        if self.attachments:
-            lines.append(f'  {self.attachments} attachments are not copied')
         return lines
 
 
@@ -141,12 +132,10 @@ def _copy(
         elif isinstance(record, mcap.Statistics):
             written = record.channel_message_counts
             recovery.written_chunks += record.chunk_count
-        elif isinstance(record, mcap.Metadata) and record.name in (PARAMETERS, CHANGES):
+        elif isinstance(record, mcap.Metadata) and record.name not in WRITTEN_ANEW:
             writer.note(record.name, record.metadata)
-        elif isinstance(record, mcap.Attachment) and record.name.startswith(LAWS):
-            writer.attach(record.name, record.data)
         elif isinstance(record, mcap.Attachment):
-            recovery.attachments += 1
+            writer.attach(record.name, record.data, record.media_type, record.create_time)
         elif isinstance(record, Damage):
             recovery.damage.append(record)
         elif isinstance(record, Block):
