@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_interface.fields import Field
-from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kernel import inlined, kernel
 from parallel_robot_model.kinematics import FOUND, Assembly
 from parallel_robot_model.parameters import RobotParameters
 from parallel_robot_model.singularity import measures
@@ -129,7 +129,7 @@ def safe_torque(safe: SafeAction, held: Array, position: Array, velocity: Array)
     return torque
 
 
-@kernel
+@inlined
 def find_fault(
     limits: Limits,
     robot: RobotParameters,
@@ -170,7 +170,7 @@ def find_fault(
     return faults.NONE
 
 
-@kernel
+@inlined
 def limit_torque(
     limits: Limits, demand: Array, last: Last, dt: float
 ) -> tuple[Array, Array, Array, int]:

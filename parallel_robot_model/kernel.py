@@ -63,7 +63,10 @@ def kernel(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function that takes other kernels; it becomes part of the kernel that calls it."""
+    """Compile a function as a part of the kernel that calls it.
+
+    For functions that take others, and where handing over many arrays costs more than the work.
+    """
     return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
 
 

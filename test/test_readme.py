@@ -1,4 +1,4 @@
-"""The README promises only what exists."""
+"""README and docs promise only what exists."""
 
 import re
 import shlex
@@ -11,10 +11,19 @@ from parallel_robot_interface import config, topics
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()
-COMMANDS = [
-    line.split('#')[0].strip()
-    for block in re.findall(r'```bash\n(.*?)```', README, re.DOTALL)
-    for line in block.splitlines()
+PAGES = {path: path.read_text() for path in [ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')]}
+COMMANDS = sorted(
+    {
+        line.split('#')[0].strip()
+        for text in PAGES.values()
+        for block in re.findall(r'```bash\n(.*?)```', text, re.DOTALL)
+        for line in block.splitlines()
+    }
+)
+LINKS = [
+    (path, target)
+    for path, text in PAGES.items()
+    for target in re.findall(r'\]\((?!http)([^)#]+)', text)
 ]
 
 
@@ -35,13 +44,13 @@ def test_commands_of_the_command_line_parse_and_their_keys_resolve(command):
 def test_executables_exist_and_their_parameters_resolve(command):
     words = shlex.split(command)
     assert (ROOT / 'scripts' / words[3]).is_file()
-    given = dict(word.split(':=') for word in words if ':=' in word)
-    config.resolve('paper_circle', given)
+    given = [word.replace(':=', '=') for word in words if ':=' in word]
+    config.resolve('paper_circle', config.parse_overrides(given))
 
 
-@pytest.mark.parametrize('target', re.findall(r'\]\((?!http)([^)#]+)\)', README))
-def test_links_lead_somewhere(target):
-    assert (ROOT / target).exists()
+@pytest.mark.parametrize(('page', 'target'), LINKS)
+def test_links_lead_somewhere(page, target):
+    assert (page.parent / target).exists()
 
 
 def test_every_topic_is_in_the_table():
