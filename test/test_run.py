@@ -99,7 +99,7 @@ def test_a_run_in_real_time_is_complete(start, tmp_path):
 
 
 def test_a_change_during_the_run_is_in_the_bag_and_replayed(start, peer, tmp_path):
-    process = start('bag', 12.0, '--time-mode', 'lockstep')
+    process = start('bag', 8.0, '--time-mode', 'lockstep')
     under_way(process, tmp_path / 'bag')
     gains = Parameter('s_fotsmc.G', value=20.0).to_parameter_msg()
     answer = peer.call(
