@@ -24,7 +24,7 @@ MODULES = {
     'controller': 'parallel_robot_control.controller_node',
     'recorder': 'parallel_robot_analysis.recorder_node',
 }
-STOP_ORDER = ('controller', 'recorder', 'plant', 'trajectory')  # zero torque first
+STOP_ORDER = (('controller',), ('recorder', 'plant', 'trajectory'))  # zero torque first
 GRACE = 30.0  # s, from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 
@@ -88,17 +88,17 @@ class NodeProcesses:
             raise RunError(f'{name} ended with {how}' + (f': {reason}' if reason else ''))
 
     def stop(self) -> None:
-        """End all processes that still run, in order, waiting for each."""
-        for name in STOP_ORDER:
-            process = self._processes.get(name)
-            if process is None or process.poll() is not None:
-                continue
-            process.send_signal(signal.SIGINT)
-            try:
-                process.wait(GRACE)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        """End all processes that still run, in order, waiting for them."""
+        for names in STOP_ORDER:
+            processes = [self._processes[name] for name in names if name in self._processes]
+            for process in processes:
+                process.send_signal(signal.SIGINT)  # to none that has ended
+            for process in processes:
+                try:
+                    process.wait(GRACE)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
 
     def _last_line(self, name: str) -> str:
         log = self._logs[name]

@@ -338,11 +338,22 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         0; 1 when the node failed; 2 when a parameter is wrong, after one line that says so.
     """
     stop: list[int] = []  # not an Event: setting it in a handler that interrupts itself deadlocks
+    making = True
+
+    def heed(number: int, _: Any) -> None:
+        stop.append(number)
+        if making and len(stop) == 1:  # kernels may have to be compiled, which takes its time
+            raise KeyboardInterrupt
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: stop.append(number))
+        signal.signal(number, heed)
     try:
         _initialise()
         node = make()
+        making = False
+    except KeyboardInterrupt:
+        rclpy.try_shutdown()
+        return 0
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)
         rclpy.try_shutdown()

@@ -31,7 +31,7 @@ def _cache_directory() -> str:
         [*packages.glob('parallel_robot_*/**/*.py'), *packages.glob('trajectory_gen/*.py')]
     ):
         content = path.read_bytes()
-        if any(mark in content for mark in (b'@kernel', b'@inlined', b'NamedTuple')):
+        if any(mark in content for mark in (b'@kernel', b'@inlined', b'(NamedTuple)')):
             digest.update(content)
     home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
     own = Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}'

@@ -47,6 +47,14 @@ def trouble(process):
     return [line for line in process.stderr.splitlines() if 'Traceback' in line or 'Error' in line]
 
 
+def test_a_node_that_compiles_can_be_ended(launch, domain, tmp_path):
+    process = launch(MODULES['controller'], XDG_CACHE_HOME=tmp_path)
+    process.until(lambda: any(tmp_path.rglob('*.nbc')))
+    assert process.end(signal.SIGINT, signal.SIGINT) == 0
+    assert process.stderr == ''
+    assert len([*tmp_path.rglob('*.nbc')]) < 10  # of many more
+
+
 @pytest.mark.parametrize('signals', [['SIGINT'], ['SIGTERM'], ['SIGINT', 'SIGINT']], ids=' '.join)
 def test_each_node_starts_alone_and_ends_in_order(signals, start, peer):
     nodes = {name: start(name, namespace=f'alone_{name}') for name in NAMES}
