@@ -7,6 +7,7 @@ import gc
 import importlib
 import inspect
 import math
+import os
 import signal
 import sys
 import time
@@ -342,8 +343,8 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
 
     def heed(number: int, _: Any) -> None:
         stop.append(number)
-        if making and len(stop) == 1:  # kernels may have to be compiled, which takes its time
-            raise KeyboardInterrupt
+        if making:  # perhaps for half a minute: a compiler cannot be interrupted in order
+            os._exit(0)  # nothing is begun yet
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, heed)
@@ -351,9 +352,6 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         _initialise()
         node = make()
         making = False
-    except KeyboardInterrupt:
-        rclpy.try_shutdown()
-        return 0
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)
         rclpy.try_shutdown()
