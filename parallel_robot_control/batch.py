@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, run_cycle
+from parallel_robot_control.cycle import CycleState, cycle_of
 from parallel_robot_control.safety import Limits
 from parallel_robot_model.kernel import kernel
 from parallel_robot_model.parameters import RobotParameters
@@ -46,7 +46,6 @@ class Batch(NamedTuple):
     memory: Any
 
 
-@kernel
 def answer(
     update: Any,
     gains: Any,
@@ -71,6 +70,27 @@ def answer(
         state: Of the controller before the first state.
         memory: Of the law before the first state.
     """
+    cycle = cycle_of(update, gains, robot, limits, state, memory)
+    result: Batch = answers(
+        cycle, update, gains, robot, limits, references, states, expected, state, memory
+    )
+    return result
+
+
+@kernel
+def answers(
+    run_cycle: Any,
+    update: Any,
+    gains: Any,
+    robot: RobotParameters,
+    limits: Limits,
+    references: JointReference,
+    states: States,
+    expected: Array,
+    state: CycleState,
+    memory: Any,
+) -> Batch:
+    """The answers of :func:`answer`, by the cycle as FirstClass."""
     count = len(states.dt)
     torque = np.empty((count, expected.shape[1]))
     for k in range(count):
@@ -90,9 +110,9 @@ def answer(
             states.dt[k],
         )
         for i in range(expected.shape[1]):
-            if cycle.torque[i] != expected[k, i] and not np.isnan(expected[k, i]):
+            torque[k, i] = cycle.torque[i]
+            if torque[k, i] != expected[k, i] and not np.isnan(expected[k, i]):
                 return Batch(torque[:k].copy(), k, state, memory)
-        torque[k] = cycle.torque
         state = cycle.state
         memory = cycle.memory
     return Batch(torque, count, state, memory)

@@ -11,7 +11,7 @@ from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
 from parallel_robot_model.dynamics import actuated_dynamics
-from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kernel import FirstClass, kernel
 from parallel_robot_model.kinematics import FOUND, forward_kinematics
 from parallel_robot_model.parameters import RobotParameters
 
@@ -149,4 +149,24 @@ def run_cycle(
         acted,
         CycleState(pose, last, excess, held, fault),
         memory,
+    )
+
+
+def cycle_of(
+    update: Any, gains: Any, robot: RobotParameters, limits: Limits, state: CycleState, memory: Any
+) -> FirstClass:
+    """The cycle with a law, for loops that would else be compiled with all of it in them.
+
+    Args:
+        update: The law, as FirstClass.
+        gains: Gains of the law.
+        robot: Nominal robot.
+        limits: See SafetyParameters.
+        state: Of the controller.
+        memory: Of the law.
+    """
+    row = np.zeros(len(state.held))
+    reference = JointReference(row, row, row)
+    return FirstClass(
+        run_cycle, update, gains, robot, limits, reference, row, row, state, memory, 1e-3
     )

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, run_cycle
+from parallel_robot_control.cycle import CycleState, cycle_of
 from parallel_robot_control.safety import Limits
-from parallel_robot_model.kernel import kernel
+from parallel_robot_model.kernel import FirstClass, kernel
 from parallel_robot_model.parameters import RobotParameters
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
@@ -58,7 +58,6 @@ class ClosedLoopRun(NamedTuple):
     memory: Any
 
 
-@kernel
 def run(
     update: Any,
     gains: Any,
@@ -94,6 +93,48 @@ def run(
     Returns:
         The run.
     """
+    row = np.zeros(3)
+    result: ClosedLoopRun = compiled_loop(
+        cycle_of(update, gains, nominal, limits, cycle_state, memory),
+        FirstClass(step, plant, robot, friction, disturbance, state, row, period),
+        FirstClass(measure, robot, state),
+        update,
+        gains,
+        nominal,
+        limits,
+        reference,
+        plant,
+        robot,
+        friction,
+        disturbance,
+        state,
+        cycle_state,
+        memory,
+        period,
+    )
+    return result
+
+
+@kernel
+def compiled_loop(
+    run_cycle: Any,
+    step: Any,
+    measure: Any,
+    update: Any,
+    gains: Any,
+    nominal: RobotParameters,
+    limits: Limits,
+    reference: Reference,
+    plant: Stepping,
+    robot: RobotParameters,
+    friction: FrictionParameters,
+    disturbance: DisturbanceParameters,
+    state: PlantState,
+    cycle_state: CycleState,
+    memory: Any,
+    period: float,
+) -> ClosedLoopRun:
+    """The loop of :func:`run`, with the kernels that it calls as FirstClass."""
     count = len(reference.position)
     pose = np.empty((count, 3))
     theta = np.empty((count, 3))
@@ -127,15 +168,16 @@ def run(
             memory,
             period,
         )
-        pose[k] = state.pose
-        theta[k] = measurement.theta
-        theta_dot[k] = measurement.theta_dot
-        psi[k] = measurement.psi
-        psi_dot[k] = measurement.psi_dot
-        effort[k] = state.torque
-        command[k] = cycle.torque
-        sliding_variable[k] = cycle.sliding_variable
-        coupled_error[k] = cycle.coupled_error
+        for i in range(3):  # rows as a whole would need a text for each error of their shapes
+            pose[k, i] = state.pose[i]
+            theta[k, i] = measurement.theta[i]
+            theta_dot[k, i] = measurement.theta_dot[i]
+            psi[k, i] = measurement.psi[i]
+            psi_dot[k, i] = measurement.psi_dot[i]
+            effort[k, i] = state.torque[i]
+            command[k, i] = cycle.torque[i]
+            sliding_variable[k, i] = cycle.sliding_variable[i]
+            coupled_error[k, i] = cycle.coupled_error[i]
         fault[k] = cycle.state.fault
         acted[k] = cycle.acted
         cycle_state = cycle.state

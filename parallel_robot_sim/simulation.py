@@ -20,7 +20,7 @@ from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_interface.loop import validate as validate_loop
 from parallel_robot_model.kernel import in_memory
 from parallel_robot_model.parameters import RobotParameters, validate
-from parallel_robot_sim.closed_loop import ClosedLoopRun, run
+from parallel_robot_sim.closed_loop import ClosedLoopRun, compiled_loop, run
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import SHAPES, Reference, Trajectory, TrajectoryParameters
@@ -138,7 +138,7 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
             f'not {loop.duration:g}'
         )
     reference = parts.trajectory.sample(np.arange(samples + 1) * loop.period)
-    with in_memory(run, run_cycle) if parts.law.name not in LAWS else nullcontext():
+    with in_memory(compiled_loop, run_cycle) if parts.law.name not in LAWS else nullcontext():
         parts.run(parts.trajectory.sample(0.0))  # compiles the loop, or loads it
     begun = time.perf_counter()
     result = parts.run(reference)

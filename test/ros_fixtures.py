@@ -24,6 +24,22 @@ from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 30.0  # s; what takes so long never comes
+PERIOD = 0.005  # s
+STATE_TIMEOUT = 2.0  # s
+DAMPING = 10.0  # N m s/rad
+SLOW_LOOP = [  # parameters of a loop in real time on a machine that is shared
+    f'period:={PERIOD}',
+    'safety.ramp_rate:=[200, 200, 200]',
+    f'safety.state_timeout:={STATE_TIMEOUT}',
+    'safety.reference_timeout:=5.0',
+    # Stable when commands come late, and exact without friction.
+    'law:=computed_torque',
+    'computed_torque.Kp:=25',
+    'computed_torque.Kd:=10',
+    'friction.viscous:=[0, 0, 0]',
+    'friction.coulomb:=[0, 0, 0]',
+    f'safety.damping:=[{DAMPING}, {DAMPING}, {DAMPING}]',
+]
 
 
 def until(condition, step=lambda: time.sleep(0.02)):

@@ -7,6 +7,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from ros_fixtures import SLOW_LOOP
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -24,11 +25,7 @@ pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 NAMES = list(MODULES)
-PATIENT = [  # the machine is shared
-    'safety.state_timeout:=5.0',
-    'safety.reference_timeout:=5.0',
-    'plant.command_timeout:=60.0',
-]
+PATIENT = [*SLOW_LOOP, 'plant.command_timeout:=60.0']
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain_coordinator import domain_id
-from ros_fixtures import Peer, Process
+from ros_fixtures import DAMPING, PERIOD, SLOW_LOOP, STATE_TIMEOUT, Peer, Process
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.processes import MODULES
@@ -17,24 +17,8 @@ from parallel_robot_interface import topics
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
-DAMPING = 10.0  # N m s/rad
-STATE_TIMEOUT = 2.0  # s; the machine is shared
-PERIOD = 0.005  # s
 LATE = 60  # samples by which a command may come late
-PATIENT = [
-    f'period:={PERIOD}',
-    'safety.ramp_rate:=[200, 200, 200]',
-    f'safety.state_timeout:={STATE_TIMEOUT}',
-    'safety.reference_timeout:=5.0',
-    'plant.command_timeout:=0.5',
-    # A loop so slow that it is stable when commands come late, and exact without friction.
-    'law:=computed_torque',
-    'computed_torque.Kp:=25',
-    'computed_torque.Kd:=10',
-    'friction.viscous:=[0, 0, 0]',
-    'friction.coulomb:=[0, 0, 0]',
-    f'safety.damping:=[{DAMPING}, {DAMPING}, {DAMPING}]',
-]
+PATIENT = [*SLOW_LOOP, 'plant.command_timeout:=0.5']
 
 
 @pytest.fixture

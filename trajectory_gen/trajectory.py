@@ -116,11 +116,11 @@ def _sample(motion: Any, parameters: Any, robot: RobotParameters, times: Array) 
                 acceleration[k, i] += (
                     maps.H[i, j] * desired.acceleration[j] + maps.H_dot[i, j] * desired.rate[j]
                 )
-        pose[k] = desired.pose
-        pose_rate[k] = desired.rate
-        pose_acceleration[k] = desired.acceleration
-        position[k] = legs.theta
-        beta[k] = legs.beta
+            pose[k, i] = desired.pose[i]
+            pose_rate[k, i] = desired.rate[i]
+            pose_acceleration[k, i] = desired.acceleration[i]
+            position[k, i] = legs.theta[i]
+            beta[k, i] = legs.beta[i]
         out_of_reach[k] = legs.out_of_reach
     return Reference(
         pose, pose_rate, pose_acceleration, position, velocity, acceleration, beta, out_of_reach

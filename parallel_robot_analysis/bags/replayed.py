@@ -16,7 +16,7 @@ import numpy as np
 from parallel_robot_analysis.bags.history import NOTHING, History
 from parallel_robot_analysis.bags.run_log import RunLog, reference_at
 from parallel_robot_control import faults
-from parallel_robot_control.batch import Batch, States, answer
+from parallel_robot_control.batch import Batch, States, answer, answers
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.cycle import CycleState, initial_state, run_cycle, taking_over
@@ -173,7 +173,7 @@ class _Loop:
     def answer(self, moment: _Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states."""
         rows = slice(first, stop)
-        with in_memory(answer, run_cycle) if moment.law.name not in LAWS else nullcontext():
+        with in_memory(answers, run_cycle) if moment.law.name not in LAWS else nullcontext():
             return answer(
                 moment.law.update,
                 moment.law.gains,
