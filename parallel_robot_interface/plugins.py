@@ -14,6 +14,8 @@ from parallel_robot_interface.fields import parameters
 
 NEEDED = ('Gains', 'initial_memory', 'update')
 
+_loaded: dict[tuple[str, bytes], ModuleType] = {}  # by name and source
+
 
 def load(path: str) -> tuple[str, ModuleType]:
     """Import a law file once.
@@ -35,6 +37,14 @@ def load(path: str) -> tuple[str, ModuleType]:
 
 @functools.cache
 def _module(file: Path) -> ModuleType:
+    """The module of a file; a copy of a file that is known is the same law."""
+    key = file.stem, file.read_bytes()
+    if key not in _loaded:
+        _loaded[key] = _import(file)
+    return _loaded[key]
+
+
+def _import(file: Path) -> ModuleType:
     # Numba tells tuples apart by the names of module and class: two files must not share one.
     name = f'parallel_robot_own_{file.stem}_{zlib.crc32(bytes(file)):08x}'
     spec = importlib.util.spec_from_file_location(name, file)

@@ -207,6 +207,13 @@ def test_two_files_of_one_name_are_not_confused(write, capsys):
     assert 'own_laws: b/same.py: there is already a law same' in capsys.readouterr().err
 
 
+def test_a_copy_of_a_law_is_not_compiled_again(write):
+    one, copy = write('same'), write('same', folder='copy')
+    other = write('same', ('e, e, Memory', 'e_dot, e, Memory'), folder='other')
+    modules = [plugins.load(str(path))[1] for path in (one, copy, other)]
+    assert modules[0] is modules[1] and modules[0] is not modules[2]
+
+
 @pytest.mark.xdist_group('processes')
 def test_the_node_runs_it_or_says_in_one_line_why_not(write, launch, peer):
     def node(path, law):
