@@ -10,7 +10,7 @@ from rig import Rig
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_control.laws import LAWS, prepare
-from parallel_robot_interface import config, topics
+from parallel_robot_interface import config, plugins, topics
 from parallel_robot_interface.errors import InputError
 from parallel_robot_sim.simulation import simulate
 
