@@ -23,7 +23,7 @@ from parallel_robot_interface.ros_node import message_class, qos_of
 from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
-PATIENCE = 30.0  # s; what takes so long never comes
+PATIENCE = 100.0  # s; what takes so long never comes
 PERIOD = 0.005  # s
 STATE_TIMEOUT = 2.0  # s
 DAMPING = 10.0  # N m s/rad
