@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-SETTLED = 1.0  # s after one publisher followed another: until then, a further one is a second one
-ROW = 5  # messages that follow one another before a topic is believed to have one publisher again
+SETTLED = 1.0  # s without a change of publisher, after which a topic is believed to have one
 
 
 class SinglePublisher:
@@ -18,7 +17,7 @@ class SinglePublisher:
         """Believe what comes first."""
         self._number = 0
         self._back_at = -SETTLED
-        self._row = ROW
+        self._several = False
 
     def mixed(self, number: int, now: float) -> bool:
         """Whether a message is one of several publishers, so that it must not be used.
@@ -27,13 +26,11 @@ class SinglePublisher:
             number: That which its publisher gave it, from 1 on; 0: not known.
             now: Time of its reception [s].
         """
-        step = number - self._number
-        self._number = number
-        if number and step <= 0:
-            if now - self._back_at < SETTLED:
-                self._row = 0
+        settled = now - self._back_at >= SETTLED
+        if number and number <= self._number:
+            self._several = not settled
             self._back_at = now
-        elif step != 1 and self._row < ROW:
-            self._row = 0
-        self._row += 1
-        return self._row < ROW
+        elif settled:
+            self._several = False
+        self._number = number
+        return self._several
