@@ -24,6 +24,7 @@ from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 100.0  # s; what takes so long never comes
+RECENT = 200  # messages that wait for the test
 PERIOD = 0.005  # s
 STATE_TIMEOUT = 2.0  # s
 DAMPING = 10.0  # N m s/rad
@@ -151,8 +152,9 @@ class Peer:
     def listen(self, topic):
         """List that grows by what is published."""
         heard = []
-        kind = message_class(topic.type)
-        self.node.create_subscription(kind, topic.name, heard.append, qos_of(topic))
+        kind, profile = message_class(topic.type), qos_of(topic)
+        profile.depth = min(profile.depth, RECENT)  # what came while nobody listened is old
+        self.node.create_subscription(kind, topic.name, heard.append, profile)
         return heard
 
     def publisher(self, topic):
