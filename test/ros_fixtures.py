@@ -24,7 +24,7 @@ from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 100.0  # s; what takes so long never comes
-RECENT = 200  # messages that wait for the test
+RECENT = 200  # messages; what else came while a test did not listen is old
 PERIOD = 0.005  # s
 STATE_TIMEOUT = 2.0  # s
 DAMPING = 10.0  # N m s/rad
@@ -149,11 +149,11 @@ class Peer:
     def spin(self, seconds=0.05):
         self._executor.spin_once(timeout_sec=seconds)
 
-    def listen(self, topic):
-        """List that grows by what is published."""
+    def listen(self, topic, depth=None):
+        """List that grows by what is published, or by what of it is recent."""
         heard = []
         kind, profile = message_class(topic.type), qos_of(topic)
-        profile.depth = min(profile.depth, RECENT)  # what came while nobody listened is old
+        profile.depth = min(profile.depth, depth or profile.depth)
         self.node.create_subscription(kind, topic.name, heard.append, profile)
         return heard
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain_coordinator import domain_id
-from ros_fixtures import DAMPING, PERIOD, SLOW_LOOP, STATE_TIMEOUT, Peer, Process
+from ros_fixtures import DAMPING, PERIOD, RECENT, SLOW_LOOP, STATE_TIMEOUT, Peer, Process
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.processes import MODULES
@@ -37,9 +37,9 @@ class Loop:
 
     def __init__(self, start, peer):
         self.start, self.peer = start, peer
-        self.states = peer.listen(topics.JOINT_STATES)
-        self.errors = peer.listen(topics.ERROR)
-        self.statuses = peer.listen(topics.STATUS)
+        self.states = peer.listen(topics.JOINT_STATES, RECENT)
+        self.errors = peer.listen(topics.ERROR, RECENT)
+        self.statuses = peer.listen(topics.STATUS, RECENT)
         self.diagnostics = {}
         peer.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 10)
         self.nodes = {}
@@ -165,7 +165,7 @@ def test_an_emergency_stop_is_latched_until_it_is_cleared(loop):
     first = len(loop.states) + LATE
     loop.until(lambda: len(loop.states) > first + 100)
     assert loop.damps(first)
-    late = loop.peer.listen(topics.STATUS)
+    late = loop.peer.listen(topics.STATUS, RECENT)
     loop.until(lambda: late)
     assert late[0].status[0].level == DiagnosticStatus.ERROR
     loop.until_told('controller', DiagnosticStatus.ERROR, FAULT_TEXT[EMERGENCY_STOP])
@@ -176,7 +176,7 @@ def test_an_emergency_stop_is_latched_until_it_is_cleared(loop):
 
 def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
     loop.until_steady()
-    commands = loop.peer.listen(topics.COMMANDS)
+    commands = loop.peer.listen(topics.COMMANDS, RECENT)
     assert loop.nodes['plant'].end(signal.SIGKILL) == -signal.SIGKILL
     loop.until_fault(STATES_STALE)
     loop.until(lambda: commands and not any(commands[-1].data))
@@ -214,7 +214,7 @@ def test_of_two_controllers_none_is_obeyed_until_one_ends(loop):
 
 def test_two_plants_are_seen_and_their_mixture_is_not_controlled(loop):
     loop.until_steady()
-    commands = loop.peer.listen(topics.COMMANDS)
+    commands = loop.peer.listen(topics.COMMANDS, RECENT)
     loop.start('plant', *PATIENT, words=['-r', '__node:=other'])
     loop.until_fault(STATES_DISAGREE)
     loop.until_told('controller', DiagnosticStatus.ERROR, "'joint_states: publishers': '2'")
@@ -238,7 +238,7 @@ def test_two_publishers_are_seen_on_a_topic_of_another_name(start, peer):
 
 def test_a_stop_before_the_first_state_is_told_and_can_be_cleared(start, peer):
     process = start('controller')
-    statuses = peer.listen(topics.STATUS)
+    statuses = peer.listen(topics.STATUS, RECENT)
     for service, level in (
         ('emergency_stop', DiagnosticStatus.ERROR),
         ('clear_fault', DiagnosticStatus.OK),
