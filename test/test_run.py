@@ -88,18 +88,17 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
 def test_a_run_in_real_time_is_complete(begin, tmp_path):
     process = begin('bag', 1.5)
     assert process.wait() == 0, process.stderr
-    assert all(line.startswith('warning: fault') for line in process.stderr.splitlines())
+    assert 'lost' not in process.stderr
     log = run_log.read(tmp_path / 'bag')
     assert log.start_stamp > 10**18 and log.start_stamp % 10**6 == 0
     assert np.array_equal(log.stamps, log.start_stamp + np.arange(301) * 5 * 10**6)
     assert not log.effort[0].any() and log.effort[-1].any()
     assert {*map(tuple, log.effort[1:])} <= {(0.0, 0.0, 0.0), *map(tuple, log.command)}
-    counts = {f'/{name}': (n.count, n.missing) for name, n in log.messages.items()}
-    assert counts == {
-        **dict.fromkeys(FULL, (301, 0)),
-        **dict.fromkeys(SLOW, (31, 0)),
-        **dict.fromkeys(LATCHED, (1, 0)),
-    }
+    assert not any(topic.missing for topic in log.messages.values())
+    counts = {f'/{name}': topic.count for name, topic in log.messages.items()}
+    events = {topic: counts.pop(topic) for topic in LATCHED}  # a slow machine brings more
+    assert min(events.values()) >= 1
+    assert counts == {**dict.fromkeys(FULL, 301), **dict.fromkeys(SLOW, 31)}
     for stream in streams(tmp_path / 'bag').values():
         times = [time for time, _ in stream]
         assert times == sorted(times) and times[0] >= log.start_stamp

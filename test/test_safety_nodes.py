@@ -146,13 +146,15 @@ def test_a_killed_controller_leaves_the_motors_safe_and_its_successor_takes_over
     kept = (torques == torques[-1]).all(axis=1)
     assert torques[-1].any() and 95 <= np.argmin(kept[::-1]) <= 105  # 0.5 s, in samples
 
+    commands = loop.peer.listen(topics.COMMANDS)
     loop.begin('controller')
     loop.until_steady()
     states = loop.states[since:]
     driven = np.argmin(damped(states))  # first state after a command of the new controller
     assert driven > 20
-    taken_over = np.subtract(states[driven + 1].effort[:3], states[driven].effort[:3])
-    assert np.abs(taken_over).max() <= 1.1  # 1 N m off that of the state that it answered
+    before, after = efforts(states[driven : driven + 2])
+    given = 1 + [*map(tuple, (command.data for command in commands))].index(tuple(after))
+    assert np.abs(after - before).max() <= given + 0.1  # N m; 1 for each command on the ramp
     assert loop.status()[0] == DiagnosticStatus.WARN  # the ramp has acted
     assert not loop.nodes['controller'].stderr.count('fault')
 
