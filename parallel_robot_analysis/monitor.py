@@ -152,9 +152,3 @@ class Monitor:
             return np.full(len(position), np.nan)
         self._guess = reference[-1]
         return metrics.distances(metrics.Poses(actual, reference))
-
-
-def _fresh(known: np.ndarray, stamp: int) -> bool:
-    """Whether a reference is known for a stamp that is not too old to extrapolate."""
-    before = int(np.searchsorted(known, stamp, side='right')) - 1
-    return before >= 0 and stamp - int(known[before]) <= PERIOD

@@ -45,7 +45,7 @@ class RecorderNode(SuiteNode):
 
     def missing(self) -> str:
         """What the recorder still waits for: topics that nobody publishes yet, parameters."""
-        silent = [topic.name for topic in self._topics if not self._publishers_of(topic)]
+        silent = [topic.name for topic in self._topics if not self.publishers_of(full_name(topic))]
         if silent:
             return f'no publisher of {", ".join(silent)}'
         self._ask()
@@ -77,7 +77,7 @@ class RecorderNode(SuiteNode):
             self._topics.append(topic)
             listen_all(self, topic, qos, self._recorder.take)
         for topic in self._topics:
-            if self._publishers_of(topic) > 1:
+            if self.publishers_of(full_name(topic)) > 1:
                 self._recorder.several(topic)
         self._ask()
 
@@ -88,9 +88,6 @@ class RecorderNode(SuiteNode):
             for topic in self._topics
             for info in self.get_publishers_info_by_topic(full_name(topic))
         )
-
-    def _publishers_of(self, topic: topics.Topic) -> int:
-        return int(self.count_publishers(self.resolve_topic_name(full_name(topic))))
 
     def _check(self) -> None:
         if self._waiting and not self.missing():

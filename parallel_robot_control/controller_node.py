@@ -140,7 +140,7 @@ class ControllerNode(SuiteNode):
         """Go over to the safe action: of two robots, or two motions, none is the right one."""
         if topic == topics.JOINT_STATES:
             self._lose_torque(self._controller.lose(faults.STATES_DISAGREE))
-        elif self._controller.fault == faults.NONE:
+        else:
             self._controller.trip(faults.REFERENCES_DISAGREE)
 
     def close(self) -> None:

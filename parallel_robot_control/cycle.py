@@ -79,7 +79,8 @@ def taking_over(state: CycleState, torque: Array) -> CycleState:
 
 
 @kernel
-def _is_finite(x: Array) -> bool:
+def is_finite(x: Array) -> bool:
+    """Whether all numbers of a vector are finite."""
     finite = True
     for i in range(len(x)):
         finite = finite and np.isfinite(x[i])
@@ -127,7 +128,7 @@ def run_cycle(
             demand = output.torque
             sliding_variable = output.sliding_variable
             coupled_error = output.coupled_error
-            if _is_finite(demand):
+            if is_finite(demand):
                 memory = output.memory
             else:
                 fault = faults.TORQUE_NOT_FINITE

@@ -61,7 +61,7 @@ def qos_of(topic: Topic) -> QoSProfile:
 
 def listen(
     node: Node, topic: Topic, qos: QoSProfile, take: Callable[[bytes, dict[str, int]], None]
-) -> str:
+) -> None:
     """Subscribe to the serialised messages of a topic, with what the middleware knows of each.
 
     Args:
@@ -69,9 +69,6 @@ def listen(
         topic: Name and type.
         qos: Quality of service.
         take: Called with the message and the fields of its rmw_message_info_t.
-
-    Returns:
-        Name of the topic, as remapped.
     """
 
     def pass_on(*arguments: Any) -> None:
@@ -81,9 +78,7 @@ def listen(
 
     signature = inspect.signature(lambda message, information: None)
     pass_on.__signature__ = signature  # type: ignore[attr-defined]
-    kind = message_class(topic.type)
-    subscription = node.create_subscription(kind, topic.name, pass_on, qos, raw=True)
-    return str(subscription.topic_name)
+    node.create_subscription(message_class(topic.type), topic.name, pass_on, qos, raw=True)
 
 
 class _WholeSets(ParameterService):  # type: ignore[misc]
@@ -132,7 +127,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
-        self._inputs: list[tuple[str, str]] = []  # names, as written and as remapped
+        self._inputs: list[str] = []  # names, before they are remapped
         self._started_at: int | None = None
         given = {
             key: list(parameter.value) if _is_array(parameter.value) else parameter.value
@@ -165,13 +160,18 @@ class SuiteNode(Node):  # type: ignore[misc]
 
         def take(data: bytes, information: dict[str, int]) -> None:
             number = information['publication_sequence_number'] or 0
-            if publisher.mixed(number, time.monotonic()) and not self.loop.lockstep:
+            if not self.loop.lockstep and publisher.mixed(number, time.monotonic()):
                 self.counts[f'{topic.name}: messages of two publishers'] += 1
                 self.leave_out(topic)
             else:
                 callback(data)
 
-        self._inputs.append((topic.name, listen(self, topic, QoSProfile(depth=QUEUE), take)))
+        listen(self, topic, QoSProfile(depth=QUEUE), take)
+        self._inputs.append(topic.name)
+
+    def publishers_of(self, name: str) -> int:
+        """How many publishers a topic has; its name before it is remapped."""
+        return int(self.count_publishers(self.resolve_topic_name(name)))
 
     def leave_out(self, topic: Topic) -> None:
         """React to a message that is left out because a topic has several publishers."""
@@ -295,8 +295,8 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _publish_diagnostics(self) -> None:
         figures = {**self.diagnose(), **self.counts}
-        for name, resolved in self._inputs:
-            count = self.count_publishers(resolved)
+        for name in self._inputs:
+            count = self.publishers_of(name)
             if count > 1:
                 figures[f'{name}: publishers'] = count
         alarm = self.alarm()

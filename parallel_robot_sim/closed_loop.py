@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, cycle_of
+from parallel_robot_control.cycle import CycleState, cycle_of, is_finite
 from parallel_robot_control.safety import Limits
 from parallel_robot_model.kernel import FirstClass, kernel
 from parallel_robot_model.parameters import RobotParameters
@@ -150,7 +150,7 @@ def compiled_loop(
     steps = count
     for k in range(count):
         measurement = measure(robot, state)
-        if not np.all(np.isfinite(measurement.theta_dot)):
+        if not is_finite(measurement.theta_dot):
             steps = k
             break
         desired = JointReference(

@@ -109,7 +109,7 @@ class PlantNode(SuiteNode):
         if self.loop.start_stamp != 0 or self.missing() or self._finished():
             return
         if self._index is None:
-            if not self.count_publishers(self.resolve_topic_name(topics.COMMANDS.name)):
+            if not self.publishers_of(topics.COMMANDS.name):
                 return
             self._start, self._index = STEP_START, 0
         elif time.monotonic_ns() - self._published_at < REPEAT * NANOSECONDS:
