@@ -7,6 +7,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from rclpy.subscription import Subscription
+
 from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_analysis.ros_parameters import ParameterWatch
@@ -30,11 +32,10 @@ class RecorderNode(SuiteNode):
         bag_writer.check(directory)
         choosing = bool(wanted.topics or wanted.regex or wanted.all)
         self._recorder = Recorder(directory, self.loop, self.values, self.fail, not choosing)
-        self._topics: list[topics.Topic] = []
+        self._topics: dict[topics.Topic, Subscription] = {}
         self._discovery = Discovery(self, wanted) if choosing else None
         for topic in () if choosing else topics.RECORDED:
-            self._topics.append(topic)
-            listen_all(self, topic, None, self._recorder.take)
+            self._topics[topic] = listen_all(self, topic, None, self._recorder.take)
         self._parameter_watch = ParameterWatch(self, self._recorder.found, self._recorder.changed)
         self.create_timer(LOOK, self._look)
         self.create_timer(CHECK, self._check)
@@ -45,7 +46,11 @@ class RecorderNode(SuiteNode):
 
     def missing(self) -> str:
         """What the recorder still waits for: topics that nobody publishes yet, parameters."""
-        silent = [topic.name for topic in self._topics if not self.publishers_of(full_name(topic))]
+        silent = [
+            topic.name
+            for topic, subscription in self._topics.items()
+            if not subscription.get_publisher_count()
+        ]
         if silent:
             return f'no publisher of {", ".join(silent)}'
         self._ask()
@@ -74,10 +79,9 @@ class RecorderNode(SuiteNode):
         """Record what has appeared, ask its nodes, and see who has several publishers."""
         for topic, (channel, qos) in (self._discovery.new() if self._discovery else {}).items():
             self._recorder.add(topic, channel)
-            self._topics.append(topic)
-            listen_all(self, topic, qos, self._recorder.take)
-        for topic in self._topics:
-            if self.publishers_of(full_name(topic)) > 1:
+            self._topics[topic] = listen_all(self, topic, qos, self._recorder.take)
+        for topic, subscription in self._topics.items():
+            if subscription.get_publisher_count() > 1:
                 self._recorder.several(topic)
         self._ask()
 

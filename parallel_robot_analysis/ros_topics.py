@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from parallel_robot_analysis.bags.bag_writer import Channel, channel, qos_profile
 from parallel_robot_analysis.bags.message_definition import definition
@@ -97,7 +98,7 @@ class Discovery:
         return not hidden and (self._all or found)
 
 
-def listen_all(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> None:
+def listen_all(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> Subscription:
     """Subscribe to the serialised messages of a topic, with their reception and number.
 
     The numbers tell every loss. The middleware's event for lost messages does not know of those
@@ -120,7 +121,7 @@ def listen_all(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> 
 
     profile = qos or qos_of(topic)
     profile.depth = DEPTH  # of what is latched too: not only the last is wanted
-    listen(node, topic._replace(name=full_name(topic)), profile, pass_on)
+    return listen(node, topic._replace(name=full_name(topic)), profile, pass_on)
 
 
 def full_name(topic: Topic) -> str:

@@ -32,6 +32,7 @@ from rclpy.parameter_service import ParameterService
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -61,7 +62,7 @@ def qos_of(topic: Topic) -> QoSProfile:
 
 def listen(
     node: Node, topic: Topic, qos: QoSProfile, take: Callable[[bytes, dict[str, int]], None]
-) -> None:
+) -> Subscription:
     """Subscribe to the serialised messages of a topic, with what the middleware knows of each.
 
     Args:
@@ -78,7 +79,7 @@ def listen(
 
     signature = inspect.signature(lambda message, information: None)
     pass_on.__signature__ = signature  # type: ignore[attr-defined]
-    node.create_subscription(message_class(topic.type), topic.name, pass_on, qos, raw=True)
+    return node.create_subscription(message_class(topic.type), topic.name, pass_on, qos, raw=True)
 
 
 class _WholeSets(ParameterService):  # type: ignore[misc]
@@ -127,7 +128,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
-        self._inputs: list[str] = []  # names, before they are remapped
+        self._inputs: dict[Topic, Subscription] = {}
+        self._heard = False  # whether the essential outputs have had their subscribers
         self._started_at: int | None = None
         given = {
             key: list(parameter.value) if _is_array(parameter.value) else parameter.value
@@ -154,30 +156,36 @@ class SuiteNode(Node):  # type: ignore[misc]
     def subscribe(self, topic: Topic, callback: Callable[[bytes], None]) -> None:
         """Subscribe to the serialised messages of a topic; those of a mixture are left out.
 
-        In lockstep none is left out, for nobody would go on; there, stamps tell a mixture.
+        In lockstep none is left out, for nobody would go on; there, stamps tell a mixture. But
+        nothing is taken before somebody hears the answer: the plant asks again.
         """
         publisher = SinglePublisher()
 
         def take(data: bytes, information: dict[str, int]) -> None:
             number = information['publication_sequence_number'] or 0
-            if not self.loop.lockstep and publisher.mixed(number, time.monotonic()):
+            if self.loop.lockstep:
+                self._heard = self._heard or not self._unheard()
+                if self._heard:
+                    callback(data)
+            elif publisher.mixed(number, time.monotonic()):
                 self.counts[f'{topic.name}: messages of two publishers'] += 1
                 self.leave_out(topic)
             else:
                 callback(data)
 
-        listen(self, topic, QoSProfile(depth=QUEUE), take)
-        self._inputs.append(topic.name)
-
-    def publishers_of(self, name: str) -> int:
-        """How many publishers a topic has; its name before it is remapped."""
-        return int(self.count_publishers(self.resolve_topic_name(name)))
+        self._inputs[topic] = listen(self, topic, QoSProfile(depth=QUEUE), take)
 
     def leave_out(self, topic: Topic) -> None:
         """React to a message that is left out because a topic has several publishers."""
 
     def missing(self) -> str:
         """What the node still waits for; empty when it is ready."""
+        for topic, subscription in self._inputs.items():
+            if not subscription.get_publisher_count():
+                return f'no publisher of {topic.name}'
+        return self._unheard()
+
+    def _unheard(self) -> str:
         for publisher in self._outputs:
             count = publisher.get_subscription_count()
             if count < self.loop.subscribers:
@@ -295,10 +303,10 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _publish_diagnostics(self) -> None:
         figures = {**self.diagnose(), **self.counts}
-        for name in self._inputs:
-            count = self.publishers_of(name)
+        for topic, subscription in self._inputs.items():
+            count = subscription.get_publisher_count()
             if count > 1:
-                figures[f'{name}: publishers'] = count
+                figures[f'{topic.name}: publishers'] = count
         alarm = self.alarm()
         warnings = [key for key in figures if key in self.counts or key.endswith(': publishers')]
         level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK

@@ -119,13 +119,15 @@ def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
     parameters = ['time_mode:=lockstep', 'duration:=0.2', 'recorder.out:=bag']
     recorder = start('recorder', *parameters, words=names)
     recorder.until((tmp_path / 'bag').exists)
-    states = peer.listen(topics.JOINT_STATES._replace(name='/motors/joints'))
     subscribers = {'controller': 2, 'plant': 4, 'trajectory': 2}
     for name, count in subscribers.items():
         start(name, *parameters, f'subscribers:={count}', words=names)
+    recorder.until(lambda: 'ready: every topic has a publisher' in recorder.stderr)
+    states = peer.listen(
+        topics.JOINT_STATES._replace(name='/motors/joints')
+    )  # now the plant begins
     peer.until(lambda: len(states) == 201)
     assert recorder.end(signal.SIGINT) == 0, recorder.stderr
-    assert 'ready: every topic has a publisher' in recorder.stderr
     log = run_log.read(tmp_path / 'bag')
     assert len(log.stamps) == 201
     assert np.array_equal(log.command[:200], simulate(log.config).run.command[:200])
