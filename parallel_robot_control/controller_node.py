@@ -159,7 +159,17 @@ class ControllerNode(SuiteNode):
         if message is not None and self._from is not None and message[0] >= self._from:
             self._watch()  # the node itself may have stood still
             self._stamp, vectors = message
-            self._publish(self._controller.add_state(self._stamp, JointSample(*vectors)))
+            if self._is_old(self._stamp):
+                self.counts['joint states that are too old'] += 1  # as if they had not come
+            else:
+                self._publish(self._controller.add_state(self._stamp, JointSample(*vectors)))
+
+    def _is_old(self, stamp: int) -> bool:
+        """Whether a state is of a time that has gone: one that waited in a queue, say."""
+        if self.loop.lockstep:
+            return False
+        age = self.get_clock().now().nanoseconds - stamp
+        return bool(age > self.values['safety.state_timeout'] * cdr.NANOSECONDS)
 
     def _publish(self, sample: Sample | None) -> None:
         if sample is None:
