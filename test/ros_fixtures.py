@@ -1,4 +1,4 @@
-"""Real processes and a ROS domain of one's own, for the tests of nodes and runs."""
+"""Nodes in processes of their own or in the test's, in a ROS domain that no other test has."""
 
 import os
 import select
@@ -142,6 +142,7 @@ class Peer:
         self.node = rclpy.create_node('peer', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._clients = {}  # by service
 
     def until(self, condition):
         return until(condition, self.spin)
@@ -167,7 +168,9 @@ class Peer:
 
     def call(self, kind, name, request, server):
         """Answer of a service of a process; None when the process ends instead."""
-        client = self.node.create_client(kind, name)
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+        client = self._clients[name]
         self.until(lambda: client.service_is_ready() or not server.running)
         future = client.call_async(request)
         self.until(lambda: future.done() or not server.running)
@@ -220,3 +223,36 @@ def peer(domain):
     peer = Peer()
     yield peer
     peer.close()
+
+
+class Sink:
+    """Publisher that keeps what it is given."""
+
+    def __init__(self):
+        self.data = []
+
+    def publish(self, data):
+        self.data.append(data)
+
+    def wait_for_all_acked(self, _):
+        """As a publisher does."""
+
+
+@pytest.fixture(params=['wall', 'lockstep'])
+def node(request, domain):
+    """Make a node of a class in this process, its output going into a sink."""
+    made = []
+    words = ['-p', f'time_mode:={request.param}', '--log-level', 'fatal']
+    words += ['-p', 'use_sim_time:=true']  # the clock stands at zero: no stamp is too old
+    rclpy.init(args=['--ros-args', *words])
+
+    def make(kind, output):
+        made.append(kind())
+        setattr(made[-1], output, Sink())
+        return made[-1], getattr(made[-1], output).data
+
+    yield make
+    for one in made:
+        one.close()
+        one.destroy_node()
+    rclpy.try_shutdown()

@@ -3,8 +3,6 @@
 import math
 
 import numpy as np
-import pytest
-import rclpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
@@ -69,39 +67,6 @@ MESSAGE = st.tuples(
     st.integers(0, 2**16 - 1),
     st.sampled_from(['', '', 'base', 'x' * 3000]),
 )
-
-
-class Sink:
-    """Publisher that keeps what it is given."""
-
-    def __init__(self):
-        self.data = []
-
-    def publish(self, data):
-        self.data.append(data)
-
-    def wait_for_all_acked(self, _):
-        """As a publisher does."""
-
-
-@pytest.fixture(params=['wall', 'lockstep'])
-def node(request, domain):
-    """Make a node of a class in this process, its output going into a sink."""
-    made = []
-    words = ['-p', f'time_mode:={request.param}', '--log-level', 'fatal']
-    words += ['-p', 'use_sim_time:=true']  # the clock stands at zero: no stamp is too old
-    rclpy.init(args=['--ros-args', *words])
-
-    def make(kind, output):
-        made.append(kind())
-        setattr(made[-1], output, Sink())
-        return made[-1], getattr(made[-1], output).data
-
-    yield make
-    for one in made:
-        one.close()
-        one.destroy_node()
-    rclpy.try_shutdown()
 
 
 def stamp_after(last, step):

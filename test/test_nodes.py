@@ -1,14 +1,13 @@
 """The four nodes as real processes."""
 
 import signal
-import time
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_fixtures import SLOW_LOOP, STATE_TIMEOUT
+from ros_fixtures import SLOW_LOOP
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
@@ -20,15 +19,12 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_interface import config, topics
 from parallel_robot_sim.simulation import simulate
-from parallel_robot_sim.simulator import Simulator
-from trajectory_gen.messages import reference_messages
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 NAMES = list(MODULES)
-JOINTS = ('joint1', 'joint2', 'joint3')
 PATIENT = [*SLOW_LOOP, 'plant.command_timeout:=60.0']
 
 
@@ -191,25 +187,6 @@ def test_joints_are_found_by_name(start, peer):
     reference.publish(message)
     peer.until(lambda: commands)
     assert np.array_equal(commands[0].data, expected)
-
-
-def test_a_state_of_long_ago_is_not_answered(start, peer):
-    start('controller', *SLOW_LOOP)
-    newest, commands = diagnosed(peer), peer.listen(topics.COMMANDS)
-    reference, state = peer.publisher(topics.REFERENCE), peer.publisher(topics.JOINT_STATES)
-    values = config.resolve('paper_circle')
-    motion, plant = Trajectory.of(values).sample(np.zeros(1)), Simulator(values)
-
-    def publish(age):
-        stamp = time.time_ns() - round(age * 1e9)
-        reference.publish(reference_messages(JOINTS, np.array([stamp]), motion)[0].tobytes())
-        state.publish(plant.message(stamp))
-
-    publish(2 * STATE_TIMEOUT)
-    peer.until(lambda: newest.get('/controller', {}).get('joint states that are too old') == '1')
-    assert not commands
-    publish(0)
-    peer.until(lambda: commands)
 
 
 def test_the_trajectory_answers_a_call_of_start_in_lockstep(start, peer):

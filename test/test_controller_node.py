@@ -1,0 +1,79 @@
+"""The controller's node and the time: states that wait, and a node that stands still."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rclpy.clock import ClockType
+from rclpy.time import Time
+
+from parallel_robot_control import controller as module
+from parallel_robot_control.controller_node import ControllerNode
+from parallel_robot_control.faults import NONE, STATES_STALE
+from parallel_robot_interface import cdr, config
+from parallel_robot_sim.simulator import Simulator
+from trajectory_gen.messages import reference_messages
+from trajectory_gen.trajectory import Trajectory
+
+pytest_plugins = ['ros_fixtures']
+pytestmark = pytest.mark.parametrize('node', ['wall'], indirect=True)
+
+SECOND, MS = 10**9, 10**6  # ns
+TIMEOUT = 20 * MS  # ns, the default
+
+
+class Loop:
+    """A node and the states of a plant at rest, at times that the test sets."""
+
+    def __init__(self, node, monkeypatch):
+        self.controller, self._commands = node(ControllerNode, '_commands')
+        values = config.resolve('paper_circle')
+        self._plant = Simulator(values)
+        self._motion = Trajectory.of(values).sample(np.zeros(1))
+        self.stands = 0.0  # s, for which the node has stood still
+        clock = SimpleNamespace(monotonic=lambda: self.stands)
+        monkeypatch.setattr(module, 'time', clock)
+
+    def give(self, stamp, age=0):
+        """Torques of the commands that answer a state of a stamp [ns] and an age [ns]."""
+        now = Time(nanoseconds=stamp + age, clock_type=ClockType.ROS_TIME)
+        self.controller.get_clock().set_ros_time_override(now)
+        joints = self.controller.loop.joints
+        self.controller._on_reference(
+            reference_messages(joints, np.array([stamp]), self._motion)[0].tobytes()
+        )
+        count = len(self._commands)
+        self.controller._on_state(self._plant.message(stamp))
+        layout = cdr.float64_multi_array(len(joints))
+        return [layout.decode(data)['data'][0] for data in self._commands[count:]]
+
+    @property
+    def fault(self):
+        return self.controller._controller.fault
+
+
+@pytest.fixture
+def loop(node, monkeypatch):
+    return Loop(node, monkeypatch)
+
+
+def test_a_state_that_is_older_than_the_timeout_is_as_none(loop):
+    assert len(loop.give(SECOND, TIMEOUT)) == 1
+    assert loop.give(SECOND + MS, TIMEOUT + MS) == [] and loop.fault == NONE
+    assert loop.controller.counts['joint states that are too old'] == 1
+    loop.stands = 0.021  # s
+    loop.controller._watch()
+    assert loop.fault == STATES_STALE
+
+
+def test_a_node_that_stood_still_does_not_go_on_as_if_nothing_were(loop):
+    (torque,) = loop.give(SECOND)
+    assert torque.any()
+    loop.stands = 1.0  # s
+    for k in range(1, 5):  # what waited in its queue
+        commands = loop.give(SECOND + k * MS, SECOND - k * MS)
+        assert [command.any() for command in commands] == [False] * (k == 1)
+        assert loop.fault == STATES_STALE
+    (torque,) = loop.give(2 * SECOND)
+    assert not torque.any()  # the safe action of a robot at rest
+    assert loop.controller._controller.clear_fault() == ''
