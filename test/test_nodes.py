@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from ros_fixtures import SLOW_LOOP
 from sensor_msgs.msg import JointState
@@ -187,6 +188,24 @@ def test_joints_are_found_by_name(start, peer):
     reference.publish(message)
     peer.until(lambda: commands)
     assert np.array_equal(commands[0].data, expected)
+
+
+def test_in_lockstep_nothing_is_said_before_all_subscribers_are_there(start, peer):
+    process = start('trajectory', 'time_mode:=lockstep', 'duration:=0.05', 'subscribers:=2')
+    state, message = peer.publisher(topics.JOINT_STATES), JointState()
+    message.header.stamp.sec = 1
+    first = peer.listen(topics.REFERENCE)
+    peer.until(
+        lambda: (
+            '1 of 2' in peer.call(Trigger, 'trajectory/ready', Trigger.Request(), process).message
+        )
+    )
+    state.publish(message)
+    assert state.wait_for_all_acked(Duration(seconds=10))
+    peer.call(Trigger, 'trajectory/ready', Trigger.Request(), process)  # after the state
+    assert not first
+    peer.listen(topics.REFERENCE)
+    peer.until(lambda: len(first) >= 51 or state.publish(message))
 
 
 def test_the_trajectory_answers_a_call_of_start_in_lockstep(start, peer):
