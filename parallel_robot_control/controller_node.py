@@ -159,11 +159,12 @@ class ControllerNode(SuiteNode):
         message = self._state_reader.read(data)
         if message is not None and self._from is not None and message[0] >= self._from:
             self._watch()  # the node itself may have stood still
-            self._stamp, vectors = message
-            if self._is_old(self._stamp):
+            stamp, vectors = message
+            if self._is_old(stamp):
                 self.counts['joint states that are too old'] += 1  # as if they had not come
             else:
-                self._publish(self._controller.add_state(self._stamp, JointSample(*vectors)))
+                self._stamp = stamp
+                self._publish(self._controller.add_state(stamp, JointSample(*vectors)))
 
     def _is_old(self, stamp: int) -> bool:
         """Whether a state is of a time that has gone: one that waited in a queue, say."""
