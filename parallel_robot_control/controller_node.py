@@ -85,8 +85,8 @@ class ControllerNode(SuiteNode):
         self._statuses = self.publisher(topics.STATUS, essential=False)
         self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
         self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
-        self.subscribe(topics.REFERENCE, self._on_reference)
-        self.subscribe(topics.JOINT_STATES, self._on_state)
+        self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
+        self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         timeout = self.values['safety.state_timeout']
         self._state_timeout = round(timeout * cdr.NANOSECONDS)
         if not self.loop.lockstep:

@@ -48,7 +48,7 @@ class PlantNode(SuiteNode):
         self._poses = self.publisher(topics.POSE, essential=False)
         self._markers = self.publisher(topics.MARKERS, essential=False)
         self._marker_builder = RobotMarkers(self._simulator.robot)
-        self.subscribe(topics.COMMANDS, self._on_command)
+        self.subscribe(topics.COMMANDS, self._on_command, complete=False)
         self.create_service(Trigger, '~/reset', self._answer_reset)
         self._simulator.message(0)  # compiles what the loop will need
         self._simulator.wait(np.zeros(3))

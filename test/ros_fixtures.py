@@ -33,6 +33,7 @@ SLOW_LOOP = [  # parameters of a loop in real time on a machine that is shared
     'safety.ramp_rate:=[200, 200, 200]',
     f'safety.state_timeout:={STATE_TIMEOUT}',
     'safety.reference_timeout:=5.0',
+    'safety.speed_limit:=[100, 100, 100]',  # of a reference that was extrapolated for seconds too
     # Stable when commands come late, and exact without friction.
     'law:=computed_torque',
     'computed_torque.Kp:=25',
