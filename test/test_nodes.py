@@ -147,9 +147,10 @@ def diagnosed(peer):
 
 
 def test_the_plant_ignores_what_is_not_a_command(start, peer):
-    start('plant')
+    plant = start('plant')
     newest, states = diagnosed(peer), peer.listen(topics.JOINT_STATES)
     publisher = peer.publisher(topics.COMMANDS)
+    peer.until(lambda: peer.call(Trigger, 'plant/ready', Trigger.Request(), plant).success)
     for data in ([np.nan, 0.0, 0.0], [1.0, np.inf, 1.0], [5.0, 5.0], []):
         publisher.publish(Float64MultiArray(data=data))
     publisher.publish(b'\x00\x01\x00\x00\xff\xff')
