@@ -65,7 +65,6 @@ class PlayerNode(SuiteNode):
         text = 'moment to go on from, since the start of the bag [s]'
         self.declare_parameter('position', options.start, ParameterDescriptor(description=text))
         self._thread = threading.Thread(target=self._play, name='player', daemon=True)
-        self._thread.start()
         count = sum(self._bag.counts[name] for name in self._publishers_of)
         self.get_logger().info(f'playing {options.bag}: {count} messages')
 
@@ -76,6 +75,10 @@ class PlayerNode(SuiteNode):
             'paused': self._player.paused,
             'messages sent': self._player.sent,
         }
+
+    def begin(self) -> None:
+        """Start playing."""
+        self._thread.start()
 
     def close(self) -> None:
         """Stop playing."""

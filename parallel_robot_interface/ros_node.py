@@ -215,6 +215,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         """What is wrong enough to be an error in the diagnostics; mostly nothing."""
         return ''
 
+    def begin(self) -> None:
+        """Start the threads that keep time; after this nothing slow is to come."""
+
     def close(self) -> None:
         """Release what the node holds, before its publishers go."""
 
@@ -376,12 +379,13 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         print(f'parallel_robot: {error}', file=sys.stderr)
         rclpy.try_shutdown()
         return 2
-    prepare_to_log()
     executor = EventsExecutor() if node.loop.executor == 'events' else SingleThreadedExecutor()
     try:
         executor.add_node(node)
+        prepare_to_log()
         gc.collect()
         gc.freeze()  # what lives from here on is small: collections stay short
+        node.begin()
         never = Future()
         while node.exit_code is None and not stop:
             executor.spin_until_future_complete(never, timeout_sec=PATIENCE)

@@ -60,7 +60,6 @@ class PlantNode(SuiteNode):
             self.create_timer(REPEAT, self._begin_lockstep)
         else:
             self._thread = DeadlineThread(self.loop.period_ns, self._tick, self.fail)
-            self._thread.start()
 
     def set_start(self, stamp: int) -> None:
         """Release the brake with the state of `stamp` [ns]."""
@@ -79,6 +78,11 @@ class PlantNode(SuiteNode):
                 values.clear()
         figures['state'] = 'held' if self._index is None else str(self._index)
         return figures
+
+    def begin(self) -> None:
+        """Start the thread."""
+        if self._thread is not None:
+            self._thread.start()
 
     def close(self) -> None:
         """Stop the thread."""

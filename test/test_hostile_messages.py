@@ -177,7 +177,6 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
 def test_no_message_stops_the_plant_or_spoils_its_state(node):
     """But for commands that drive the robot out of its workspace: then it says so, and ends."""
     plant, states = node(PlantNode, '_states')
-    plant.close()  # the ticks of the test take the place of its thread
     if plant.loop.lockstep:
         plant.set_start(SECOND)
 

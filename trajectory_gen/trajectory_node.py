@@ -55,11 +55,15 @@ class TrajectoryNode(SuiteNode):
         )
         ahead = round(limits.lookahead * cdr.NANOSECONDS)
         self._thread = DeadlineThread(self.loop.period_ns, self._tick, self.fail, ahead)
-        self._thread.start()
 
     def set_start(self, stamp: int) -> None:
         """Start the motion with its first sample at `stamp` [ns]."""
         self._start = stamp
+
+    def begin(self) -> None:
+        """Start the thread."""
+        if self._thread is not None:
+            self._thread.start()
 
     def close(self) -> None:
         """Stop the thread."""
