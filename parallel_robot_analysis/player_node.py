@@ -64,7 +64,7 @@ class PlayerNode(SuiteNode):
             self.create_service(Trigger, f'~/{name}', answer)
         text = 'moment to go on from, since the start of the bag [s]'
         self.declare_parameter('position', options.start, ParameterDescriptor(description=text))
-        self._thread = threading.Thread(target=self._play, name='player', daemon=True)
+        self._playing = threading.Thread(target=self._play, name='player', daemon=True)
         count = sum(self._bag.counts[name] for name in self._publishers_of)
         self.get_logger().info(f'playing {options.bag}: {count} messages')
 
@@ -78,12 +78,12 @@ class PlayerNode(SuiteNode):
 
     def begin(self) -> None:
         """Start playing."""
-        self._thread.start()
+        self._playing.start()
 
     def close(self) -> None:
         """Stop playing."""
         self._player.stop()
-        self._thread.join()
+        self._playing.join()
         self._bag.close()
 
     def _chosen(self, options: PlayerOptions) -> list[RecordedTopic]:

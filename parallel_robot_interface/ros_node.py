@@ -37,6 +37,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import config, loop
+from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
 from parallel_robot_interface.single_publisher import SinglePublisher
@@ -129,6 +130,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.counts: Counter[str] = Counter()
         self._outputs: list[Publisher] = []
         self._inputs: dict[Topic, Subscription] = {}
+        self._thread: DeadlineThread | None = None
         self._heard = False  # whether the essential outputs have had their subscribers
         self._started_at: int | None = None
         given = {
@@ -215,11 +217,24 @@ class SuiteNode(Node):  # type: ignore[misc]
         """What is wrong enough to be an error in the diagnostics; mostly nothing."""
         return ''
 
+    def keep_time(self, tick: Callable[[int], None], ahead: int = 0) -> None:
+        """Call ``tick(stamp)`` for the stamp of each sample [ns], once the node has begun.
+
+        Args:
+            tick: What to do; an exception ends the node.
+            ahead: How long before its stamp a tick is due [ns].
+        """
+        self._thread = DeadlineThread(self.loop.period_ns, tick, self.fail, ahead)
+
     def begin(self) -> None:
-        """Start the threads that keep time; after this nothing slow is to come."""
+        """Start what keeps time; nothing slow is to come any more."""
+        if self._thread is not None:
+            self._thread.start()
 
     def close(self) -> None:
-        """Release what the node holds, before its publishers go."""
+        """Stop it, and release what the node holds, before its publishers go."""
+        if self._thread is not None:
+            self._thread.stop()
 
     def finish(self, code: int = 0) -> None:
         """End the node with an exit code; may be called from any thread."""

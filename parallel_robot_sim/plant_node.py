@@ -16,7 +16,6 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_sim.ros_markers import RobotMarkers
@@ -53,13 +52,12 @@ class PlantNode(SuiteNode):
         self._simulator.message(0)  # compiles what the loop will need
         self._simulator.wait(np.zeros(3))
         self._simulator = Simulator(self.values)
-        self._thread: DeadlineThread | None = None
         if self.loop.lockstep:
             self._time = self.publisher(topics.CLOCK, essential=False)
             self._time_layout = cdr.clock()
             self.create_timer(REPEAT, self._begin_lockstep)
         else:
-            self._thread = DeadlineThread(self.loop.period_ns, self._tick, self.fail)
+            self.keep_time(self._tick)
 
     def set_start(self, stamp: int) -> None:
         """Release the brake with the state of `stamp` [ns]."""
@@ -78,16 +76,6 @@ class PlantNode(SuiteNode):
                 values.clear()
         figures['state'] = 'held' if self._index is None else str(self._index)
         return figures
-
-    def begin(self) -> None:
-        """Start the thread."""
-        if self._thread is not None:
-            self._thread.start()
-
-    def close(self) -> None:
-        """Stop the thread."""
-        if self._thread is not None:
-            self._thread.stop()
 
     def _tick(self, stamp: int) -> None:
         """Publish the state of one stamp (wall time)."""

@@ -12,7 +12,6 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters, validate
@@ -43,7 +42,6 @@ class TrajectoryNode(SuiteNode):
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
         self.create_service(Trigger, '~/start', self._answer_start)
-        self._thread: DeadlineThread | None = None
         if self.loop.lockstep:
             self.subscribe(topics.JOINT_STATES, self._on_state)
             return
@@ -54,21 +52,11 @@ class TrajectoryNode(SuiteNode):
             velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
         )
         ahead = round(limits.lookahead * cdr.NANOSECONDS)
-        self._thread = DeadlineThread(self.loop.period_ns, self._tick, self.fail, ahead)
+        self.keep_time(self._tick, ahead)
 
     def set_start(self, stamp: int) -> None:
         """Start the motion with its first sample at `stamp` [ns]."""
         self._start = stamp
-
-    def begin(self) -> None:
-        """Start the thread."""
-        if self._thread is not None:
-            self._thread.start()
-
-    def close(self) -> None:
-        """Stop the thread."""
-        if self._thread is not None:
-            self._thread.stop()
 
     def _tick(self, stamp: int) -> None:
         """Publish the sample of one stamp (wall time)."""
