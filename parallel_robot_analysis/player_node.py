@@ -83,7 +83,8 @@ class PlayerNode(SuiteNode):
     def close(self) -> None:
         """Stop playing."""
         self._player.stop()
-        self._playing.join()
+        if self._playing.is_alive():
+            self._playing.join()
         self._bag.close()
 
     def _chosen(self, options: PlayerOptions) -> list[RecordedTopic]:

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from rclpy.duration import Duration
 from std_srvs.srv import Trigger
 
 from parallel_robot_control import faults
@@ -37,7 +36,7 @@ from parallel_robot_interface.ros_joints import JointReader
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters
 
-LAST_WORD = Duration(seconds=1)  # how long the node waits until its zero torque has arrived
+LAST_WORD = 0.5  # s, for which the node stays after its zero torque, so that it is read
 LOOKS = 4  # at the age of the joint states within the time after which they are stale
 
 
@@ -147,7 +146,7 @@ class ControllerNode(SuiteNode):
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
         self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
-        self._commands.wait_for_all_acked(LAST_WORD)
+        time.sleep(LAST_WORD)  # those who read best effort acknowledge nothing
 
     def _on_reference(self, data: bytes) -> None:
         message = self._reference_reader.read(data)

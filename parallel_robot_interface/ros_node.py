@@ -232,9 +232,13 @@ class SuiteNode(Node):  # type: ignore[misc]
             self._thread.start()
 
     def close(self) -> None:
-        """Stop it, and release what the node holds, before its publishers go."""
+        """Release what the node holds, before its publishers go."""
+
+    def destroy_node(self) -> None:
+        """Stop what keeps time, then destroy the node."""
         if self._thread is not None:
             self._thread.stop()
+        super().destroy_node()
 
     def finish(self, code: int = 0) -> None:
         """End the node with an exit code; may be called from any thread."""
@@ -304,7 +308,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         stamp = changes['start_stamp']
         if stamp != self._started_at:  # else the request was sent twice
             self._check_start(stamp)
-        return changes, lambda: self._begin(stamp)
+        return changes, lambda: self._pass_on_start(stamp)
 
     def _check_start(self, stamp: Any) -> None:
         if self.loop.start_stamp != loop.WAIT or self._started_at is not None:
@@ -316,7 +320,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         if not self.loop.lockstep and stamp <= time.time_ns():
             raise InputError(f'start_stamp {stamp} lies in the past')
 
-    def _begin(self, stamp: int) -> None:
+    def _pass_on_start(self, stamp: int) -> None:
         """Pass a new start stamp on, once."""
         if stamp == self._started_at:
             return

@@ -1,4 +1,4 @@
-"""What all nodes share: the first line of a log, and the order in which they begin."""
+"""What all nodes share: how they read, the first line of a log, the order in which they begin."""
 
 import gc
 import signal
@@ -6,8 +6,11 @@ import subprocess
 import sys
 
 import pytest
+from rclpy.qos import ReliabilityPolicy
 
+from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_interface.ros_node import SuiteNode, run_node
+from parallel_robot_sim.plant_node import PlantNode
 
 pytest_plugins = ['ros_fixtures']
 
@@ -52,3 +55,18 @@ def test_what_keeps_time_begins_when_all_is_prepared(domain):
         for number, handler in zip(numbers, handlers, strict=True):
             signal.signal(number, handler)
     assert frozen[0] > 0
+
+
+def test_a_lost_message_holds_up_no_newer_one_but_in_lockstep(node):
+    """Nor does a node that was killed: nobody waits for what it has not acknowledged."""
+    controller, _ = node(ControllerNode, '_commands')
+    plant, _ = node(PlantNode, '_states')
+    lockstep = controller.loop.lockstep
+    wanted = ReliabilityPolicy.RELIABLE if lockstep else ReliabilityPolicy.BEST_EFFORT
+    for reader, topic in (
+        (controller, 'joint_states'),
+        (controller, 'reference'),
+        (plant, 'effort_controller/commands'),
+    ):
+        (info,) = reader.get_subscriptions_info_by_topic(topic)
+        assert info.qos_profile.reliability == wanted
