@@ -33,8 +33,6 @@ SLOW_LOOP = [  # parameters of a loop in real time on a machine that is shared
     'safety.ramp_rate:=[200, 200, 200]',
     f'safety.state_timeout:={STATE_TIMEOUT}',
     'safety.reference_timeout:=5.0',
-    # A reference that was extrapolated for seconds jumps when the next one comes.
-    'safety.speed_limit:=[100, 100, 100]',
     # Stable when commands come late, and exact without friction.
     'law:=computed_torque',
     'computed_torque.Kp:=25',

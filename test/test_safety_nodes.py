@@ -18,7 +18,12 @@ pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 LATE = 60  # samples by which a command may come late
-PATIENT = [*SLOW_LOOP, 'plant.command_timeout:=0.5']
+PATIENT = [
+    *SLOW_LOOP,
+    'plant.command_timeout:=0.5',
+    # Else the jump from one of two plants to the other may be the first fault, not the one meant.
+    'safety.speed_limit:=[100, 100, 100]',
+]
 
 
 @pytest.fixture
