@@ -22,15 +22,20 @@ from parallel_robot_analysis.bags.bag_writer import (
     channel_of,
 )
 from parallel_robot_analysis.bags.experiment import describe, software, sources
-from parallel_robot_interface.cdr import header_stamp
+from parallel_robot_interface.cdr import header_stamp, last_state
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
-from parallel_robot_interface.topics import JOINT_STATES, RECORDED, Topic
+from parallel_robot_interface.topics import (
+    ANSWERED,
+    JOINT_STATES,
+    RECORDED,
+    UNSTAMPED,
+    Topic,
+)
 
 DRAIN = 0.05  # s, between two rounds of writing
 FLUSH = 1.0  # s, after which a chunk is finished although it is not full
 STRAGGLERS = 2.0  # s, how long a finished motion waits for messages that are still missing
-UNSTAMPED = ('std_msgs/msg/Float64MultiArray', 'std_msgs/msg/String')
 
 
 class Recorder:
@@ -139,7 +144,7 @@ class Recorder:
         elif topic.type in UNSTAMPED:
             stamp = self._start + self.received[topic] * self._loop.period_ns
         else:
-            found = header_stamp(data)
+            found = last_state(data) if topic == ANSWERED else header_stamp(data)
             if found is None:
                 return
             stamp = found

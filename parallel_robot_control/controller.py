@@ -3,34 +3,58 @@
 from __future__ import annotations
 
 import time
-from collections import Counter, deque
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control import faults
+from parallel_robot_control import answering, faults
+from parallel_robot_control.answering import (
+    ACTED,
+    AGES,
+    ANSWERED,
+    ANSWERS,
+    END,
+    FAULT,
+    FROM,
+    HEARD,
+    LAST,
+    LOGGED,
+    MEASURED,
+    NEVER,
+    NO_REFERENCE,
+    OUT_OF_ORDER,
+    RESTART,
+    SKIPPED,
+    START,
+    STATUS,
+    LawCore,
+    Timing,
+)
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import Cycle, initial_state, run_cycle, taking_over
+from parallel_robot_control.cycle import CycleState, initial_state, taking_over
 from parallel_robot_control.faults import FAULT_TEXT
-from parallel_robot_control.laws import LAWS, PreparedLaw, available, prepare
-from parallel_robot_control.messages import Status, Telemetry
+from parallel_robot_control.laws import PreparedLaw, available, prepare
+from parallel_robot_control.messages import Status, Telemetry, answers_message
+from parallel_robot_control.reference_buffer import ReferenceBuffer, append_message
 from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_interface import config
+from parallel_robot_control.wire import wire_of
+from parallel_robot_interface import cdr, config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
-from parallel_robot_interface.loop import STEP_START, LoopParameters
-from parallel_robot_model.kernel import in_memory
+from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_model.parameters import RobotParameters, validate
 from trajectory_gen.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-LOST = 0.25  # s, after which a state that comes again was not a copy in the queue
-RESTART = NANOSECONDS // 2  # a jump of the stamps by more than this is a new run of the plant
+LOST = NANOSECONDS // 4  # ns, after which a state that comes again was not a copy in the queue
+FOREVER = 2**63 - 1  # ns
+STATE_FIELDS = ('position', 'velocity', 'effort')
+REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
 class ControllerParameters(NamedTuple):
@@ -71,18 +95,27 @@ class Sample(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of law or gains that was found good: the new configuration and its law."""
+    """A change of law or gains that was found good: the new configuration, the law compiled."""
 
     values: dict[str, Any]
-    law: PreparedLaw
+    core: LawCore
+
+    @property
+    def law(self) -> PreparedLaw:
+        """The law."""
+        return self.core.law
 
 
 class Controller:
     """Computes the torque of each state from the reference at the state's own stamp.
 
+    :meth:`answer` is for messages whose layout is known, :meth:`add_state` for numbers; both end
+    in the same kernel.
+
     Attributes:
-        law: The active law.
         counts: How often something unusual happened, by its description.
+        command: The command message of the last answer.
+        code: What became of the last state, as of :func:`answering.answer`.
     """
 
     def __init__(self, values: Mapping[str, Any]) -> None:
@@ -97,38 +130,96 @@ class Controller:
         self._guess = np.array(first_guess(values))
         safety = config.group(values, SafetyParameters, 'safety')
         self._limits = limits_of(safety)
-        self._state_timeout = safety.state_timeout
-        self._reference_timeout = round(safety.reference_timeout * NANOSECONDS)
-        self.law = prepare(self._loop.law, values)
+        self._timing = Timing(
+            self._loop.period_ns,
+            round(safety.reference_timeout * NANOSECONDS),
+            round(safety.state_timeout * NANOSECONDS),
+            self._loop.lockstep,
+        )
         self._preset = _typed(values, config.preset(values['own_laws']))
         self.counts: Counter[str] = Counter()
-        self._references: deque[tuple[int, JointReference]] = deque(maxlen=10_000)
-        self._pending: tuple[int, JointSample] | None = None
-        self._sample: Sample | None = None  # answer to the last state
-        self._answered_at = 0.0
-        self._heard_at: float | None = None  # when the last state came; None: none or the end
-        self._last: int | None = None
+        joints = self._loop.joints
+        self._references = ReferenceBuffer(len(joints))
+        self._state_layout = cdr.joint_state(joints)
+        self._reference_layout = cdr.joint_trajectory(joints)
+        self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
+        self._states = self._own
+        self._reference_wire = wire_of(
+            self._reference_layout, REFERENCE_FIELDS, range(len(joints))
+        )
+        self._arrays = answering.shared(self._guess, len(joints))
+        self._numbers = self._arrays.numbers
+        self._common = answering.common(self._references.compiled, self._timing, self._arrays)
+        self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
+        self._answered_at = 0  # ns, on the clock that never jumps
+        self._ages_taken = 0
         self._lost = False  # whether the joint states were found stale, and none came since
-        self._start: int | None = self._loop.start_stamp if self._loop.start_stamp > 0 else None
-        if self._loop.lockstep and self._loop.start_stamp == 0:
-            self._start = STEP_START
-        self._input: JointSample | None = None  # the last state
-        self._acted = 0
-        self._state = initial_state(self._guess)
-        self._memory = self.law.memory
+        self._fault_seen = faults.NONE  # the fault that was counted last
+        self._changed = False  # whether the law is new since the last answer
+        self.command = b''
+        self.code = 0
+        if self._loop.start_stamp == WAIT:
+            self._numbers[FROM] = FOREVER
+        elif self._loop.start_stamp > 0:
+            self.begin(self._loop.start_stamp)
+        elif self._loop.lockstep:
+            self.begin(STEP_START)
+        active = str(values['law'])
+        self._core = self._compiled(prepare(active, values))
         for name in available(values):  # compiled now, not at a switch
-            law = self.law if name == self.law.name else prepare(name, values)
-            with in_memory(run_cycle) if name not in LAWS else nullcontext():
-                self._cycle(law, _RESTING, _STILL, law.memory, self._loop.period)
+            if name != active:
+                self._compiled(prepare(name, values))
+
+    @property
+    def law(self) -> PreparedLaw:
+        """The active law."""
+        return self._core.law
 
     @property
     def fault(self) -> int:
         """NONE or the key of FAULT_TEXT of the fault that the controller is in."""
-        return int(self._state.fault)
+        return int(self._numbers[FAULT])
+
+    @property
+    def state(self) -> CycleState:
+        """What the last cycle handed on."""
+        return answering.stored(self._arrays)
+
+    @property
+    def memory(self) -> Any:
+        """What the law remembers."""
+        return self._core.memory
+
+    @property
+    def stamp(self) -> int:
+        """Stamp of the state that was answered last [ns]; 0: there is none."""
+        return max(0, int(self._numbers[LAST]))
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """What there is to tell of the last answer; one row."""
+        return Telemetry(*self._arrays.telemetry[:, np.newaxis].copy())
+
+    @property
+    def pending(self) -> bool:
+        """Whether a state waits for its reference (lockstep)."""
+        return self._pending is not None
+
+    @property
+    def status(self) -> Status:
+        """What the controller is doing."""
+        return Status(self.law.name, self.fault, int(self._numbers[ACTED]))
 
     def begin(self, stamp: int) -> None:
         """Tell that the motion starts at a state [ns]: no take-over, so no ramp."""
-        self._start = stamp
+        self._numbers[START] = stamp
+        self._numbers[FROM] = stamp if self._loop.start_stamp == WAIT else 0
+        if self._loop.samples is not None:
+            self._numbers[END] = stamp + self._loop.samples * self._loop.period_ns
+
+    def expect(self, layout: cdr.Layout, order: list[int]) -> None:
+        """Let :meth:`answer` read state messages of a layout; `order`: its joints, as ours."""
+        self._states = wire_of(layout, STATE_FIELDS, order)
 
     def judge(self, changes: Mapping[str, Any]) -> Change:
         """Look whether a change of law, gains or preset is good; it takes effect by :meth:`apply`.
@@ -159,7 +250,7 @@ class Controller:
             law = prepare(name, values)
             keys = [f'{name}.{parameter.key}' for parameter in parameters(type(law.gains))]
             values |= dict(zip(keys, law.gains, strict=True))  # 12 becomes 12.0
-        return Change(values, prepare(str(values['law']), values))
+        return Change(values, self._compiled(prepare(str(values['law']), values)))
 
     def apply(self, change: Change) -> None:
         """Make a change at the next state: the torque ramps from the last one to the new law's.
@@ -167,22 +258,23 @@ class Controller:
         A law that becomes active starts with an empty memory; new gains of the active law go on
         with the memory that it has.
         """
-        active = (self.law.name, self.law.gains)
-        same = change.law.name == self.law.name
-        self._values, self.law = change.values, change.law
-        if (self.law.name, self.law.gains) == active:
+        self._values = change.values
+        before, after = self.law, change.law
+        if (after.name, after.gains) == (before.name, before.gains):
             return
-        if not same:
-            self._memory = self.law.memory
-        if self._last is not None:
-            self._state = taking_over(self._state, self._state.last.torque)
+        if after.name == before.name:
+            change.core.memory = self._core.memory
+        self._core = change.core
+        self._changed = True
+        if self._numbers[LAST] != NEVER:
+            self._go_on()
 
     def trip(self, fault: int) -> None:
         """Enter a fault: the safe action begins with the next state."""
-        if self._state.fault == faults.NONE:
-            held = self._state.last.position
-            self._state = self._state._replace(fault=fault, held=held)
-            self.counts[FAULT_TEXT[fault]] += 1
+        if self.fault == faults.NONE:
+            state = self.state
+            self._store(state._replace(fault=fault, held=state.last.position))
+            self._count_fault()
 
     def clear_fault(self) -> str:
         """Leave the fault, if its cause is gone, with an empty memory and ramped torque.
@@ -192,181 +284,178 @@ class Controller:
         """
         if self.stale():
             return FAULT_TEXT[faults.STATES_STALE]
-        if self._state.fault != faults.NONE:
-            ramped = taking_over(self._state, self._state.last.torque)
-            self._state = ramped._replace(fault=faults.NONE)
-            self._memory = self.law.memory
+        if self.fault != faults.NONE:
+            self._go_on()
+            self._numbers[FAULT] = self._fault_seen = faults.NONE
+            self._core.memory = self.law.memory
         return ''
 
     def stale(self) -> bool:
         """Whether joint states came, and come no more (wall time)."""
-        if self._heard_at is None or self._loop.lockstep:
+        heard = int(self._numbers[HEARD])
+        if not heard or self._loop.lockstep:
             return False
-        return time.monotonic() - self._heard_at > self._state_timeout
+        return time.monotonic_ns() - heard > self._timing.state_timeout
 
     def watch(self) -> bool:
         """Enter a fault when the joint states are stale.
 
         Returns:
-            Whether they are since the last call: then no torque is right for states nobody knows.
+            Whether they are since the last call: then the torque has to be zero.
         """
         return self.stale() and self.lose(faults.STATES_STALE)
 
     def lose(self, fault: int) -> bool:
-        """Enter a fault for want of joint states that can be believed.
+        """Enter a fault because there are no joint states that can be trusted.
 
         Returns:
-            Whether they are lost since the last call: then no torque is right.
+            Whether they are lost since the last call: then the torque has to be zero.
         """
         if self._lost:
             return False
         self._lost = True
         self.trip(fault)
-        zero = np.zeros(len(self._state.last.torque))
-        self._state = self._state._replace(last=self._state.last._replace(torque=zero))
+        state = self.state
+        zero = np.zeros(len(state.last.torque))
+        self._store(state._replace(last=state.last._replace(torque=zero)))
         return True
 
+    def zero_command(self) -> bytes:
+        """A command of zero torque that answers no state; it stands in the log as such."""
+        self._arrays.log[self._numbers[LOGGED] % AGES] = 0
+        self._numbers[LOGGED] += 1
+        return cdr.float64_multi_array(len(self._loop.joints)).template.tobytes()
+
+    def take_log(self) -> bytes:
+        """Message of ``controller/answered``: which states were answered since the last call."""
+        count = min(int(self._numbers[LOGGED]), AGES)
+        self._numbers[LOGGED] = 0
+        return answers_message(self._arrays.log[:count])
+
+    def take_ages(self) -> Array:
+        """Ages of the states answered since the last call, of the newest AGES at most [s]."""
+        rows = np.arange(max(self._ages_taken, self.answered - AGES), self.answered) % AGES
+        self._ages_taken = self.answered
+        return self._arrays.ages[rows] / NANOSECONDS
+
+    @property
+    def answered(self) -> int:
+        """How many states were answered."""
+        return int(self._numbers[ANSWERS])
+
+    @property
+    def skipped(self) -> int:
+        """How many states were not, because a newer one was there or they never came."""
+        return int(self._numbers[SKIPPED])
+
+    def read_reference(self, data: bytes) -> bool:
+        """Take a reference message; False when it is for :meth:`add_reference` to judge."""
+        return bool(append_message(self._references.compiled, self._reference_wire, data))
+
     def add_reference(self, stamp: int, reference: JointReference) -> Sample | None:
-        """Take a reference sample; answer a state that waited for it.
+        """Take a reference sample that is perhaps not in order; answer a state that waits for it.
 
         Args:
             stamp: [ns].
             reference: Desired joint motion at the stamp.
         """
-        if self._references and stamp <= self._references[-1][0]:
-            back = self._references[-1][0] - stamp
-            if not self._loop.lockstep and back < RESTART:
+        references = self._references
+        if len(references) and stamp <= references.newest:
+            if not self._loop.lockstep and references.newest - stamp < RESTART:
                 self.counts['reference stamps that repeat or go back'] += 1
-                known = next((old for at, old in reversed(self._references) if at == stamp), None)
+                known = references.at(stamp)
                 if known is not None and not _equal(known, reference):
                     self.trip(faults.REFERENCES_DISAGREE)
                 return None
             if not self._loop.lockstep:
                 self.counts['reference stamps that jump back'] += 1
-            while self._references and self._references[-1][0] >= stamp:
-                self._references.pop()  # the later ones, which were wrong or of another run
-        self._references.append((stamp, reference))
-        if self._pending is not None:
-            return self._answer(*self._pending)
-        return None
+            references.drop_since(stamp)  # they were wrong, or of another run
+        references.append(stamp, reference)
+        return self.answer_pending()
+
+    def answer_pending(self) -> Sample | None:
+        """Answer a state that waits for its reference (lockstep), if it is here now."""
+        if self._pending is None or self.answer(self._pending, self._own) <= 0:
+            return None
+        return self._sample()
+
+    def answer(self, data: bytes, wire: Any = None, now: int = 0) -> int:
+        """Answer a state message.
+
+        Args:
+            data: The message.
+            wire: Of the message; None: that of :meth:`expect`.
+            now: Time on the clock of the stamps, for which a state may be too old [ns]; 0: any.
+
+        Returns:
+            What :func:`answering.answer` returns; with ANSWERED, `command` is the answer.
+        """
+        states = self._states if wire is None else wire
+        monotonic = time.monotonic_ns()
+        code = self._core.answer(states, data, now, monotonic)
+        if code > 0:
+            self.command = self._arrays.command.tobytes()
+            self._pending, self._lost, self._answered_at = None, False, monotonic
+            if code != ANSWERED or self._changed:
+                code |= STATUS if self._changed else 0
+                self._changed = False
+                self._count_fault()
+        self.code = code
+        return code
 
     def add_state(self, stamp: int, measured: JointSample) -> Sample | None:
-        """Take a state; answer it when there is a reference for it.
+        """Answer a state that :meth:`answer` did not take, whatever its age.
 
         Args:
             stamp: [ns].
             measured: Joints at the stamp.
         """
-        if self._last is not None and not 0 < stamp - self._last < RESTART:
-            if stamp == self._last and not _equal(self._input, measured):
+        numbers = self._numbers
+        if numbers[HEARD]:
+            numbers[HEARD] = time.monotonic_ns()  # the state has come
+        data = self._state_layout.encode(stamp, **measured._asdict())
+        if self.answer(data, self._own) == OUT_OF_ORDER:
+            last = int(numbers[LAST])
+            if stamp == last and not _equal(self._arrays.vectors[MEASURED], measured):
                 self.trip(faults.STATES_DISAGREE)
-            if self._loop.lockstep and stamp == self._last:
-                lost = time.monotonic() - self._answered_at > LOST
-                return self._sample if lost else None  # the plant asks again
-            if not self._loop.lockstep and abs(stamp - self._last) < RESTART:
+            if self._loop.lockstep and stamp == last:  # the plant asks again
+                lost = time.monotonic_ns() - self._answered_at > LOST
+                self.code = ANSWERED if lost else OUT_OF_ORDER
+            elif not self._loop.lockstep and abs(stamp - last) < RESTART:
                 self.counts['state stamps that repeat or go back'] += 1
-                return None
-            self.counts['new runs of the plant'] += 1
-            self._reset()
-        return self._answer(stamp, measured)
+            else:
+                self.counts['new runs of the plant'] += 1
+                self._reset()
+                self.answer(data, self._own)
+        if self.code == NO_REFERENCE and self._loop.lockstep:
+            self._pending = data
+        return self._sample() if self.code > 0 else None
 
-    def _answer(self, stamp: int, measured: JointSample) -> Sample | None:
-        reference = self._reference_at(stamp)
-        self._pending = None
-        if reference is None:
-            self._pending = (stamp, measured) if self._loop.lockstep else None
-            return None
-        dt = self._loop.period if self._last is None else (stamp - self._last) / NANOSECONDS
-        if self._last is None and stamp != self._start:
-            self._state = taking_over(self._state, measured.effort)
-        self._last, self._input = stamp, measured
-        before = self._state.fault
-        cycle = self._cycle(self.law, reference, measured, self._memory, dt)
-        self._state, self._memory = cycle.state, cycle.memory
-        if self._state.fault != before:
-            self.counts[FAULT_TEXT[self._state.fault]] += 1
-        self._acted |= cycle.acted
-        telemetry = Telemetry(
-            (reference.position - measured.position)[np.newaxis],
-            (reference.velocity - measured.velocity)[np.newaxis],
-            cycle.coupled_error[np.newaxis],
-            cycle.sliding_variable[np.newaxis],
-        )
-        status = Status(self.law.name, int(self._state.fault), self._acted)
-        self._sample = Sample(cycle.torque, telemetry, status)
-        self._answered_at = time.monotonic()
-        self._lost = False
-        self._heard_at = None if self._is_end(stamp) else self._answered_at
-        return self._sample
+    def _sample(self) -> Sample:
+        return Sample(self._arrays.torques.copy(), self.telemetry, self.status)
 
-    def _reference_at(self, stamp: int) -> JointReference | None:
-        """Newest reference not after `stamp`, extrapolated to it with its own derivatives.
+    def _compiled(self, law: PreparedLaw) -> LawCore:
+        return LawCore(law, self._robot, self._limits, self._common, self._own)
 
-        When it is too old that is a fault, and its position is held.
+    def _store(self, state: CycleState) -> None:
+        answering.store(self._arrays, state)
 
-        In lockstep the sample of exactly this stamp, or a later one, must have come: what the
-        answer is then does not depend on which message was faster.
-        """
-        references = self._references
-        if self._loop.lockstep and not (references and references[-1][0] >= stamp):
-            return None
-        while len(references) > 1 and references[1][0] <= stamp:
-            references.popleft()
-        if not references or references[0][0] > stamp:
-            return None
-        known, reference = references[0]
-        if known == stamp:
-            return reference
-        if stamp - known > self._reference_timeout:
-            self.trip(faults.REFERENCE_STALE)
-            still = np.zeros(len(reference.position))
-            return JointReference(reference.position, still, still)
-        dt = (stamp - known) / NANOSECONDS
-        return JointReference(
-            reference.position + dt * reference.velocity + 0.5 * dt * dt * reference.acceleration,
-            reference.velocity + dt * reference.acceleration,
-            reference.acceleration,
-        )
+    def _go_on(self) -> None:
+        """Let the next torque go on from the last one."""
+        state = self.state
+        self._store(taking_over(state, state.last.torque))
 
-    def _cycle(
-        self,
-        law: PreparedLaw,
-        reference: JointReference,
-        measured: JointSample,
-        memory: Any,
-        dt: float,
-    ) -> Cycle:
-        return run_cycle(
-            law.update,
-            law.gains,
-            self._robot,
-            self._limits,
-            reference,
-            measured.position,
-            measured.velocity,
-            self._state,
-            memory,
-            dt,
-        )
-
-    def _is_end(self, stamp: int) -> bool:
-        """Whether no state will follow that of `stamp`."""
-        samples = self._loop.samples
-        if samples is None or self._start is None:
-            return False
-        return stamp >= self._start + samples * self._loop.period_ns
+    def _count_fault(self) -> None:
+        if self.fault != self._fault_seen:
+            self._fault_seen = self.fault
+            self.counts[FAULT_TEXT[self.fault]] += 1
 
     def _reset(self) -> None:
-        fault = self._state.fault
-        self._state = initial_state(self._guess)._replace(fault=fault)
-        self._memory = self.law.memory
-        self._acted = 0
-        self._last = None
+        self._store(initial_state(self._guess)._replace(fault=self.fault))
+        self._core.memory = self.law.memory
+        self._numbers[ACTED] = 0
+        self._numbers[LAST] = NEVER
         self._pending = None
-
-
-_STILL = JointSample(np.zeros(3), np.zeros(3), np.zeros(3))
-_RESTING = JointReference(np.zeros(3), np.zeros(3), np.zeros(3))
 
 
 def _typed(values: Mapping[str, Any], gains: Mapping[str, Any]) -> dict[str, Any]:
@@ -379,5 +468,5 @@ def _typed(values: Mapping[str, Any], gains: Mapping[str, Any]) -> dict[str, Any
     return typed
 
 
-def _equal(one: tuple[Array, ...] | None, other: tuple[Array, ...]) -> bool:
-    return one is not None and all(map(np.array_equal, one, other))
+def _equal(some: Iterable[Array], others: Iterable[Array]) -> bool:
+    return all(map(np.array_equal, some, others))

@@ -15,8 +15,19 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from parallel_robot_control import faults
+from parallel_robot_control.answering import (
+    ANSWERED,
+    EARLY,
+    LOG,
+    NO_REFERENCE,
+    STALE,
+    STATUS,
+    TELEMETRY,
+    UNKNOWN,
+)
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import (
+    REFERENCE_FIELDS,
     Controller,
     ControllerParameters,
     JointSample,
@@ -31,7 +42,6 @@ from parallel_robot_control.messages import (
 )
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_joints import JointReader
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters
@@ -62,13 +72,10 @@ class ControllerNode(SuiteNode):
             topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts, 'effort'
         )
         self._reference_reader = JointReader(
-            topics.REFERENCE, joints, ('position', 'velocity', 'acceleration'), self.counts
+            topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts
         )
-        self._layout = cdr.float64_multi_array(len(joints))
-        self._stamp = 0
         self._status: Status | None = None
         self._told = self._controller.law.name  # the law on the latched topic
-        self._from = 0 if self.loop.start_stamp != WAIT else None  # ns; None: not yet
         self._commands = self.publisher(topics.COMMANDS)
         self._telemetry = {
             topic: self.publisher(topic, essential=False)
@@ -79,6 +86,7 @@ class ControllerNode(SuiteNode):
                 topics.SLIDING_VARIABLE,
             )
         }
+        self._log = self.publisher(topics.ANSWERED, essential=False)
         self._active_law = self.publisher(topics.ACTIVE_LAW, essential=False)
         self._active_law.publish(cdr.text_message(self._controller.law.name))
         self._statuses = self.publisher(topics.STATUS, essential=False)
@@ -120,16 +128,21 @@ class ControllerNode(SuiteNode):
 
     def set_start(self, stamp: int) -> None:
         """Answer no state from before the common start [ns]."""
-        self._from = stamp
         self._controller.begin(stamp)
 
     def diagnose(self) -> dict[str, str]:
         """What the controller is doing."""
-        status = self._status
-        return {
+        figures = {
             'law': self._controller.law.name,
-            'limits that acted': limits_text(status.acted) if status else 'none',
+            'limits that acted': limits_text(self._controller.status.acted),
+            'answered': str(self._controller.answered),
+            'skipped': str(self._controller.skipped),
         }
+        ages = self._controller.take_ages()
+        if ages.size and not self.loop.lockstep:
+            p50, p99, largest = 1e3 * np.percentile(ages, [50, 99, 100])
+            figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
+        return figures
 
     def alarm(self) -> str:
         """The fault."""
@@ -145,25 +158,42 @@ class ControllerNode(SuiteNode):
 
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
-        self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
+        self._send_zero()
+        self._log.publish(self._controller.take_log())
         time.sleep(LAST_WORD)  # those who read best effort acknowledge nothing
 
     def _on_reference(self, data: bytes) -> None:
-        message = self._reference_reader.read(data)
-        if message is not None:
-            stamp, vectors = message
-            self._publish(self._controller.add_reference(stamp, JointReference(*vectors)))
+        if not self._controller.read_reference(data):
+            message = self._reference_reader.read(data)
+            if message is not None:
+                stamp, vectors = message
+                self._send(self._controller.add_reference(stamp, JointReference(*vectors)))
+        elif self._controller.pending:
+            self._send(self._controller.answer_pending())
 
     def _on_state(self, data: bytes) -> None:
+        code = self._controller.answer(data, now=0 if self.loop.lockstep else time.time_ns())
+        if code == ANSWERED:  # nine times out of ten
+            self._commands.publish(self._controller.command)
+        elif code > 0:
+            self._tell_more(code)
+        elif code not in (EARLY, NO_REFERENCE) or self.loop.lockstep:
+            self._on_odd_state(code, data)
+
+    def _on_odd_state(self, code: int, data: bytes) -> None:
+        """Take a state that the compiled path did not: another layout, or a stamp out of order."""
+        if code == STALE:  # the node itself has stood still
+            self._watch()
         message = self._state_reader.read(data)
-        if message is not None and self._from is not None and message[0] >= self._from:
-            self._watch()  # the node itself may have stood still
-            stamp, vectors = message
-            if self._is_old(stamp):
-                self.counts['joint states that are too old'] += 1  # as if they had not come
-            else:
-                self._stamp = stamp
-                self._publish(self._controller.add_state(stamp, JointSample(*vectors)))
+        if message is None:
+            return
+        if code == UNKNOWN and self._state_reader.layout is not None:
+            self._controller.expect(self._state_reader.layout, self._state_reader.order)
+        stamp, vectors = message
+        if self._is_old(stamp):
+            self.counts['joint states that are too old'] += 1  # as if they had not come
+        else:
+            self._send(self._controller.add_state(stamp, JointSample(*vectors)))
 
     def _is_old(self, stamp: int) -> bool:
         """Whether a state is of a time that has gone: one that waited in a queue, say."""
@@ -172,17 +202,24 @@ class ControllerNode(SuiteNode):
             return False
         return bool(self.get_clock().now().nanoseconds > latest)
 
-    def _publish(self, sample: Sample | None) -> None:
-        if sample is None:
-            return
-        self._commands.publish(self._layout.encode(data=sample.torque))
-        if sample.status != self._status:
-            self._tell(self._stamp, sample.status)
-        if self._stamp // self.loop.period_ns % topics.SLOW == 0:
-            stamps = np.array([self._stamp])
-            messages = telemetry_messages(self.loop.joints, stamps, sample.telemetry)
+    def _send(self, sample: Sample | None) -> None:
+        """Publish an answer, if there is one."""
+        if sample is not None:
+            self._tell_more(self._controller.code)
+
+    def _tell_more(self, code: int) -> None:
+        """Publish the last answer and what there is to tell with it, by the bits of its code."""
+        self._commands.publish(self._controller.command)
+        stamp = self._controller.stamp
+        if code & STATUS or self._status is None:
+            self._tell(stamp, self._controller.status)
+        if code & TELEMETRY:
+            telemetry = self._controller.telemetry
+            messages = telemetry_messages(self.loop.joints, np.array([stamp]), telemetry)
             for topic, records in messages.items():
                 self._telemetry[topic].publish(records.tobytes())
+        if code & LOG:
+            self._log.publish(self._controller.take_log())
 
     def _tell(self, stamp: int, status: Status) -> None:
         """Publish and log a new status since a stamp [ns]."""
@@ -208,15 +245,16 @@ class ControllerNode(SuiteNode):
     def _lose_torque(self, lost: bool) -> None:
         """Take the torque away if the joint states are lost."""
         if lost:
-            self._commands.publish(self._layout.encode(data=np.zeros(len(self.loop.joints))))
+            self._send_zero()
             self._tell_now()
+
+    def _send_zero(self) -> None:
+        self._commands.publish(self._controller.zero_command())
 
     def _tell_now(self) -> None:
         """Publish a fault that no state brought about."""
-        acted = self._status.acted if self._status else 0
-        law, fault = self._controller.law.name, self._controller.fault
-        stamp = self._stamp if self.loop.lockstep else time.time_ns()
-        self._tell(stamp, Status(law, fault, acted))
+        stamp = self._controller.stamp if self.loop.lockstep else time.time_ns()
+        self._tell(stamp, self._controller.status)
 
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response

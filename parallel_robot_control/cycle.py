@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
-from parallel_robot_model.dynamics import actuated_dynamics
-from parallel_robot_model.kernel import FirstClass, kernel
+from parallel_robot_model.dynamics import Model, actuated_dynamics
+from parallel_robot_model.kernel import FirstClass, inner, kernel
 from parallel_robot_model.kinematics import FOUND, forward_kinematics
 from parallel_robot_model.parameters import RobotParameters
 
@@ -34,6 +34,24 @@ class CycleState(NamedTuple):
     excess: Array
     held: Array
     fault: int
+
+
+class Asked(NamedTuple):
+    """What a law asks for: torque [N m], sliding variable, e_c [rad], each shape (n,)."""
+
+    torque: Array
+    sliding_variable: Array
+    coupled_error: Array
+
+
+class Acted(NamedTuple):
+    """A Cycle but for the memory, which is the law's."""
+
+    torque: Array
+    sliding_variable: Array
+    coupled_error: Array
+    acted: int
+    state: CycleState
 
 
 class Cycle(NamedTuple):
@@ -78,13 +96,93 @@ def taking_over(state: CycleState, torque: Array) -> CycleState:
     )
 
 
-@kernel
+@inner
 def is_finite(x: Array) -> bool:
     """Whether all numbers of a vector are finite."""
     finite = True
     for i in range(len(x)):
         finite = finite and np.isfinite(x[i])
     return finite
+
+
+class Sensed(NamedTuple):
+    """What is known of a state before the law is asked.
+
+    Attributes:
+        fault: NONE or what is wrong.
+        pose: By forward kinematics, shape (3,); the last one where it fails.
+        model: M and Q; zero in a fault.
+    """
+
+    fault: int
+    pose: Array
+    model: Model
+
+
+@inner
+def sense(
+    robot: RobotParameters,
+    limits: Limits,
+    reference: JointReference,
+    position: Array,
+    velocity: Array,
+    state: CycleState,
+    dt: float,
+) -> Sensed:
+    """Find the pose, look for faults, compute the model. Arguments as of :func:`run_cycle`."""
+    n = len(position)
+    fault, pose = state.fault, state.pose
+    assembly = forward_kinematics(robot, position, pose)
+    if assembly.status == FOUND:
+        pose = assembly.pose
+    if fault == faults.NONE:
+        fault = find_fault(limits, robot, assembly, reference, position, velocity, state.last, dt)
+    if fault != faults.NONE:
+        return Sensed(fault, pose, Model(np.zeros((n, n)), np.zeros((n, n))))
+    model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
+    return Sensed(fault, pose, model)
+
+
+@inner
+def act(
+    limits: Limits,
+    reference: JointReference,
+    position: Array,
+    velocity: Array,
+    state: CycleState,
+    sensed: Sensed,
+    asked: Asked,
+    dt: float,
+) -> Acted:
+    """Limit what the law asks for, or take the safe action in its place.
+
+    Args:
+        limits: See SafetyParameters.
+        reference: Desired joint motion at the state's stamp.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        state: Of the cycle before.
+        sensed: Of this one.
+        asked: By the law; not looked at in a fault.
+        dt: Time since the state before [s].
+    """
+    fault, last, held = sensed.fault, state.last, state.held
+    demand, sliding_variable, coupled_error = asked
+    if fault == faults.NONE and not is_finite(demand):
+        fault = faults.TORQUE_NOT_FINITE
+    if fault != faults.NONE:
+        if state.fault == faults.NONE or not last.known:
+            held = position
+        demand = safe_torque(limits.safe, held, position, velocity)
+        sliding_variable = np.zeros(len(position))
+        coupled_error = reference.position - position
+        last = Last(
+            last.position, last.reference, last.torque, np.zeros(len(demand)), False, last.known
+        )
+    torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
+    last = Last(position, reference.position, torque, offset, False, True)
+    after = CycleState(sensed.pose, last, excess, held, fault)
+    return Acted(torque, sliding_variable, coupled_error, acted, after)
 
 
 @kernel
@@ -102,6 +200,8 @@ def run_cycle(
 ) -> Cycle:
     """Compute the torque for one joint state.
 
+    Only this function is compiled for each law; what it calls is compiled once.
+
     Args:
         update: The law, as FirstClass.
         gains: Gains of the law.
@@ -114,41 +214,23 @@ def run_cycle(
         memory: Of the law.
         dt: Time since the state before [s].
     """
-    fault = state.fault
-    pose, held, last = state.pose, state.held, state.last
-    assembly = forward_kinematics(robot, position, pose)
-    if assembly.status == FOUND:
-        pose = assembly.pose
-    if fault == faults.NONE:
-        fault = find_fault(limits, robot, assembly, reference, position, velocity, last, dt)
-        if fault == faults.NONE:
-            model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
-            feedback = Feedback(position, velocity, state.excess)
-            output = update(gains, model, reference, feedback, memory, dt)
-            demand = output.torque
-            sliding_variable = output.sliding_variable
-            coupled_error = output.coupled_error
-            if is_finite(demand):
-                memory = output.memory
-            else:
-                fault = faults.TORQUE_NOT_FINITE
-    if fault != faults.NONE:
-        if state.fault == faults.NONE or not last.known:
-            held = position
-        demand = safe_torque(limits.safe, held, position, velocity)
-        sliding_variable = np.zeros(len(position))
-        coupled_error = reference.position - position
-        last = Last(
-            last.position, last.reference, last.torque, np.zeros(len(demand)), False, last.known
-        )
-    torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
-    last = Last(position, reference.position, torque, offset, False, True)
+    sensed = sense(robot, limits, reference, position, velocity, state, dt)
+    asked = Asked(position, position, position)  # a fault: the law is not asked
+    advanced = memory
+    if sensed.fault == faults.NONE:
+        feedback = Feedback(position, velocity, state.excess)
+        output = update(gains, sensed.model, reference, feedback, memory, dt)
+        asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
+        advanced = output.memory
+    done = act(limits, reference, position, velocity, state, sensed, asked, dt)
+    if done.state.fault == faults.NONE:
+        memory = advanced
     return Cycle(
-        torque,
-        sliding_variable,
-        coupled_error,
-        acted,
-        CycleState(pose, last, excess, held, fault),
+        done.torque,
+        done.sliding_variable,
+        done.coupled_error,
+        done.acted,
+        done.state,
         memory,
     )
 

@@ -64,6 +64,14 @@ def telemetry_messages(
     }
 
 
+def answers_message(stamps: np.ndarray) -> bytes:
+    """Stamps of state and reference of some commands [ns], shape (N, 2), as an Int64MultiArray.
+
+    One row a command, in the order of the commands; zero for one that answers no state.
+    """
+    return cdr.int64_multi_array(stamps.size).encode(data=stamps.ravel())
+
+
 def limits_text(acted: int) -> str:
     """The limits that acted, by name."""
     return ', '.join(text for bit, text in safety.ACTED_TEXT.items() if acted & bit) or 'none'

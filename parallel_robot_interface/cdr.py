@@ -62,6 +62,15 @@ class Layout:
             self._bytes += bytes(8 * count)
         return self
 
+    def integers(self, name: str, count: int) -> Layout:
+        """Append a sequence of int64."""
+        self.constant('I', count)
+        if count:
+            self._align(8)
+            self._fields[name] = (f'({count},)<i8', len(self._bytes))
+            self._bytes += bytes(8 * count)
+        return self
+
     def stamp(self) -> Layout:
         """Append a builtin_interfaces/Time."""
         return self.number('sec', 'i4').number('nanosec', 'u4')
@@ -168,6 +177,13 @@ def header_stamp(data: bytes) -> int | None:
     return int(sec) * NANOSECONDS + int(nanosec)
 
 
+def last_state(data: bytes) -> int | None:
+    """Largest stamp in a serialised std_msgs/Int64MultiArray of stamps [ns]; None when empty."""
+    layout = int64_multi_array((len(data) - 20) // 8)
+    records = layout.decode(data) if len(data) >= 28 else None
+    return int(records['data'].max()) if records is not None else None
+
+
 def stamps_of(records: np.ndarray) -> np.ndarray:
     """Stamps of messages [ns], shape (N,), int64."""
     return records['sec'].astype(np.int64) * NANOSECONDS + records['nanosec']
@@ -201,6 +217,13 @@ def float64_multi_array(count: int) -> Layout:
     """std_msgs/Float64MultiArray with `count` values and no dimensions, as ros2_control takes."""
     layout = Layout('std_msgs/msg/Float64MultiArray').constant('I', 0).constant('I', 0)
     return layout.numbers('data', count)
+
+
+@functools.lru_cache
+def int64_multi_array(count: int) -> Layout:
+    """std_msgs/Int64MultiArray with `count` values and no dimensions."""
+    layout = Layout('std_msgs/msg/Int64MultiArray').constant('I', 0).constant('I', 0)
+    return layout.integers('data', count)
 
 
 @functools.lru_cache

@@ -21,6 +21,10 @@ class JointReader:
     Messages that cannot be used are counted with the reason, never passed on: joints that are
     missing or named twice, fields shorter than the names, values that are not finite, a stamp that
     is none.
+
+    Attributes:
+        layout: Of the message that was read last, None when it was not understood.
+        order: Where the joints stand in it.
     """
 
     def __init__(
@@ -41,8 +45,8 @@ class JointReader:
         self._counts = counts
         self._optional = optional
         self._class = message_class(topic.type)
-        self._layout: cdr.Layout | None = None
-        self._order = list(range(len(joints)))
+        self.layout: cdr.Layout | None = None
+        self.order = list(range(len(joints)))
         self.read(
             OWN[topic.type](joints).encode()
         )  # what the suite publishes, and no late imports
@@ -54,14 +58,14 @@ class JointReader:
             Stamp [ns] and one array of shape (n,) for each field, the optional one last; None when
             it cannot be used.
         """
-        records = self._layout.decode(data) if self._layout else None
+        records = self.layout.decode(data) if self.layout else None
         if records is None:
             problem = self._learn(data)
-            records = self._layout.decode(data) if self._layout and not problem else None
+            records = self.layout.decode(data) if self.layout and not problem else None
             if records is None:
                 self._counts[f'{self._topic.name}: {problem or "not understood"}'] += 1
                 return None
-        vectors = [records[name][0][self._order] for name in self._fields]
+        vectors = [records[name][0][self.order] for name in self._fields]
         if not all(np.isfinite(vector).all() for vector in vectors):
             self._counts[f'{self._topic.name}: not finite'] += 1
             return None
@@ -75,12 +79,12 @@ class JointReader:
     def _read_optional(self, records: np.ndarray) -> np.ndarray:
         if self._optional not in (records.dtype.names or ()):
             return np.zeros(len(self._joints))
-        values = records[self._optional][0][self._order]
+        values = records[self._optional][0][self.order]
         return np.where(np.isfinite(values), values, 0.0)
 
     def _learn(self, data: bytes) -> str:
         """Set layout and order for messages like this one, or say why it cannot be used."""
-        self._layout = None
+        self.layout = None
         try:
             message = deserialize_message(data, self._class)
         except Exception:  # rmw raises a bare RuntimeError or MemoryError on broken bytes
@@ -92,8 +96,8 @@ class JointReader:
         for name in self._fields:
             if name not in (layout.dtype.names or ()):
                 return f'{name} is missing or short'
-        self._order = [names.index(joint) for joint in self._joints]
-        self._layout = layout
+        self.order = [names.index(joint) for joint in self._joints]
+        self.layout = layout
         return ''
 
 

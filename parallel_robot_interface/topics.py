@@ -41,8 +41,10 @@ SYNCHRONISATION_ERROR = Topic(
 )
 CROSS_COUPLING_ERROR = Topic('controller/cross_coupling_error', 'sensor_msgs/msg/JointState', SLOW)
 SLIDING_VARIABLE = Topic('controller/sliding_variable', 'sensor_msgs/msg/JointState', SLOW)
+ANSWERED = Topic('controller/answered', 'std_msgs/msg/Int64MultiArray', SLOW)
 ACTIVE_LAW = Topic('controller/active_law', 'std_msgs/msg/String', 0, latched=True)
 STATUS = Topic('controller/status', 'diagnostic_msgs/msg/DiagnosticArray', 0, latched=True)
+UNSTAMPED = ('std_msgs/msg/Float64MultiArray', 'std_msgs/msg/String')
 MARKERS = Topic('markers', 'visualization_msgs/msg/MarkerArray', MARKERS_EVERY)
 CLOCK = Topic('clock', 'rosgraph_msgs/msg/Clock')
 
@@ -56,6 +58,7 @@ RECORDED = (
     SYNCHRONISATION_ERROR,
     CROSS_COUPLING_ERROR,
     SLIDING_VARIABLE,
+    ANSWERED,
     ACTIVE_LAW,
     STATUS,
 )

@@ -115,10 +115,10 @@ def test_a_cycle_with_such_a_law_takes_no_longer_than_with_the_other(mine):
         core, given = rig.controller, (rig.reference(), rig.measured())
 
         def cycle(core=core, given=given):
-            core._cycle(core.law, *given, core._memory, 1e-3)
+            core._cycle(core.law, *given, core.memory, 1e-3)
 
         times[law] = min(timeit.repeat(cycle, number=200, repeat=7))
-        assert type(core._memory) is type(core.law.memory)
+        assert type(core.memory) is type(core.law.memory)
     assert times['mine'] < 3.0 * times['pid']
 
 
@@ -130,7 +130,7 @@ def test_the_laws_are_switched_to_and_fro(mine):
         sample = rig.step()
         assert sample.status.law == law and sample.status.fault == 0
         assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
-        assert type(rig.controller._memory) is type(rig.controller.law.memory)
+        assert type(rig.controller.memory) is type(rig.controller.law.memory)
 
 
 def test_the_preset_of_a_law_of_ones_own_are_its_defaults_as_numbers(mine):

@@ -154,7 +154,7 @@ def test_a_controller_that_took_over_is_replayed(tmp_path):
 
 def test_what_cannot_be_explained_is_counted(tmp_path, capsys):
     def sabotage(controller):
-        controller._memory = controller.law.memory
+        controller._core.memory = controller.law.memory
 
     bag = live(tmp_path / 'bag', {300: sabotage})
     assert main(['replay', str(bag)]) == 1

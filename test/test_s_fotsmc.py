@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.integral import advanced
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_interface import config
 from parallel_robot_model.dynamics import Model
@@ -113,7 +114,7 @@ def test_switching_integrates_the_sign_of_the_step_of_v():
     torque, _, memory = play(gains, reference, np.zeros((2, 8, 2)), eye, 0 * eye, 0.1)
     switched = 0.1 * 10.01 * np.concatenate([[0], np.cumsum(steps)])[:, None] * [1.0, -1.0]
     assert np.allclose(torque, switched[:-1], atol=1e-12)
-    assert np.allclose(memory.switching, switched[-1], atol=1e-12)
+    assert np.allclose(advanced(memory.switching, 0.1), switched[-1], atol=1e-12)
 
 
 def test_no_error_needs_only_the_torque_of_the_motion():
@@ -121,7 +122,7 @@ def test_no_error_needs_only_the_torque_of_the_motion():
     torque, sliding, memory = play(GAINS, reference, reference[:2], M, Q, 1e-3)
     motion = np.einsum('kij,kj->ki', M, reference[2]) + np.einsum('kij,kj->ki', Q, reference[1])
     assert np.allclose(torque, motion, rtol=1e-12, atol=1e-12)
-    assert not sliding.any() and not memory.switching.any()
+    assert not sliding.any() and not memory.switching.rate.any()
 
 
 def test_torque_drives_the_error_down():
@@ -145,4 +146,4 @@ def test_an_update_changes_nothing_that_it_was_given():
     s_fotsmc.update(GAINS, *given, memory, 1e-3)
     for group, copy in zip(given, copies, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(group, copy, strict=True))
-    assert not any(np.any(integral) for integral in memory[:4])
+    assert not np.any(memory.v) and not any(np.any(integral) for integral in memory[:3])

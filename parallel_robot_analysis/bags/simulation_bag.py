@@ -11,7 +11,13 @@ import numpy as np
 from parallel_robot_analysis.bags.bag_writer import LAWS, BagWriter, certify
 from parallel_robot_analysis.bags.experiment import SIMULATION, describe, sources
 from parallel_robot_analysis.progress import tracked
-from parallel_robot_control.messages import Status, Telemetry, status_message, telemetry_messages
+from parallel_robot_control.messages import (
+    Status,
+    Telemetry,
+    answers_message,
+    status_message,
+    telemetry_messages,
+)
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.loop import STEP_START
 from parallel_robot_sim.messages import state_layout, state_messages
@@ -76,6 +82,10 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
             if now != status:
                 status = now
                 writer.write(topics.STATUS.name, log_time, status_message(log_time, status))
+            if k % topics.SLOW == 0 or k == count - 1:
+                answered = stamps[(k - 1) // topics.SLOW * topics.SLOW + 1 : k + 1]
+                message = answers_message(np.stack([answered, answered], axis=1))
+                writer.write(topics.ANSWERED.name, log_time, message)
             for topic, messages in records.items():
                 index, rest = divmod(k, topic.every)
                 if rest == 0:

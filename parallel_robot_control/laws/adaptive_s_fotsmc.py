@@ -56,7 +56,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: That of S-FOTSMC.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], S [rad/s^2], new memory.
@@ -67,11 +67,11 @@ def update(
     """
     output = _without_switching(gains, model, reference, feedback, memory, dt)
     S = output.sliding_variable
-    step = np.empty(len(S))
+    rate = np.empty(len(S))
     for i in range(len(S)):
         left = 1.0 - abs(S[i]) / gains.width
         G = gains.G_max
         if left > 0.0:
             G = min(gains.G_max, gains.slope * abs(S[i]) / left)
-        step[i] = dt * G * np.sign(S[i])
-    return _switched(output, step, feedback.excess)
+        rate[i] = G * np.sign(S[i])
+    return _switched(output, rate, feedback.excess)

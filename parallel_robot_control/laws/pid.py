@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import kernel
@@ -25,14 +26,14 @@ class Gains(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """int e dt [rad s], shape (n,)."""
+    """int e dt [rad s]."""
 
-    integral: Array
+    integral: Integral
 
 
 def initial_memory(joints: int) -> Memory:
     """Integral zero."""
-    return Memory(np.zeros(joints))
+    return Memory(zero_integral(joints))
 
 
 @kernel
@@ -52,7 +53,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: See Memory.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], e [rad] in place of a sliding variable, new memory.
@@ -62,6 +63,7 @@ def update(
     """
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
-    torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot
-    advance = unless_saturated(dt * e, feedback.excess)
-    return ControlOutput(torque, e, e, Memory(memory.integral + advance))
+    integral = advanced(memory.integral, dt)
+    torque = gains.Kp * e + gains.Ki * integral + gains.Kd * e_dot
+    rate = unless_saturated(e, feedback.excess)
+    return ControlOutput(torque, e, e, Memory(Integral(integral, rate)))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling, sig
+from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
@@ -62,26 +63,27 @@ def judge(gains: Any) -> list[str]:
 
 
 class Memory(NamedTuple):
-    """Integrals and the last sample of v, each shape (n,).
+    """Integrals and the last sample of v.
 
     Attributes:
         coupling: int De dt [rad s].
         surface: int Gamma2 sig(e_c') + Gamma1 sig(e_c) dt [rad/s].
         switching: tau_sw [rad/s^2].
-        v: The integral form of S at the last sample [rad/s].
+        v: The integral form of S at the last sample [rad/s], shape (n,).
         started: 0 before the first update, then 1.
     """
 
-    coupling: Array
-    surface: Array
-    switching: Array
+    coupling: Integral
+    surface: Integral
+    switching: Integral
     v: Array
     started: float
 
 
 def initial_memory(joints: int) -> Memory:
     """All integrals zero; tau_sw(0) = 0."""
-    return Memory(np.zeros(joints), np.zeros(joints), np.zeros(joints), np.zeros(joints), 0.0)
+    zero = zero_integral(joints)
+    return Memory(zero, zero, zero, np.zeros(joints), 0.0)
 
 
 @kernel
@@ -93,30 +95,32 @@ def without_switching(
     memory: Memory,
     dt: float,
 ) -> ControlOutput:
-    """The law but for the step of tau_sw, for any gains that have lambda_, Gamma and gamma."""
+    """The law but for the rate of tau_sw, for any gains that have lambda_, Gamma and gamma."""
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
     De = coupling(e)
-    e_c = e + gains.lambda_ * memory.coupling
+    integral, surface = advanced(memory.coupling, dt), advanced(memory.surface, dt)
+    tau_sw = advanced(memory.switching, dt)
+    e_c = e + gains.lambda_ * integral
     e_c_dot = e_dot + gains.lambda_ * De
     w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
-    v = e_c_dot + memory.surface
+    v = e_c_dot + surface
     S = memory.started * (v - memory.v) / dt
-    acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + memory.switching
+    acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + tau_sw
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    advanced = Memory(
-        memory.coupling + unless_any_saturated(dt * De, feedback.excess),
-        memory.surface + dt * w,
-        memory.switching,
+    after = Memory(
+        Integral(integral, unless_any_saturated(De, feedback.excess)),
+        Integral(surface, w),
+        Integral(tau_sw, np.zeros(len(e))),
         v,
         1.0,
     )
-    return ControlOutput(torque, S, e_c, advanced)
+    return ControlOutput(torque, S, e_c, after)
 
 
 @kernel
-def switched(output: ControlOutput, step: Array, excess: Array) -> ControlOutput:
-    """The output with tau_sw advanced by a step [rad/s^2], where the torque is not saturated."""
+def switched(output: ControlOutput, rate: Array, excess: Array) -> ControlOutput:
+    """The output with a rate of tau_sw [rad/s^3], zero where the torque is saturated."""
     memory = output.memory
     return ControlOutput(
         output.torque,
@@ -125,7 +129,7 @@ def switched(output: ControlOutput, step: Array, excess: Array) -> ControlOutput
         Memory(
             memory.coupling,
             memory.surface,
-            memory.switching + unless_saturated(step, excess),
+            Integral(memory.switching.value, unless_saturated(rate, excess)),
             memory.v,
             memory.started,
         ),
@@ -148,8 +152,8 @@ def update(
 
     S needs the acceleration, which no joint state carries; its integral v = e_c' + int w dt needs
     velocities alone, and sgn(S_k) = sgn(v_k - v_(k-1)). The first update has no v before it and
-    takes S = 0. Integrals advance by forward Euler after the torque is computed; int w dt matters
-    by its differences alone and cannot wind up.
+    takes S = 0. Integrals advance by forward Euler from sample to sample; int w dt matters by its
+    differences alone and cannot wind up.
 
     Args:
         gains: See Gains.
@@ -157,7 +161,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: See Memory.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], S [rad/s^2] as the difference quotient of v, new memory.
@@ -167,5 +171,5 @@ def update(
         from velocities.
     """
     output = without_switching(gains, model, reference, feedback, memory, dt)
-    step = dt * (gains.G + gains.g) * np.sign(output.sliding_variable)
-    return switched(output, step, feedback.excess)
+    rate = (gains.G + gains.g) * np.sign(output.sliding_variable)
+    return switched(output, rate, feedback.excess)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import sig
+from parallel_robot_control.integral import Integral, advanced
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
@@ -102,7 +103,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: That of S-FOTSMC.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], S [rad/s^2], new memory.
@@ -116,19 +117,21 @@ def update(
     edge = _edges(e)
     De = _gather(_root(edge, gains.p, gains.clip))
     De_dot = _gather(_root_slope(edge, gains.p, gains.clip) * _edges(e_dot))
-    e_c = e + gains.lambda_ * memory.coupling
+    integral, surface = advanced(memory.coupling, dt), advanced(memory.surface, dt)
+    tau_sw = advanced(memory.switching, dt)
+    e_c = e + gains.lambda_ * integral
     e_c_dot = e_dot + gains.lambda_ * De
     w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
-    v = e_c_dot + memory.surface
+    v = e_c_dot + surface
     S = memory.started * (v - memory.v) / dt
-    acceleration = reference.acceleration + gains.lambda_ * De_dot + w + memory.switching
+    acceleration = reference.acceleration + gains.lambda_ * De_dot + w + tau_sw
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    advanced = s_fotsmc.Memory(
-        memory.coupling + unless_any_saturated(dt * De, feedback.excess),
-        memory.surface + dt * w,
-        memory.switching,
+    after = s_fotsmc.Memory(
+        Integral(integral, unless_any_saturated(De, feedback.excess)),
+        Integral(surface, w),
+        Integral(tau_sw, np.zeros(len(e))),
         v,
         1.0,
     )
-    step = dt * (gains.G + gains.g) * np.sign(S)
-    return _switched(ControlOutput(torque, S, e_c, advanced), step, feedback.excess)
+    rate = (gains.G + gains.g) * np.sign(S)
+    return _switched(ControlOutput(torque, S, e_c, after), rate, feedback.excess)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling, saturate
+from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import kernel
@@ -30,14 +31,14 @@ class Gains(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """int De~ dt [rad s], shape (n,)."""
+    """int De~ dt [rad s]."""
 
-    coupling: Array
+    coupling: Integral
 
 
 def initial_memory(joints: int) -> Memory:
     """Integral zero."""
-    return Memory(np.zeros(joints))
+    return Memory(zero_integral(joints))
 
 
 @kernel
@@ -64,7 +65,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: See Memory.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], S [rad/s], new memory.
@@ -75,7 +76,8 @@ def update(
     e = feedback.position - reference.position
     e_dot = feedback.velocity - reference.velocity
     De = coupling(e)
-    e_c = e + gains.lambda_ * memory.coupling
+    integral = advanced(memory.coupling, dt)
+    e_c = e + gains.lambda_ * integral
     e_c_dot = e_dot + gains.lambda_ * De
     S = e_c_dot + gains.z * e_c
     acceleration = reference.acceleration - gains.lambda_ * coupling(e_dot) - gains.z * e_c_dot
@@ -86,5 +88,5 @@ def update(
         - gains.K * S
         - (gains.G + gains.g) * saturate(S / gains.u)
     )
-    advance = unless_any_saturated(dt * De, feedback.excess)
-    return ControlOutput(torque, S, -e_c, Memory(memory.coupling + advance))
+    rate = unless_any_saturated(De, feedback.excess)
+    return ControlOutput(torque, S, -e_c, Memory(Integral(integral, rate)))

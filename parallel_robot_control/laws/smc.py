@@ -53,7 +53,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: None is needed.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], S [rad/s], memory.

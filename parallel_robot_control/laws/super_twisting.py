@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import sig
+from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_interface.fields import Field
 from parallel_robot_model.dynamics import Model
 from parallel_robot_model.kernel import kernel
@@ -27,14 +28,14 @@ class Gains(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Integral term w [rad/s^2], shape (n,)."""
+    """Integral term w [rad/s^2]."""
 
-    integral: Array
+    integral: Integral
 
 
 def initial_memory(joints: int) -> Memory:
     """Integral zero."""
-    return Memory(np.zeros(joints))
+    return Memory(zero_integral(joints))
 
 
 @kernel
@@ -57,7 +58,7 @@ def update(
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
         memory: See Memory.
-        dt: Control period [s].
+        dt: Time since the last update [s].
 
     Returns:
         Torque [N m], S [rad/s], new memory.
@@ -68,9 +69,8 @@ def update(
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
     S = e_dot + gains.z * e
-    acceleration = (
-        reference.acceleration + gains.z * e_dot + gains.k1 * sig(S, 0.5) + memory.integral
-    )
+    w = advanced(memory.integral, dt)
+    acceleration = reference.acceleration + gains.z * e_dot + gains.k1 * sig(S, 0.5) + w
     torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    advance = unless_saturated(dt * gains.k2 * np.sign(S), feedback.excess)
-    return ControlOutput(torque, S, e, Memory(memory.integral + advance))
+    rate = unless_saturated(gains.k2 * np.sign(S), feedback.excess)
+    return ControlOutput(torque, S, e, Memory(Integral(w, rate)))

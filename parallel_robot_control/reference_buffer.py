@@ -1,0 +1,154 @@
+"""References by stamp: kept until no state can need them, extrapolated to the stamp of a state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.experimental import structref
+from numpy.typing import NDArray
+
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_model.kernel import inner, kernel
+
+Array = NDArray[np.float64]
+
+SIZE = 10_000  # samples; the oldest goes when one more comes
+FOUND, TOO_OLD, MISSING = 0, 1, 2
+FIRST, COUNT = 0, 1  # of the window
+
+
+@structref.register
+class BufferType(types.StructRef):  # type: ignore[misc]
+    """Numba's type of a Buffer."""
+
+
+class Buffer(structref.StructRefProxy):  # type: ignore[misc]
+    """The arrays of a ReferenceBuffer, as the kernels take them."""
+
+
+structref.define_boxing(BufferType, Buffer)
+structref.define_constructor(Buffer, BufferType, ('stamps', 'rows', 'window'))
+
+
+@kernel
+def _buffer(stamps: Any, rows: Any, window: Any) -> Any:
+    return Buffer(stamps, rows, window)
+
+
+class ReferenceBuffer:
+    """References in the order of their stamps.
+
+    Attributes:
+        compiled: For the kernels of this module.
+    """
+
+    def __init__(self, joints: int) -> None:
+        """Begin empty; `joints` is n."""
+        self._stamps = np.zeros(SIZE, np.int64)
+        self._rows = np.zeros((SIZE, 3, joints))
+        self._window = np.zeros(2, np.int64)
+        self.compiled = _buffer(self._stamps, self._rows, self._window)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return int(self._window[COUNT])
+
+    @property
+    def newest(self) -> int:
+        """Stamp of the newest [ns]; there must be one."""
+        return int(self._stamps[self._at(len(self) - 1)])
+
+    def append(self, stamp: int, reference: JointReference) -> None:
+        """Add one that is newer than all others."""
+        if len(self) == SIZE:
+            self._window[:] = self._at(1), SIZE - 1
+        at = self._at(len(self))
+        self._stamps[at], self._rows[at] = stamp, reference
+        self._window[COUNT] += 1
+
+    def at(self, stamp: int) -> JointReference | None:
+        """The one of exactly this stamp [ns]."""
+        for k in reversed(range(len(self))):
+            if self._stamps[self._at(k)] <= stamp:
+                same = self._stamps[self._at(k)] == stamp
+                return JointReference(*self._rows[self._at(k)]) if same else None
+        return None
+
+    def drop_since(self, stamp: int) -> None:
+        """Forget those of this stamp [ns] and later ones."""
+        while len(self) and self.newest >= stamp:
+            self._window[COUNT] -= 1
+
+    def _at(self, k: int) -> int:
+        return int((self._window[FIRST] + k) % SIZE)
+
+
+@kernel
+def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
+    """Add the reference of a message if it is newer than all others, finite, and understood."""
+    stamp = open_message(wire, data)
+    if stamp == NOT_UNDERSTOOD:
+        return False
+    window, stamps, rows = buffer.window, buffer.stamps, buffer.rows
+    count = window[COUNT]
+    if count == SIZE or (count and stamp <= stamps[(window[FIRST] + count - 1) % SIZE]):
+        return False
+    at = (window[FIRST] + count) % SIZE
+    for field in range(3):
+        values = vector(wire, field)
+        for i in range(len(values)):
+            if not np.isfinite(values[i]):
+                return False
+            rows[at, field, i] = values[i]
+    stamps[at] = stamp
+    window[COUNT] += 1
+    return True
+
+
+@inner
+def reference_at(
+    buffer: Any, stamp: int, timeout: int, needs_newer: bool
+) -> tuple[int, int, JointReference]:
+    """Newest reference not after `stamp`, extrapolated to it with its own derivatives.
+
+    Older ones are forgotten.
+
+    Args:
+        buffer: See ReferenceBuffer.compiled.
+        stamp: [ns].
+        timeout: Age from which on it is too old to extrapolate [ns]; then it rests.
+        needs_newer: Whether the answer is MISSING until one of this stamp or a later one is here
+            (lockstep): so it does not depend on which message was faster.
+
+    Returns:
+        FOUND, TOO_OLD or MISSING; the stamp that the reference had [ns]; the reference.
+    """
+    window, stamps, rows = buffer.window, buffer.stamps, buffer.rows
+    n = rows.shape[2]
+    position, velocity, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
+    nothing = JointReference(position, velocity, acceleration)
+    first, count = window[FIRST], window[COUNT]
+    if count == 0 or (needs_newer and stamps[(first + count - 1) % SIZE] < stamp):
+        return MISSING, 0, nothing
+    while count > 1 and stamps[(first + 1) % SIZE] <= stamp:
+        first = (first + 1) % SIZE
+        count -= 1
+    window[FIRST], window[COUNT] = first, count
+    known = stamps[first]
+    if known > stamp:
+        return MISSING, 0, nothing
+    status = TOO_OLD if stamp - known > timeout else FOUND
+    dt = (stamp - known) / NANOSECONDS
+    for i in range(n):
+        position[i] = rows[first, 0, i]
+        if status == FOUND:
+            velocity[i] = rows[first, 1, i]
+            acceleration[i] = rows[first, 2, i]
+        if status == FOUND and known != stamp:
+            position[i] = position[i] + dt * velocity[i] + 0.5 * dt * dt * acceleration[i]
+            velocity[i] = velocity[i] + dt * acceleration[i]
+    return status, known, JointReference(position, velocity, acceleration)

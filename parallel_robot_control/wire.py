@@ -1,0 +1,106 @@
+"""Joint vectors from the bytes of a message, compiled: a Layout as the kernels take it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.experimental import structref
+from numpy.typing import NDArray
+
+from parallel_robot_interface import cdr
+from parallel_robot_interface.cdr import ENCAPSULATION, NANOSECONDS, SPARE
+from parallel_robot_model.kernel import inner, kernel
+
+Array = NDArray[np.float64]
+
+NOT_UNDERSTOOD = -1  # a stamp that stands for a message of another layout, or one without sense
+
+
+@structref.register
+class WireType(types.StructRef):  # type: ignore[misc]
+    """Numba's type of a Wire."""
+
+
+class Wire(structref.StructRefProxy):  # type: ignore[misc]
+    """Where the numbers of one kind of message lie. Made by :func:`wire_of`."""
+
+
+FIELDS = ('template', 'constants', 'stamp', 'starts', 'order', 'body', 'words', 'numbers')
+structref.define_boxing(WireType, Wire)
+structref.define_constructor(Wire, WireType, FIELDS)
+
+
+@kernel
+def _wire(
+    template: Any,
+    constants: Any,
+    stamp: int,
+    starts: Any,
+    order: Any,
+    body: Any,
+    words: Any,
+    numbers: Any,
+) -> Any:
+    return Wire(template, constants, stamp, starts, order, body, words, numbers)
+
+
+def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Any:
+    """Take what the kernels need from a layout.
+
+    Args:
+        layout: Of messages with a stamp.
+        fields: Its joint vectors, in the order in which they will be read; one that the layout
+            does not have is read as zero.
+        order: Where each of the wanted joints stands in them.
+    """
+    offset = len(ENCAPSULATION)  # CDR aligns from there, so in the body every number is aligned
+    known: Any = layout.dtype.fields
+    starts = [(known[name][1] - offset) // 8 if name in known else -1 for name in fields]
+    body = np.zeros(-(-len(layout.template) // 8) * 8 + 8, np.uint8)
+    return _wire(
+        layout.template.copy(),
+        layout.constants.astype(np.int64),
+        (known['sec'][1] - offset) // 4,
+        np.array(starts, np.int64),
+        np.array(order, np.int64),
+        body,
+        body.view(np.int32),
+        body.view(np.float64),
+    )
+
+
+@inner
+def open_message(wire: Any, data: bytes) -> int:
+    """Lay a message open for :func:`vector`.
+
+    Returns:
+        Its stamp [ns]; NOT_UNDERSTOOD when it is of another layout or its stamp has no sense.
+    """
+    template = wire.template
+    if not len(template) <= len(data) < len(template) + SPARE:
+        return NOT_UNDERSTOOD
+    for i in wire.constants:
+        if data[i] != template[i]:
+            return NOT_UNDERSTOOD
+    body = wire.body
+    for i in range(len(template) - len(ENCAPSULATION)):
+        body[i] = data[i + len(ENCAPSULATION)]
+    sec: Any = np.int64(wire.words[wire.stamp])
+    nanosec = np.int64(wire.words[wire.stamp + 1])  # negative: 2^31 or more
+    if not 0 <= nanosec < NANOSECONDS:
+        return NOT_UNDERSTOOD
+    return sec * NANOSECONDS + nanosec
+
+
+@inner
+def vector(wire: Any, field: int) -> Array:
+    """A joint vector of the message that was opened last, shape (n,); `field` counts from 0."""
+    order, start = wire.order, wire.starts[field]
+    result = np.zeros(len(order))
+    if start >= 0:
+        for i in range(len(order)):
+            result[i] = wire.numbers[start + order[i]]
+    return result
