@@ -101,19 +101,13 @@ class Shared(NamedTuple):
 
 def shared(pose: Array, joints: int) -> Shared:
     """Arrays before the first state; `pose` is where the forward kinematics starts."""
-    layout = cdr.float64_multi_array(joints)
-    size = len(layout.template)
-    whole = np.zeros(size + 8, np.uint8)[4:]  # so that the numbers are aligned
-    command = whole[:size]
-    command[:] = layout.template
-    fields: Any = layout.dtype.fields
-    start = fields['data'][1]
+    command, fields = cdr.float64_multi_array(joints).draft()
     made = Shared(
         np.zeros((9, joints)),
         np.zeros((4, joints)),
         np.zeros(12, np.int64),
         command,
-        command[start : start + 8 * joints].view(np.float64),
+        fields['data'],
         np.zeros((AGES, 2), np.int64),
         np.zeros(AGES, np.int64),
     )

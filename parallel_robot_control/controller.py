@@ -411,8 +411,7 @@ class Controller:
             measured: Joints at the stamp.
         """
         numbers = self._numbers
-        if numbers[HEARD]:
-            numbers[HEARD] = time.monotonic_ns()  # the state has come
+        heard, numbers[HEARD] = int(numbers[HEARD]), 0  # it is answered however late it is
         data = self._state_layout.encode(stamp, **measured._asdict())
         if self.answer(data, self._own) == OUT_OF_ORDER:
             last = int(numbers[LAST])
@@ -429,6 +428,8 @@ class Controller:
                 self.answer(data, self._own)
         if self.code == NO_REFERENCE and self._loop.lockstep:
             self._pending = data
+        if self.code <= 0:
+            numbers[HEARD] = heard
         return self._sample() if self.code > 0 else None
 
     def _sample(self) -> Sample:

@@ -69,7 +69,10 @@ def answers_message(stamps: np.ndarray) -> bytes:
 
     One row a command, in the order of the commands; zero for one that answers no state.
     """
-    return cdr.int64_multi_array(stamps.size).encode(data=stamps.ravel())
+    message, fields = cdr.int64_multi_array(stamps.size).draft()
+    if stamps.size:
+        fields['data'][:] = stamps.ravel()
+    return message.tobytes()
 
 
 def limits_text(acted: int) -> str:

@@ -51,7 +51,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
     """Take what the kernels need from a layout.
 
     Args:
-        layout: Of messages with a stamp.
+        layout: Of the messages.
         fields: Its joint vectors, in the order in which they will be read; one that the layout
             does not have is read as zero.
         order: Where each of the wanted joints stands in them.
@@ -63,7 +63,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
     return _wire(
         layout.template.copy(),
         layout.constants.astype(np.int64),
-        (known['sec'][1] - offset) // 4,
+        (known['sec'][1] - offset) // 4 if layout.stamped else -1,
         np.array(starts, np.int64),
         np.array(order, np.int64),
         body,
@@ -73,21 +73,29 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
 
 
 @inner
+def lay_open(wire: Any, data: bytes) -> bool:
+    """Lay a message open for :func:`vector`; False when it is of another layout."""
+    template = wire.template
+    if not len(template) <= len(data) < len(template) + SPARE:
+        return False
+    for i in wire.constants:
+        if data[i] != template[i]:
+            return False
+    body = wire.body
+    for i in range(len(template) - len(ENCAPSULATION)):
+        body[i] = data[i + len(ENCAPSULATION)]
+    return True
+
+
+@inner
 def open_message(wire: Any, data: bytes) -> int:
-    """Lay a message open for :func:`vector`.
+    """Lay a message with a stamp open for :func:`vector`.
 
     Returns:
         Its stamp [ns]; NOT_UNDERSTOOD when it is of another layout or its stamp has no sense.
     """
-    template = wire.template
-    if not len(template) <= len(data) < len(template) + SPARE:
+    if not lay_open(wire, data):
         return NOT_UNDERSTOOD
-    for i in wire.constants:
-        if data[i] != template[i]:
-            return NOT_UNDERSTOOD
-    body = wire.body
-    for i in range(len(template) - len(ENCAPSULATION)):
-        body[i] = data[i + len(ENCAPSULATION)]
     sec: Any = np.int64(wire.words[wire.stamp])
     nanosec = np.int64(wire.words[wire.stamp + 1])  # negative: 2^31 or more
     if not 0 <= nanosec < NANOSECONDS:

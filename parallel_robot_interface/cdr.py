@@ -144,6 +144,19 @@ class Layout:
             records[name] = value
         return records
 
+    def draft(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """A message to be filled in place.
+
+        Returns:
+            Its bytes, and each of its fields, aligned, shape (n,); ``bytes.tobytes()`` is the
+            message.
+        """
+        size, begin = len(self._bytes), len(ENCAPSULATION)
+        whole = np.zeros(size + begin, np.uint8)[begin:]  # CDR aligns from behind the first bytes
+        whole[:] = self.template
+        record = whole.view(self.dtype)
+        return whole, {name: record[name].reshape(-1) for name in self._fields}
+
     def encode(self, stamp: int | None = None, **values: Any) -> bytes:
         """Serialise one message."""
         return self.records(1, stamp, **values).tobytes()

@@ -166,9 +166,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         Args:
             topic: Name and type.
             callback: Called with each message.
-            complete: Whether a message that was lost is wanted late (always in lockstep). Else
-                the newest is not held up by an older one, nor by a node that was killed and has
-                not acknowledged.
+            complete: Whether every message is wanted, even late (always in lockstep). Else only
+                the newest counts: it is not held up by older ones that wait, nor by a node that
+                was killed and has not acknowledged.
         """
         publisher = SinglePublisher()
 
@@ -186,7 +186,7 @@ class SuiteNode(Node):  # type: ignore[misc]
 
         qos = QoSProfile(depth=QUEUE)
         if not (complete or self.loop.lockstep):
-            qos.reliability = ReliabilityPolicy.BEST_EFFORT
+            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._inputs[topic] = listen(self, topic, qos, take)
 
     def leave_out(self, topic: Topic) -> None:

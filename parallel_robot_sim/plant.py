@@ -44,6 +44,7 @@ class PlantParameters(NamedTuple):
         Literal['zero', 'damp', 'hold'],
         Field('', 'what the motors do then, with the gains safety.damping and safety.stiffness'),
     ]
+    steps: Annotated[int, Field('', 'samples that ~/step takes in lockstep', 1, 1_000_000)]
     publish_passive: Annotated[bool, Field('', 'passive joints in joint_states')]
 
 

@@ -14,16 +14,16 @@ from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_model.parameters import RobotParameters, validate
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
-from parallel_robot_sim.messages import state_layout, state_messages
+from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant import (
     Measurement,
     PlantParameters,
     PlantState,
     initial_state,
     measure,
-    step,
     stepping,
 )
+from parallel_robot_sim.plant_core import advance, plant_core, tell
 
 GROUPS = {
     'true_robot': RobotParameters,
@@ -42,7 +42,7 @@ class Simulator:
         friction: Its friction.
         disturbance: What disturbs it.
         stepping: Integrator and motors.
-        state: State now.
+        layout: Of its messages.
     """
 
     def __init__(self, values: Mapping[str, Any]) -> None:
@@ -53,7 +53,6 @@ class Simulator:
         """
         loop = config.group(values, LoopParameters, '')
         parameters = config.group(values, PlantParameters, 'plant')
-        self._period = loop.period
         self.robot = validate(config.group(values, RobotParameters, 'true_robot'), 'true_robot')
         self.friction = config.group(values, FrictionParameters, 'friction')
         self.disturbance = config.group(values, DisturbanceParameters, 'disturbance')
@@ -63,30 +62,38 @@ class Simulator:
         self._patience = max(1, round(parameters.command_timeout / loop.period))
         self._silent = 0  # steps since the last command
         self._held: np.ndarray = np.zeros(3)
-        self.state: PlantState = initial_state(parameters, self.robot)
         self.layout = state_layout(loop.joints, parameters.publish_passive)
+        self._message, fields = self.layout.draft()
+        start = initial_state(parameters, self.robot)
+        self._state = (start.pose, start.rate, start.torque, np.array([start.time]))
+        self._core = plant_core(
+            self.stepping,
+            self.robot,
+            self.friction,
+            self.disturbance,
+            loop.period,
+            *self._state,
+            self._message[4:12].view(np.int32),
+            *(fields[name] for name in ('position', 'velocity', 'effort')),
+        )
+
+    @property
+    def state(self) -> PlantState:
+        """State now."""
+        pose, rate, torque, time = (values.copy() for values in self._state)
+        return PlantState(pose, rate, torque, float(time[0]))
 
     def advance(self, command: np.ndarray) -> None:
         """Advance by one period under a command [N m], shape (3,).
 
         Raises:
-            RunError: the robot was driven out of its workspace.
+            RunError: the robot was driven out of its workspace; it stays where it was.
         """
-        state = step(
-            self.stepping,
-            self.robot,
-            self.friction,
-            self.disturbance,
-            self.state,
-            command,
-            self._period,
-        )
-        if not np.isfinite(state.pose).all() or not np.isfinite(state.rate).all():
+        if not advance(self._core, command):
             raise RunError(
                 'the robot was driven out of its workspace at pose '
-                f'{np.round(self.state.pose, 4).tolist()} (m, m, rad)'
+                f'{np.round(self._state[0], 4).tolist()} (m, m, rad)'
             )
-        self.state = state
         self._silent = 0
 
     def wait(self, command: np.ndarray) -> bool:
@@ -123,8 +130,6 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
-        measurement = self.measurement()
-        if not np.isfinite(measurement.theta_dot).all():
+        if not tell(self._core, stamp):
             raise RunError('the robot was driven out of its workspace')
-        rows = [row[np.newaxis] for row in (*measurement, self.state.torque)]
-        return state_messages(self.layout, stamp, *rows).tobytes()
+        return self._message.tobytes()

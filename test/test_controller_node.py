@@ -31,7 +31,7 @@ class Loop:
         self._plant = Simulator(values)
         self._motion = Trajectory.of(values).sample(np.zeros(1))
         self.stands = 0.0  # s, for which the node has stood still
-        clock = SimpleNamespace(monotonic=lambda: self.stands)
+        clock = SimpleNamespace(monotonic_ns=lambda: SECOND + round(1e9 * self.stands))
         monkeypatch.setattr(module, 'time', clock)
 
     def give(self, stamp, age=0):

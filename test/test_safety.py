@@ -281,7 +281,9 @@ def test_a_fault_survives_a_new_run_of_the_plant(jump):
 def clock(monkeypatch):
     """Wall time of the controller, in s, as the test sets it."""
     now = SimpleNamespace(time=100.0)
-    monkeypatch.setattr(module, 'time', SimpleNamespace(monotonic=lambda: now.time))
+    monkeypatch.setattr(
+        module, 'time', SimpleNamespace(monotonic_ns=lambda: round(1e9 * now.time))
+    )
     return now
 
 

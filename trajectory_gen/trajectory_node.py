@@ -83,7 +83,7 @@ class TrajectoryNode(SuiteNode):
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
         k = (stamp - (self._start or STEP_START)) // self.loop.period_ns
-        if not self._start or stamp == self._asked:
+        if not self._start or stamp <= self._asked:
             self._start = self._start or STEP_START
             self._sent = k - 1  # begun anew, or the plant asks again: somebody lacks references
         self._asked = stamp
