@@ -151,11 +151,12 @@ def test_the_plant_ignores_what_is_not_a_command(start, peer):
     newest, states = diagnosed(peer), peer.listen(topics.JOINT_STATES)
     publisher = peer.publisher(topics.COMMANDS)
     peer.until(lambda: peer.call(Trigger, 'plant/ready', Trigger.Request(), plant).success)
-    for data in ([np.nan, 0.0, 0.0], [1.0, np.inf, 1.0], [5.0, 5.0], []):
-        publisher.publish(Float64MultiArray(data=data))
-    publisher.publish(b'\x00\x01\x00\x00\xff\xff')
+    bad = [[np.nan, 0.0, 0.0], [1.0, np.inf, 1.0], [5.0, 5.0], []]
+    messages = [Float64MultiArray(data=data) for data in bad] + [b'\x00\x01\x00\x00\xff\xff']
     reason = 'commands that are not three finite torques'
-    peer.until(lambda: newest.get('/plant', {}).get(reason) == '5')
+    for count, message in enumerate(messages, start=1):  # only the newest counts: one by one
+        publisher.publish(message)
+        peer.until(lambda count=count: newest.get('/plant', {}).get(reason) == str(count))
     peer.until(lambda: states)
     assert newest['/plant']['state'] == 'held' and not any(states[-1].effort)
     publisher.publish(Float64MultiArray(data=[5.0, 5.0, 5.0]))
