@@ -19,7 +19,7 @@ from pathlib import Path
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 
-from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis.processes import MODULES, children, command
 from parallel_robot_interface import topics
 from parallel_robot_interface.ros_node import message_class, qos_of
 
@@ -29,7 +29,7 @@ FIRST = {
     'plant': topics.JOINT_STATES,
     'controller': topics.ACTIVE_LAW,
 }
-RUN = [sys.executable, '-m', 'parallel_robot_analysis.command_line']
+RUN = command('parallel_robot_analysis.command_line')
 
 
 def start_times(repeats: int = 5) -> None:
@@ -43,7 +43,7 @@ def start_times(repeats: int = 5) -> None:
             kind = message_class(topic.type)
             node.create_subscription(kind, topic.name, heard.append, qos_of(topic), raw=True)
             begun = time.perf_counter()
-            process = subprocess.Popen([sys.executable, '-m', MODULES[name]])
+            process = subprocess.Popen(command(MODULES[name]))
             while not heard:
                 rclpy.spin_once(node, timeout_sec=0.05)
             seconds.append(time.perf_counter() - begun)
@@ -125,19 +125,14 @@ def lockstep(duration: float, directory: Path) -> None:
 def processor_seconds(parent: int) -> dict[str, float]:
     """Processor time of every node of a supervisor, by node name."""
     seconds = {}
-    try:
-        children = Path(f'/proc/{parent}/task/{parent}/children').read_text().split()
-    except OSError:
-        return {}
-    for child in children:
+    names = {module: name for name, module in MODULES.items()}
+    for module, pid in children(parent).items():
         try:
-            words = Path(f'/proc/{child}/cmdline').read_bytes().decode().split('\0')
-            fields = re.sub(r'.*\) ', '', Path(f'/proc/{child}/stat').read_text()).split()
+            fields = re.sub(r'.*\) ', '', Path(f'/proc/{pid}/stat').read_text()).split()
         except OSError:
             continue
-        name = next((name for name, module in MODULES.items() if module in words), None)
-        if name and len(fields) > 12:
-            seconds[name] = (int(fields[11]) + int(fields[12])) / TICKS
+        if module in names:
+            seconds[names[module]] = (int(fields[11]) + int(fields[12])) / TICKS
     return seconds
 
 
