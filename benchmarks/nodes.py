@@ -28,22 +28,24 @@ FIRST = {
     'trajectory': topics.REFERENCE,
     'plant': topics.JOINT_STATES,
     'controller': topics.ACTIVE_LAW,
+    'recorder': topics.Topic('/rosout', 'rcl_interfaces/msg/Log', latched=True),
 }
 RUN = command('parallel_robot_analysis.command_line')
 
 
-def start_times(repeats: int = 5) -> None:
+def start_times(directory: Path, repeats: int = 5) -> None:
     """Time from the start of a process to its first message at a subscriber."""
     print(f'start to first message, {repeats} starts: median (min - max)')
     for name, topic in FIRST.items():
         seconds = []
-        for _ in range(repeats):
+        for number in range(repeats):
             node = rclpy.create_node('benchmark')
             heard: list[bytes] = []
             kind = message_class(topic.type)
             node.create_subscription(kind, topic.name, heard.append, qos_of(topic), raw=True)
             begun = time.perf_counter()
-            process = subprocess.Popen(command(MODULES[name]))
+            words = ('--ros-args', '-p', f'recorder.out:={directory}/start_{number}')
+            process = subprocess.Popen(command(MODULES[name], *words), stderr=subprocess.DEVNULL)
             while not heard:
                 rclpy.spin_once(node, timeout_sec=0.05)
             seconds.append(time.perf_counter() - begun)
@@ -141,8 +143,8 @@ def main() -> None:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     duration = float(sys.argv[1]) if len(sys.argv) > 1 else 12.0
     rclpy.init()
-    start_times()
     with tempfile.TemporaryDirectory() as directory:
+        start_times(Path(directory))
         wall(duration, Path(directory))
         lockstep(duration, Path(directory))
     rclpy.shutdown()
