@@ -65,5 +65,6 @@ $(INSTALLED): $(DEPENDENCIES)
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
 	@warm=$$(mktemp -d) && trap 'rm -rf "$$warm"' EXIT && \
 	$(BIN)/parallel_robot simulate paper_circle --duration 0.1 --out "$$warm/run" > /dev/null && \
+	$(BIN)/parallel_robot analyze "$$warm/run" > /dev/null && \
 	cd "$$warm" && '$(abspath $(BIN))/python' -c "$(WARM)"
 	@touch $@

@@ -19,7 +19,7 @@ from pathlib import Path
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 
-from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis.processes import MODULES, children, command
 from parallel_robot_interface import topics
 from parallel_robot_interface.ros_node import message_class, qos_of
 
@@ -28,22 +28,24 @@ FIRST = {
     'trajectory': topics.REFERENCE,
     'plant': topics.JOINT_STATES,
     'controller': topics.ACTIVE_LAW,
+    'recorder': topics.Topic('/rosout', 'rcl_interfaces/msg/Log', latched=True),
 }
-RUN = [sys.executable, '-m', 'parallel_robot_analysis.command_line']
+RUN = command('parallel_robot_analysis.command_line')
 
 
-def start_times(repeats: int = 5) -> None:
+def start_times(directory: Path, repeats: int = 5) -> None:
     """Time from the start of a process to its first message at a subscriber."""
     print(f'start to first message, {repeats} starts: median (min - max)')
     for name, topic in FIRST.items():
         seconds = []
-        for _ in range(repeats):
+        for number in range(repeats):
             node = rclpy.create_node('benchmark')
             heard: list[bytes] = []
             kind = message_class(topic.type)
             node.create_subscription(kind, topic.name, heard.append, qos_of(topic), raw=True)
             begun = time.perf_counter()
-            process = subprocess.Popen([sys.executable, '-m', MODULES[name]])
+            words = ('--ros-args', '-p', f'recorder.out:={directory}/start_{number}')
+            process = subprocess.Popen(command(MODULES[name], *words), stderr=subprocess.DEVNULL)
             while not heard:
                 rclpy.spin_once(node, timeout_sec=0.05)
             seconds.append(time.perf_counter() - begun)
@@ -125,19 +127,14 @@ def lockstep(duration: float, directory: Path) -> None:
 def processor_seconds(parent: int) -> dict[str, float]:
     """Processor time of every node of a supervisor, by node name."""
     seconds = {}
-    try:
-        children = Path(f'/proc/{parent}/task/{parent}/children').read_text().split()
-    except OSError:
-        return {}
-    for child in children:
+    names = {module: name for name, module in MODULES.items()}
+    for module, pid in children(parent).items():
         try:
-            words = Path(f'/proc/{child}/cmdline').read_bytes().decode().split('\0')
-            fields = re.sub(r'.*\) ', '', Path(f'/proc/{child}/stat').read_text()).split()
+            fields = re.sub(r'.*\) ', '', Path(f'/proc/{pid}/stat').read_text()).split()
         except OSError:
             continue
-        name = next((name for name, module in MODULES.items() if module in words), None)
-        if name and len(fields) > 12:
-            seconds[name] = (int(fields[11]) + int(fields[12])) / TICKS
+        if module in names:
+            seconds[names[module]] = (int(fields[11]) + int(fields[12])) / TICKS
     return seconds
 
 
@@ -146,8 +143,8 @@ def main() -> None:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     duration = float(sys.argv[1]) if len(sys.argv) > 1 else 12.0
     rclpy.init()
-    start_times()
     with tempfile.TemporaryDirectory() as directory:
+        start_times(Path(directory))
         wall(duration, Path(directory))
         lockstep(duration, Path(directory))
     rclpy.shutdown()

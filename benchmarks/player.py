@@ -23,6 +23,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_analysis.processes import command
 from parallel_robot_interface import topics
 from parallel_robot_interface.ros_node import message_class, qos_of
 
@@ -65,8 +66,9 @@ def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> None:
     subscriptions = [listen(topic) for topic in PLAYED]
     client = node.create_client(Trigger, 'player/resume')
     module = 'parallel_robot_analysis.player_node'
-    command = [sys.executable, '-m', module, str(bag), '--pause', '--topics', *NAMES, *words]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command(module, str(bag), '--pause', '--topics', *NAMES, *words), stderr=subprocess.DEVNULL
+    )
     never = Future()
     while not (all(node.count_publishers(name) for name in NAMES) and client.service_is_ready()):
         executor.spin_until_future_complete(never, timeout_sec=0.1)
@@ -131,7 +133,7 @@ def main() -> None:
         bag = Path(directory) / 'bag'
         words = ['simulate', 'paper_circle', '--duration', duration, '--out', str(bag)]
         module = 'parallel_robot_analysis.command_line'
-        subprocess.run([sys.executable, '-m', module, *words], check=True)
+        subprocess.run(command(module, *words), check=True)
         reading(bag)
         for number, words in enumerate(([], ['--fast'])):
             node = rclpy.create_node(f'benchmark_{number}')

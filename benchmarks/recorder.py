@@ -21,6 +21,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from parallel_robot_analysis.bags.bag_writer import MESSAGES
+from parallel_robot_analysis.processes import command
 from parallel_robot_interface import cdr
 from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.ros_node import message_class
@@ -75,7 +76,7 @@ def main() -> None:
         names = ', '.join(f'"{name}"' for name in TOPICS)
         recorder = subprocess.Popen(
             [
-                *(sys.executable, '-m', 'parallel_robot_analysis.recorder_node', '--ros-args'),
+                *command('parallel_robot_analysis.recorder_node', '--ros-args'),
                 *('-p', f'recorder.out:={bag}', '-p', f'recorder.topics:=[{names}]'),
             ],
             stderr=subprocess.DEVNULL,

@@ -3,45 +3,47 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from importlib import import_module
 from types import ModuleType
 
-from parallel_robot_analysis.commands import (
-    analyze,
-    compare,
-    export,
-    recover,
-    replay,
-    report,
-    rerun,
-    run,
-    simulate,
-)
 from parallel_robot_interface.errors import InputError, ParallelRobotError
 
-COMMANDS: dict[str, tuple[ModuleType, str]] = {
-    'run': (run, 'run the nodes in processes of their own and record them'),
-    'simulate': (simulate, 'run the same closed loop without ROS and record it'),
-    'analyze': (analyze, 'figures of merit and a picture of a bag'),
-    'replay': (replay, 'the torques of a bag computed again, by its law or another'),
-    'rerun': (rerun, 'the experiment of a bag once more, from the bag alone'),
-    'report': (report, "the paper's figures and an interactive page of one bag or several"),
-    'export': (export, 'a bag as a table, one row a state'),
-    'recover': (recover, 'a whole bag of what is intact in a broken one'),
-    'compare': (compare, "all laws on one scenario, without ROS, beside the paper's claims"),
+COMMANDS = {
+    'run': 'run the nodes in processes of their own and record them',
+    'simulate': 'run the same closed loop without ROS and record it',
+    'analyze': 'figures of merit and a picture of a bag',
+    'replay': 'the torques of a bag computed again, by its law or another',
+    'rerun': 'the experiment of a bag once more, from the bag alone',
+    'report': "the paper's figures and an interactive page of one bag or several",
+    'export': 'a bag as a table, one row a state',
+    'recover': 'a whole bag of what is intact in a broken one',
+    'compare': "all laws on one scenario, without ROS, beside the paper's claims",
 }
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Make the parser of the whole command line."""
+def module_of(command: str) -> ModuleType:
+    """The module of a subcommand; all of them together take a third of a second to import."""
+    return import_module(f'parallel_robot_analysis.commands.{command}')
+
+
+def build_parser(words: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
+    """Make the parser of the command line.
+
+    Args:
+        words: Of the command line; subcommands that are none of them have no arguments.
+    """
     parser = argparse.ArgumentParser(
         prog='parallel_robot', description='Sliding-mode control of a 3-RRR parallel robot.'
     )
     subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    for name, (module, text) in COMMANDS.items():
-        module.add_arguments(subparsers.add_parser(name, help=text, description=text))
+    for name, text in COMMANDS.items():
+        subparser = subparsers.add_parser(name, help=text, description=text)
+        if name in words:
+            module_of(name).add_arguments(subparser)
     return parser
 
 
@@ -51,9 +53,13 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns:
         0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
     """
-    arguments = build_parser().parse_args(words)
+    words = sys.argv[1:] if words is None else words
+    arguments = build_parser(words).parse_args(words)
+    if sys.stderr.isatty():  # says what takes long; a pipe gets results and errors alone
+        logging.basicConfig(format=f'parallel_robot {arguments.command}: %(message)s')
+        logging.getLogger('parallel_robot').setLevel(logging.INFO)
     try:
-        code: int = COMMANDS[arguments.command][0].execute(arguments)
+        code: int = module_of(arguments.command).execute(arguments)
     except ParallelRobotError as error:
         print(f'parallel_robot {arguments.command}: {error}', file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from parallel_robot_interface.errors import RunError
+from parallel_robot_model.kernel_cache import NOTICE
 
 MODULES = {
     'trajectory': 'trajectory_gen.trajectory_node',
@@ -24,6 +25,13 @@ MODULES = {
     'controller': 'parallel_robot_control.controller_node',
     'recorder': 'parallel_robot_analysis.recorder_node',
 }
+# As ``python -m``, which would put the current directory first on the path; nothing of it is to be
+# imported. The code of this process is: its own folder goes there unless it is on the path anyway.
+START = (
+    'import sys; sys.path[:1] = [entry for entry in sys.path[:1] if entry]; '
+    'root = sys.argv.pop(1); root in sys.path or sys.path.insert(0, root); '
+    "import runpy; runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
+)
 STOP_ORDER = (('controller',), ('recorder', 'plant', 'trajectory'))  # zero torque first
 GRACE = 30.0  # s, from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
@@ -45,12 +53,12 @@ class NodeProcesses:
         try:
             for name, parameters in self._parameters.items():
                 self._logs[name] = tempfile.TemporaryFile()
-                command = [sys.executable, '-m', MODULES[name], '--ros-args']
+                words = ['--ros-args']
                 for key, value in parameters.items():
                     if value != []:  # rcl has no type for it
-                        command += ['-p', f'{key}:={as_yaml(value)}']
+                        words += ['-p', f'{key}:={as_yaml(value)}']
                 self._processes[name] = subprocess.Popen(
-                    command,
+                    command(MODULES[name], *words),
                     stdin=subprocess.DEVNULL,
                     stdout=self._logs[name],
                     stderr=subprocess.STDOUT,
@@ -72,6 +80,19 @@ class NodeProcesses:
     def running(self, name: str) -> bool:
         """Whether a process still runs."""
         return self._processes[name].poll() is None
+
+    def compiling(self, name: str) -> bool:
+        """Whether a node has said that it compiles."""
+        return NOTICE in self._said(name)
+
+    def processor_time(self, name: str) -> float:
+        """What a node has used of its processor [s]; 0 when it has ended."""
+        try:
+            stat = Path(f'/proc/{self._processes[name].pid}/stat').read_text()
+        except OSError:
+            return 0.0
+        fields = stat.rpartition(')')[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
     def check(self) -> None:
         """Look after all processes.
@@ -100,13 +121,39 @@ class NodeProcesses:
                     process.kill()
                     process.wait()
 
+    def _said(self, name: str) -> str:
+        """All that a node has logged."""
+        log = self._logs[name].fileno()
+        # Not by a seek: the node writes on at the offset, which it shares.
+        return os.pread(log, os.fstat(log).st_size, 0).decode(errors='replace')
+
     def _last_line(self, name: str) -> str:
-        log = self._logs[name]
-        log.seek(0)
-        lines = [line.strip() for line in log.read().decode(errors='replace').splitlines()]
+        lines = [line.strip() for line in self._said(name).splitlines()]
         fatal = [line for line in lines if line.startswith('[FATAL]')]
         last = next((line for line in reversed(fatal or lines) if line), '')
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', last)  # level, time and node
+
+
+def command(module: str, *words: str) -> list[str]:
+    """Command line that runs a module of the suite, the same code as here, from anywhere."""
+    root = Path(__file__).parents[1]  # as on the path, not resolved
+    return [sys.executable, '-c', START, str(root), module, *words]
+
+
+def children(pid: int) -> dict[str, int]:
+    """Pids of the children of a process that run a module by :func:`command`, by module."""
+    found: dict[str, int] = {}
+    try:
+        own = Path(f'/proc/{pid}/cmdline').read_text()
+        for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
+            with contextlib.suppress(OSError):  # it has just ended
+                line = Path(f'/proc/{child}/cmdline').read_text()
+                words = line.split('\0')
+                if START in words and line != own:  # else it is yet to become what it will run
+                    found[words[words.index(START) + 2]] = int(child)
+    except OSError:
+        pass  # the process has ended
+    return found
 
 
 @contextlib.contextmanager

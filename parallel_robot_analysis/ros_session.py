@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from types import TracebackType
 from typing import Any
 
@@ -18,6 +18,8 @@ from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
 
 PATIENCE = 0.2  # s, for the answer to a question that can be asked again
+LOOK = 2.0  # s, between two looks at how busy the nodes are
+BUSY = 0.05  # share of a core; waiting for messages takes less
 START_PATIENCE = 10.0  # s, for the answer to a start
 
 
@@ -64,22 +66,44 @@ class Session:
         rclpy.spin_once(self._node, timeout_sec=seconds)
         self._watch()
 
-    def wait_until_ready(self, seconds: float) -> None:
+    def wait_until_ready(
+        self, seconds: float, work: Callable[[str], float], show: Callable[[Collection[str]], None]
+    ) -> None:
         """Wait until every node says that it is ready.
+
+        A node that is there, does not answer yet and uses its processor has the time it needs: it
+        compiles.
+
+        Args:
+            seconds: How long to wait for nodes that do nothing.
+            work: Processor time that a node has used [s].
+            show: Called with the names of those that are not ready, again and again.
 
         Raises:
             RunError: one is not ready in time, or another suite runs on the same ROS domain.
         """
-        deadline = time.monotonic() + seconds
         waiting = dict.fromkeys(self._names, 'it does not answer')
+        used = dict.fromkeys(self._names, 0.0)
+        deadline = looked = time.monotonic()
+        deadline += seconds
         while waiting:
+            busy = set()
             for name in list(waiting):
+                show(waiting)
                 answer = self._call(self._ready[name], Trigger.Request())
                 if answer is not None and answer.success:
                     del waiting[name]
                 elif answer is not None:
                     waiting[name] = answer.message
-            if waiting and time.monotonic() > deadline:
+                elif self._ready[name].service_is_ready():
+                    busy.add(name)
+            now = time.monotonic()
+            if now - looked > LOOK:
+                enough = BUSY * (now - looked)
+                if any(work(name) - used[name] > enough for name in busy):
+                    deadline = now + seconds
+                looked, used = now, {name: work(name) for name in waiting}
+            if waiting and now > deadline:
                 name, reason = next(iter(waiting.items()))
                 raise RunError(f'{name} is not ready after {seconds:g} s: {reason}')
         for topic in (JOINT_STATES, REFERENCE, COMMANDS):

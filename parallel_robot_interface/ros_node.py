@@ -6,6 +6,7 @@ import faulthandler
 import gc
 import importlib
 import inspect
+import logging
 import math
 import os
 import signal
@@ -390,6 +391,9 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, heed)
+    logger = logging.getLogger('parallel_robot')  # of what knows nothing of ROS
+    logger.setLevel(logging.INFO)
+    logger.addHandler(_ToRos())
     try:
         _initialise()
         node = make()
@@ -418,6 +422,14 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         rclpy.try_shutdown()
         faulthandler.cancel_dump_traceback_later()
     return node.exit_code or 0
+
+
+class _ToRos(logging.Handler):
+    """Hands log records of Python over to ROS."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log as ROS does."""
+        rclpy.logging.get_logger(record.name).info(record.getMessage())
 
 
 def prepare_to_log() -> None:

@@ -3,54 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import os
-import tempfile
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
-from numba.core.caching import NullCache
 from numba.experimental.function_type import FunctionModel
 from numba.extending import register_model
 
+from parallel_robot_model.kernel_cache import KernelCache, NoCache
+
 Function = TypeVar('Function', bound=Callable[..., Any])
-
-
-def _cache_directory() -> str:
-    """Directory for the machine code of exactly these sources.
-
-    Numba notices a change of the file of a kernel, but not of the kernels that it calls or of the
-    order of the fields of a NamedTuple; a directory named after all of them holds no stale code.
-    """
-    digest = hashlib.sha256()
-    packages = Path(__file__).resolve().parents[1]
-    for path in sorted(
-        [*packages.glob('parallel_robot_*/**/*.py'), *packages.glob('trajectory_gen/*.py')]
-    ):
-        content = path.read_bytes()
-        if any(mark in content for mark in (b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)')):
-            digest.update(content)
-    home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
-    own = Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}'
-    for root in (Path(home) / 'parallel_robot', own):
-        directory = root / digest.hexdigest()[:16]
-        try:
-            root.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if root.stat().st_uid != os.getuid():
-                continue  # machine code that somebody else put there is not run
-            directory.mkdir(exist_ok=True)
-        except OSError:
-            continue
-        if os.access(directory, os.W_OK):
-            return str(directory)
-    return ''
-
-
-if not numba.config.CACHE_DIR:
-    numba.config.CACHE_DIR = _cache_directory()
 
 
 def kernel(function: Function) -> Function:
@@ -59,13 +22,18 @@ def kernel(function: Function) -> Function:
     ``fastmath`` stays off and division by zero gives inf as in IEEE 754: the same input gives the
     same bits wherever a kernel is called from.
     """
-    return cast(Function, numba.njit(cache=True, error_model='numpy')(function))
+    return _cached(function)
 
 
 def inner(function: Function) -> Function:
     """Compile a function that only kernels call: without what Python would need, in less time."""
-    options = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
-    return cast(Function, numba.njit(cache=True, error_model='numpy', **options)(function))
+    return _cached(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+def _cached(function: Function, **options: bool) -> Function:
+    compiled = numba.njit(error_model='numpy', **options)(function)
+    compiled._cache = KernelCache(function)
+    return cast(Function, compiled)
 
 
 def inlined(function: Function) -> Function:
@@ -85,7 +53,7 @@ def in_memory(*kernels: Any) -> Iterator[None]:
     """
     caches = [kernel._cache for kernel in kernels]
     for compiled in kernels:
-        compiled._cache = NullCache()
+        compiled._cache = NoCache()
     try:
         yield
     finally:

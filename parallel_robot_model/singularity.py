@@ -62,5 +62,13 @@ def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
         Shape (N,); infinite in a type 2 singularity.
     """
     scale = np.array([1.0, 1.0, robot.l3])
-    jacobians = [jacobian_x(robot, *pair) / scale for pair in zip(phi, beta, strict=True)]
-    return np.linalg.cond(np.reshape(jacobians, (-1, 3, 3)))
+    return np.linalg.cond(_jacobians(robot, np.ascontiguousarray(phi), beta) / scale)
+
+
+@kernel
+def _jacobians(robot: RobotParameters, phi: Array, beta: Array) -> Array:
+    """Jx of every sample, shape (N, 3, 3)."""
+    jacobians = np.empty((len(phi), 3, 3))
+    for k in range(len(phi)):
+        jacobians[k] = jacobian_x(robot, phi[k], beta[k])
+    return jacobians

@@ -4,9 +4,8 @@ import os
 import select
 import signal
 import subprocess
-import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from domain_coordinator import domain_id
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
+from parallel_robot_analysis.processes import children, command
 from parallel_robot_control.controller import Controller
 from parallel_robot_interface import config
 from parallel_robot_interface.ros_node import message_class, qos_of
@@ -67,12 +67,12 @@ class Child(NamedTuple):
 
 
 class Process:
-    """A Python module that runs in a process of its own."""
+    """A Python module of the suite that runs in a process of its own."""
 
     def __init__(self, words, folder, environment):
         self._errors = (folder / f'stderr_{time.monotonic_ns()}').open('w+b')
         self._popen = subprocess.Popen(
-            [sys.executable, '-m', *map(str, words)],
+            command(*map(str, words)),
             cwd=folder,
             env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
             stdout=subprocess.DEVNULL,
@@ -109,17 +109,10 @@ class Process:
 
     def children(self):
         """Children by the module that they run."""
-        for path in Path('/proc').glob('[0-9]*'):
-            try:
-                parent = int((path / 'stat').read_text().rpartition(')')[2].split()[1])
-                words = (path / 'cmdline').read_text().split('\0')
-                if parent == self._popen.pid and '-m' in words:
-                    module = words[words.index('-m') + 1]
-                    if module not in self._children:
-                        descriptor = os.pidfd_open(int(path.name))
-                        self._children[module] = Child(int(path.name), descriptor)
-            except (FileNotFoundError, ProcessLookupError):
-                pass  # it has just ended
+        for module, pid in children(self._popen.pid).items():
+            if module not in self._children:
+                with suppress(ProcessLookupError):  # it has just ended
+                    self._children[module] = Child(pid, os.pidfd_open(pid))
         return self._children
 
     def clean(self):
@@ -197,7 +190,7 @@ def compiled():
 
 @pytest.fixture
 def launch(tmp_path, compiled):
-    """Start ``python -m words`` in `tmp_path`; nothing outlives the test."""
+    """Start a module with its words in `tmp_path`; nothing outlives the test."""
     with ExitStack() as stack:
 
         def start(*words, **environment):

@@ -3,9 +3,12 @@
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
+from ros_fixtures import until
 
 from parallel_robot_analysis import processes
 from parallel_robot_interface.errors import RunError
+
+pytest_plugins = ['ros_fixtures']  # for `until`
 
 SCRIPTS = {
     'fails': "import sys; print('the reason', file=sys.stderr); sys.exit(3)",
@@ -31,7 +34,7 @@ TEXTS = {
 @pytest.mark.parametrize('name', SCRIPTS)
 def test_the_end_of_a_node_is_reported_with_its_reason(name, tmp_path, monkeypatch):
     (tmp_path / 'a_node.py').write_text(SCRIPTS[name])
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
     monkeypatch.setitem(processes.MODULES, 'node', 'a_node')
     monkeypatch.setattr(processes, 'STOP_ORDER', ('node',))
     with processes.NodeProcesses({'node': {}}) as running:
@@ -39,6 +42,29 @@ def test_the_end_of_a_node_is_reported_with_its_reason(name, tmp_path, monkeypat
         with pytest.raises(RunError) as caught:
             running.check()
     assert str(caught.value) == TEXTS[name]
+
+
+def test_a_node_that_compiles_is_known_and_goes_on_with_its_log(tmp_path, monkeypatch):
+    (tmp_path / 'a_node.py').write_text(f"""
+import pathlib, sys, time
+print({processes.NOTICE!r}, flush=True)
+while not pathlib.Path({str(tmp_path / 'go')!r}).exists():
+    time.sleep(0.01)
+print('as long as the notice, so that it would hide it if it were written over it: ' + 50 * '.')
+sys.exit(3)
+""")
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    monkeypatch.setitem(processes.MODULES, 'node', 'a_node')
+    monkeypatch.setattr(processes, 'STOP_ORDER', ('node',))
+    with processes.NodeProcesses({'node': {}}) as running:
+        until(lambda: running.compiling('node'))
+        used = running.processor_time('node')
+        assert 0.0 < used < 60.0
+        (tmp_path / 'go').write_text('')
+        running._processes['node'].wait(20.0)
+        assert running.compiling('node')
+        with pytest.raises(RunError, match='exit code 3: as long as the notice'):
+            running.check()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import pytest
 
 from parallel_robot_analysis import progress
+from parallel_robot_analysis.commands import run
 from parallel_robot_analysis.progress import CLEAR, Progress, tracked
+from parallel_robot_model.kernel_cache import NOTICE
 
 
 class Terminal(io.StringIO):
@@ -61,3 +63,18 @@ def test_nothing_to_do_and_more_than_expected(terminal):
     assert 2 * f'[{30 * "#"}]' in terminal.getvalue().replace(f'{CLEAR}', '').replace(
         ' 0 of 0 ', ''
     )
+
+
+def test_nodes_that_compile_are_told_of_once_and_shown(terminal, capsys):
+    processes = SimpleNamespace(compiling=lambda name: name == 'plant')
+    with Progress(4, 'nodes ready') as bar:
+        tell = run._telling(processes, bar)
+        tell(['controller', 'recorder'])
+        assert capsys.readouterr().err == ''
+        tell(['plant', 'controller'])
+        tell(['plant'])
+    said = capsys.readouterr().err.splitlines()
+    assert said == [f'parallel_robot run: the nodes are {NOTICE}']
+    pictures = terminal.getvalue().split(CLEAR)
+    assert pictures[1].endswith('2 of 4 nodes ready ')
+    assert pictures[3].endswith('3 of 4 nodes ready (plant compiling)')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import signal
 import tempfile
 import threading
@@ -353,6 +354,7 @@ def channel(
     return Channel(f'/{name}', kind, 'ros2msg', definition.encode(), metadata)
 
 
+@functools.cache
 def channel_of(topic: Topic) -> Channel:
     """A topic of the suite as a bag describes it."""
     store = get_typestore(Stores.ROS2_JAZZY)

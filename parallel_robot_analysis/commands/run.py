@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,10 @@ from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
+from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import assemble
 
-READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled
+READY = 60.0  # s, for nodes that do nothing and yet are not ready
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
 START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
 STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
@@ -116,7 +118,10 @@ def _supervise(
                 processes.check()
 
             with Session(MODULES, watch) as session:
-                session.wait_until_ready(READY)
+                with Progress(len(MODULES), 'nodes ready') as progress:
+                    session.wait_until_ready(
+                        READY, processes.processor_time, _telling(processes, progress)
+                    )
                 now = time.time_ns()
                 start = STEP_START if lockstep else (now + LEAD) // START_GRID * START_GRID
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
@@ -126,6 +131,22 @@ def _supervise(
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+
+
+def _telling(processes: NodeProcesses, progress: Progress) -> Callable[[Collection[str]], None]:
+    """Make what tells of the nodes that are not ready, and once that some of them compile."""
+    told = False
+
+    def tell(waiting: Collection[str]) -> None:
+        nonlocal told
+        compiling = [name for name in waiting if processes.compiling(name)]
+        if compiling and not told:
+            told = True
+            print(f'parallel_robot run: the nodes are {NOTICE}', file=sys.stderr)
+        what = f'({", ".join(compiling)} compiling)' if compiling else ''
+        progress.show(len(MODULES) - len(waiting), what)
+
+    return tell
 
 
 def _follow(

@@ -1,0 +1,186 @@
+"""The cache of machine code: never stale, quick, in nobody's way, and not for ever."""
+
+import logging
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from parallel_robot_model import kernel_cache
+from parallel_robot_model.kernel import in_memory, kernel
+
+ROOT = Path(__file__).parents[1]
+pytest_plugins = ['ros_fixtures']  # for `compiled`
+
+
+@pytest.fixture
+def tree(tmp_path, monkeypatch):
+    """Return a source tree of two packages whose cache lies in `tmp_path`."""
+    for package in ('parallel_robot_model', 'trajectory_gen'):
+        (tmp_path / package).mkdir()
+    (tmp_path / 'parallel_robot_model' / 'kernel.py').write_text('@kernel\n')
+    (tmp_path / 'trajectory_gen' / 'circle.py').write_text('@kernel\ndef f(): return 1\n')
+    groups = 'class Robot(NamedTuple):\n    m1: float\n    m2: float\n'
+    (tmp_path / 'parallel_robot_model' / 'parameters.py').write_text(groups)
+    file = tmp_path / 'parallel_robot_model' / 'kernel_cache.py'
+    monkeypatch.setattr(kernel_cache, '__file__', str(file))
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+    return tmp_path
+
+
+def test_the_cache_lies_where_the_user_keeps_caches(tree):
+    assert Path(kernel_cache.directory()).parents[1] == tree / 'cache'
+
+
+@pytest.mark.parametrize(
+    ('name', 'content'),
+    [
+        ('trajectory_gen/circle.py', '@kernel\ndef f(): return 2\n'),
+        ('trajectory_gen/spiral.py', '@inlined\ndef g(): return 2\n'),
+        # Compiled code addresses a NamedTuple by position, so its order is a source, too.
+        (
+            'parallel_robot_model/parameters.py',
+            'class Robot(NamedTuple):\n    m2: float\n    m1: float\n',
+        ),
+    ],
+)
+def test_changed_sources_have_another_cache(tree, name, content):
+    before = kernel_cache.directory()
+    assert kernel_cache.directory() == before
+    (tree / name).write_text(content)
+    assert kernel_cache.directory() != before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
+def test_a_home_that_cannot_be_written_is_no_obstacle(tree):
+    (tree / 'cache').mkdir(mode=stat.S_IRUSR | stat.S_IXUSR)
+    assert tree not in Path(kernel_cache.directory()).parents
+
+
+def test_a_cache_home_that_is_a_file_is_no_obstacle(tree):
+    (tree / 'cache').write_text('')
+    directory = Path(kernel_cache.directory())
+    assert tree not in directory.parents[:3] and os.access(directory, os.W_OK)
+    directory.rmdir()
+
+
+def versions(tree, count):
+    """Directories of as many versions of the sources, each used a minute after the one before."""
+    found = []
+    for number in range(count):
+        (tree / 'trajectory_gen' / 'circle.py').write_text(f'@kernel\ndef f(): return {number}\n')
+        found.append(Path(kernel_cache.directory()))
+        (found[-1] / 'code').write_text('')
+        used = time.time() - 60.0 * (count - number)
+        os.utime(found[-1], (used, used))
+    return found
+
+
+def test_older_versions_are_removed(tree):
+    found = versions(tree, 6)
+    assert [path.exists() for path in found] == [False] * 3 + [True] * 3
+
+
+def test_a_version_that_was_used_since_is_kept(tree):
+    first, second, third = versions(tree, 3)
+    (tree / 'trajectory_gen' / 'circle.py').write_text('@kernel\ndef f(): return 0\n')
+    assert Path(kernel_cache.directory()) == first
+    (tree / 'trajectory_gen' / 'circle.py').write_text('@kernel\ndef f(): return 3\n')
+    fourth = Path(kernel_cache.directory())
+    assert [path.exists() for path in (first, second, third, fourth)] == [True, False, True, True]
+
+
+def test_what_others_have_not_used_for_long_is_removed(tree):
+    root = tree / 'cache' / 'parallel_robot'
+    for name, days in (('71a51057db9c68d7', 22), ('12345678_0', 22), ('12345678_1', 20)):
+        (root / name / 'code').mkdir(parents=True)
+        used = time.time() - days * 86400.0
+        os.utime(root / name, (used, used))
+    kernel_cache.directory()
+    assert not (root / '71a51057db9c68d7').exists() and not (root / '12345678_0').exists()
+    assert (root / '12345678_1').exists()
+
+
+@pytest.fixture
+def told(caplog, monkeypatch):
+    """What is told of compiling, in a process that has not told it."""
+    kernel_cache._announce.cache_clear()
+    caplog.set_level(logging.INFO, 'parallel_robot')
+    return lambda: caplog.messages
+
+
+def test_a_process_that_loses_its_cache_compiles_and_tells_so_once(told, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache.numba.config, 'CACHE_DIR', str(tmp_path / 'cache'))
+
+    def twice(x):
+        return 2 * x
+
+    first, again, lost = kernel(twice), kernel(twice), kernel(twice)
+    assert not told()
+    assert first(2.0) == 4.0
+    assert told() == [kernel_cache.NOTICE]
+    assert again(2.0) == 4.0 and sum(again.stats.cache_hits.values()) == 1
+    shutil.rmtree(tmp_path / 'cache')
+    assert lost(2.0) == 4.0 and sum(lost.stats.cache_hits.values()) == 0
+    assert told() == [kernel_cache.NOTICE]
+    assert any((tmp_path / 'cache').rglob('*.nbc'))  # for the next
+
+
+def test_a_cache_that_cannot_be_written_stops_nobody(told, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache.numba.config, 'CACHE_DIR', str(tmp_path / 'cache'))
+    thrice = kernel(lambda x: 3 * x)
+    shutil.rmtree(tmp_path / 'cache')
+    (tmp_path / 'cache').write_text('')  # even root can make no directory there
+    assert thrice(2.0) == 6.0
+
+
+def test_what_is_compiled_in_memory_is_told(told):
+    half = kernel(lambda x: x / 2)
+    with in_memory(half):
+        assert half(1.0) == 0.5
+    assert told() == [kernel_cache.NOTICE]
+
+
+def print_in_python(code, folder, **environment):
+    done = subprocess.run(
+        [sys.executable, '-c', code],
+        env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+def test_the_users_own_cache_directory_is_respected(tmp_path):
+    code = 'import numba, parallel_robot_model.kernel; print(numba.config.CACHE_DIR)'
+    assert print_in_python(code, ROOT, NUMBA_CACHE_DIR=str(tmp_path)) == str(tmp_path)
+
+
+def test_a_configuration_of_numba_in_the_current_directory_names_no_cache(tmp_path):
+    (tmp_path / '.numba_config.yaml').write_text(f'cache_dir: {tmp_path}\n')
+    code = 'import numba, parallel_robot_model.kernel; print(numba.config.CACHE_DIR)'
+    assert str(tmp_path) not in print_in_python(code, tmp_path)
+
+
+def test_a_warm_start_does_not_prepare_to_compile(compiled, tmp_path):
+    code = """
+import sys
+import numpy as np
+from trajectory_gen.trajectory import Trajectory
+from parallel_robot_control.controller import Controller
+from parallel_robot_interface import config
+from parallel_robot_sim.simulator import Simulator
+values = config.resolve('paper_circle')
+Trajectory.of(values).sample(0.0)
+Controller(values)
+Simulator(values).advance(np.zeros(3))
+print('numba.np.linalg' in sys.modules or 'scipy.linalg' in sys.modules)
+"""
+    assert print_in_python(code, tmp_path) == 'False'

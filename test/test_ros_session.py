@@ -1,0 +1,98 @@
+"""The supervisor's patience: for those that work, not for those that hang."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from parallel_robot_analysis import ros_session
+from parallel_robot_analysis.ros_session import Session
+from parallel_robot_interface.errors import RunError
+
+ASKING = 0.5  # s, that a question takes
+
+
+class World:
+    """Two nodes, and a clock that goes on when they are asked.
+
+    Attributes:
+        now: [s].
+        ready_at: When a node begins to answer [s].
+        there_at: When its service can be seen [s].
+        share: Of a core that a node uses until then.
+    """
+
+    def __init__(self):
+        self.now = 100.0
+        self.ready_at = {'plant': 100.0, 'controller': 100.0}
+        self.there_at = {'plant': 100.0, 'controller': 100.0}
+        self.share = {'plant': 0.0, 'controller': 0.0}
+        self.shown = []
+        self.says = SimpleNamespace(success=True, message='')
+
+    def work(self, name):
+        return self.share[name] * (min(self.now, self.ready_at[name]) - 100.0)
+
+    def wait(self, monkeypatch, seconds):
+        monkeypatch.setattr(ros_session, 'time', SimpleNamespace(monotonic=lambda: self.now))
+        session = Session(self.ready_at, lambda: None)
+        session._node = SimpleNamespace(count_publishers=lambda _: 1)
+        session._ready = {
+            name: SimpleNamespace(
+                name=name, service_is_ready=lambda name=name: self.now >= self.there_at[name]
+            )
+            for name in self.ready_at
+        }
+
+        def call(client, _):
+            self.now += ASKING
+            return self.says if self.now >= self.ready_at[client.name] else None
+
+        monkeypatch.setattr(session, '_call', call)
+        session.wait_until_ready(seconds, self.work, lambda names: self.shown.append([*names]))
+
+
+def test_a_node_that_compiles_has_all_the_time_it_needs(monkeypatch):
+    world = World()
+    world.ready_at['controller'] = 700.0
+    world.share['controller'] = 0.1  # of a busy machine
+    world.wait(monkeypatch, seconds=20.0)
+    assert 700.0 <= world.now < 702.0
+    assert world.shown[0] == ['plant', 'controller'] and world.shown[-1] == ['controller']
+
+
+@pytest.mark.parametrize('share', [0.0, 0.01])  # its middleware goes on
+def test_a_node_that_hangs_is_an_error(share, monkeypatch):
+    world = World()
+    world.ready_at['controller'] = 700.0
+    world.share['controller'] = share
+    with pytest.raises(
+        RunError, match=r'^controller is not ready after 20 s: it does not answer$'
+    ):
+        world.wait(monkeypatch, seconds=20.0)
+    assert world.now < 125.0
+
+
+def test_a_node_that_nobody_can_see_is_an_error_however_busy(monkeypatch):
+    world = World()
+    world.ready_at['plant'] = world.there_at['plant'] = 700.0
+    world.share['plant'] = 1.0
+    with pytest.raises(RunError, match='plant is not ready'):
+        world.wait(monkeypatch, seconds=20.0)
+
+
+def test_a_node_that_stops_working_is_an_error_from_then_on(monkeypatch):
+    world = World()
+    world.ready_at['controller'] = 700.0
+    world.share['controller'] = 0.5
+    whole = world.work
+    world.work = lambda name: min(whole(name), 100.0)  # until t = 300 s
+    with pytest.raises(RunError, match='controller is not ready'):
+        world.wait(monkeypatch, seconds=20.0)
+    assert 315.0 < world.now < 330.0
+
+
+def test_a_node_that_says_what_it_lacks_is_quoted(monkeypatch):
+    world = World()
+    world.says = SimpleNamespace(success=False, message='no publisher of reference')
+    with pytest.raises(RunError, match=r'^plant is not ready after 20 s: no publisher of ref'):
+        world.wait(monkeypatch, seconds=20.0)
