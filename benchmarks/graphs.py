@@ -22,6 +22,8 @@ from parallel_robot_interface import topics
 COMMAND = ('-m', 'parallel_robot_analysis.command_line')
 TWIN = ('benchmarks/empty_graph.py',)
 LOOP = ('trajectory', 'plant', 'controller')
+START_ORDER = ('recorder', 'trajectory', 'controller', 'plant')
+STOP_ORDER = ('plant', 'trajectory', 'controller', 'recorder')
 LEAD = 1.0  # s, from the common start being told to t = 0
 STRAGGLERS = 1.0  # s, from the end of the motion to that of the twin
 READY = 60.0  # s, for the twin to be matched
@@ -71,11 +73,11 @@ def command(words: Sequence[str], outcome: Outcome) -> Iterator[Graph]:
 @contextlib.contextmanager
 def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
     """The suite's nodes without a recorder, in lockstep, by hand."""
-    subscribers = {'trajectory': 1, 'controller': 1, 'plant': 2}  # controller and trajectory
+    counts = {'trajectory': 1, 'controller': 1, 'plant': 2}  # controller and trajectory
     processes = {}
     try:
         for name in LOOP:
-            words = ['time_mode:=lockstep', f'subscribers:={subscribers[name]}', *assignments]
+            words = ['time_mode:=lockstep', f'subscribers:={counts[name]}', *assignments]
             given = [word for pair in words for word in ('-p', pair)]
             processes[name] = start(
                 ['-m', MODULES[name], '--ros-args', *given], stderr=subprocess.DEVNULL
@@ -89,7 +91,7 @@ def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
 def twin(lockstep: bool, samples: int, bag: Path | None, outcome: Outcome) -> Iterator[Graph]:
     """The empty graph, with a recorder if there is a file for it."""
     roles = (*LOOP, 'recorder') if bag else LOOP
-    words = ['--subscribers', json.dumps(_subscribers(lockstep, bag is not None))]
+    words = ['--subscribers', json.dumps(subscribers(lockstep, bag is not None))]
     words += ['--lockstep'] if lockstep else ['--samples', str(samples)]
     words += ['--bag', str(bag)] if bag else []
     processes: dict[str, subprocess.Popen[str]] = {}
@@ -105,16 +107,18 @@ def twin(lockstep: bool, samples: int, bag: Path | None, outcome: Outcome) -> It
                 raise RuntimeError('the empty graph does not start')
         stamp = round(time.time() + LEAD) * 10**9
         over = stamp * 1e-9 + samples * 1e-3 + STRAGGLERS
-        for role in ('recorder', 'trajectory', 'controller', 'plant'):
+        for role in START_ORDER:
             if role in processes and (stream := processes[role].stdin):
                 stream.write(f'{stamp}\n')
                 stream.flush()
         graph = _graph(processes)
         yield Graph(lambda: graph.running() and (lockstep or time.time() < over), graph.pids)
         outcome.code = 0 if graph.running() else 1
-        for process in processes.values():
-            process.terminate()
-            outcome.published.update(json.loads(process.communicate()[0] or '{}'))
+        for role in STOP_ORDER:
+            if role in processes:
+                processes[role].terminate()
+                said = processes[role].communicate()[0]
+                outcome.published.update(json.loads(said or '{}'))
     finally:
         end(list(processes.values()), signal.SIGTERM)
 
@@ -138,7 +142,7 @@ def _graph(processes: Mapping[str, subprocess.Popen[str]]) -> Graph:
     )
 
 
-def _subscribers(lockstep: bool, recorded: bool) -> dict[str, int]:
+def subscribers(lockstep: bool, recorded: bool) -> dict[str, int]:
     """How many subscribers each topic of the twin has."""
     loop = Counter({topics.JOINT_STATES: 1, topics.REFERENCE: 1, topics.COMMANDS: 1})
     loop[topics.JOINT_STATES] += lockstep
