@@ -18,14 +18,13 @@ from typing import Any, NamedTuple
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_processes import processor_seconds, start
-from graphs import COMMAND, Graph, Outcome, command, nodes, twin
+from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_interface import topics
 
 PERIOD = 1e-3  # s
-LOOK = 0.1  # s, between two looks at the processes
 PATIENCE = 180.0  # s, for the first state of the motion
 DELAYS = ('delay', 'round trip')
 Figures = dict[str, Any]
@@ -94,7 +93,7 @@ def wall_ours(
     """The suite in wall time, then `analyze`."""
     outcome, bag = Outcome(), directory / f'ours_{time.monotonic_ns()}'
     words = ['paper_circle', '--duration', str(seconds), '--out', str(bag)]
-    words += [word for pair in assignments for word in ('--set', pair)]
+    words += settings(assignments)
     with command(words, outcome) as graph:
         figures = _watch(graph, listener, seconds)
     report = directory / 'report.json'
@@ -137,7 +136,7 @@ def lockstep_ours(
             return _rate(graph, listener, seconds)
     bag = directory / f'lockstep_{time.monotonic_ns()}'
     words = ['paper_circle', '--time-mode', 'lockstep', '--duration', str(100 * seconds)]
-    words += [word for pair in assignments for word in ('--set', pair)]
+    words += settings(assignments)
     with command([*words, '--out', str(bag)], Outcome()) as graph:
         return _rate(graph, listener, seconds)
 
@@ -196,5 +195,5 @@ def _of_bag(outcome: Outcome, counts: Mapping[str, int], missing: int | None) ->
         'said': outcome.said,
         'messages': sum(counts.values()),
         'missing': missing,
-        'answered': counts[topics.COMMANDS.name] / states if states else None,
+        'answered': counts.get(topics.COMMANDS.name, 0) / states if states else None,
     }

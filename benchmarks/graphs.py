@@ -24,6 +24,7 @@ TWIN = ('benchmarks/empty_graph.py',)
 LOOP = ('trajectory', 'plant', 'controller')
 START_ORDER = ('recorder', 'trajectory', 'controller', 'plant')
 STOP_ORDER = ('plant', 'trajectory', 'controller', 'recorder')
+LOOK = 0.1  # s, between two looks at the processes
 LEAD = 1.0  # s, from the common start being told to t = 0
 STRAGGLERS = 1.0  # s, from the end of the motion to that of the twin
 READY = 60.0  # s, for the twin to be matched
@@ -72,13 +73,13 @@ def command(words: Sequence[str], outcome: Outcome) -> Iterator[Graph]:
 
 @contextlib.contextmanager
 def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
-    """The suite's nodes without a recorder, in lockstep, by hand."""
+    """The suite's nodes without a recorder, in lockstep, by hand; assignments are KEY=VALUE."""
     counts = {'trajectory': 1, 'controller': 1, 'plant': 2}  # controller and trajectory
     processes = {}
     try:
         for name in LOOP:
-            words = ['time_mode:=lockstep', f'subscribers:={counts[name]}', *assignments]
-            given = [word for pair in words for word in ('-p', pair)]
+            words = ['time_mode=lockstep', f'subscribers={counts[name]}', *assignments]
+            given = [word for pair in words for word in ('-p', pair.replace('=', ':=', 1))]
             processes[name] = start(
                 ['-m', MODULES[name], '--ros-args', *given], stderr=subprocess.DEVNULL
             )
@@ -123,10 +124,24 @@ def twin(lockstep: bool, samples: int, bag: Path | None, outcome: Outcome) -> It
         end(list(processes.values()), signal.SIGTERM)
 
 
-def warm(directory: Path) -> None:
+def warm(directory: Path, assignments: Sequence[str]) -> None:
     """Compile what is not yet compiled, before anything is measured."""
-    words = ['run', 'paper_circle', '--time-mode', 'lockstep', '--duration', '0.1']
-    start([*COMMAND, *words, '--out', str(directory / 'warm')], stdout=subprocess.DEVNULL).wait()
+    words = [
+        'paper_circle',
+        '--time-mode',
+        'lockstep',
+        '--duration',
+        '0.1',
+        *settings(assignments),
+    ]
+    with command([*words, '--out', str(directory / 'warm')], Outcome()) as graph:
+        while graph.running():
+            time.sleep(LOOK)
+
+
+def settings(assignments: Sequence[str]) -> list[str]:
+    """Changes of the configuration, KEY=VALUE, as words of the command line."""
+    return [word for pair in assignments for word in ('--set', pair)]
 
 
 def revision() -> str:

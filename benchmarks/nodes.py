@@ -203,7 +203,7 @@ def main() -> None:
     with contextlib.ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        warm(directory)
+        warm(directory, given.assignments)
         stack.enter_context(busy(given.busy))
         if 'start' in parts:
             result['start'] = start_times(given.starts)
