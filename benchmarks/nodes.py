@@ -1,153 +1,255 @@
-"""The nodes in real time: start, rate, losses, round trip, processor share; rate in lockstep.
+"""The nodes beside an empty twin of their graph: processor, round trip, losses, lockstep, start.
 
-Usage: python benchmarks/nodes.py [seconds of motion]
+The twin (empty_graph.py) has the same processes, messages, rates and quality of service, and
+computes nothing. Both run alternately, in pairs; ratios are medians over pairs.
+
+Usage: python benchmarks/nodes.py [--help]
 """
 
 from __future__ import annotations
 
-import itertools
+import argparse
+import contextlib
 import json
 import os
-import re
+import platform
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
+import graph_figures as figures
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from graph_processes import busy, end, start
+from graphs import revision, warm
 
-from parallel_robot_analysis.processes import MODULES, children, command
+from parallel_robot_analysis.processes import MODULES
 from parallel_robot_interface import topics
 from parallel_robot_interface.ros_node import message_class, qos_of
 
-TICKS = os.sysconf('SC_CLK_TCK')
 FIRST = {
     'trajectory': topics.REFERENCE,
     'plant': topics.JOINT_STATES,
     'controller': topics.ACTIVE_LAW,
-    'recorder': topics.Topic('/rosout', 'rcl_interfaces/msg/Log', latched=True),
 }
-RUN = command('parallel_robot_analysis.command_line')
+PARTS = ('start', 'wall', 'lockstep')
+PROCESSOR, P50, P99, LOCKSTEP = 1.3, 1.2, 1.5, 0.8  # targets of the ratios
+PACKAGES = ('ros-jazzy-rclpy', 'numpy', 'numba', 'mcap')
+Pairs = list[dict[str, Any]]
 
 
-def start_times(directory: Path, repeats: int = 5) -> None:
-    """Time from the start of a process to its first message at a subscriber."""
-    print(f'start to first message, {repeats} starts: median (min - max)')
-    for name, topic in FIRST.items():
-        seconds = []
-        for number in range(repeats):
-            node = rclpy.create_node('benchmark')
-            heard: list[bytes] = []
+def alternate(pairs: int, **runs: Callable[[], Any]) -> Pairs:
+    """Run each of some graphs in turn, several times over."""
+    rounds = []
+    for number in range(pairs):
+        rounds.append({})
+        for name, run in runs.items():
+            print(f'... {name.replace("_", " ")}, {number + 1} of {pairs}', flush=True)
+            rounds[-1][name] = run()
+    return rounds
+
+
+def start_times(repeats: int) -> dict[str, list[float]]:
+    """Time [s] from the start of each node to its first message; of the recorder, to its bag."""
+    node = rclpy.create_node('benchmark_start')
+    seconds: dict[str, list[float]] = {name: [] for name in MODULES}
+    for name in [name for name in MODULES for _ in range(repeats)]:
+        heard: list[bytes] = []
+        if topic := FIRST.get(name):
             kind = message_class(topic.type)
             node.create_subscription(kind, topic.name, heard.append, qos_of(topic), raw=True)
+        with tempfile.TemporaryDirectory() as directory:
+            bag = Path(directory) / 'bag'
             begun = time.perf_counter()
-            words = ('--ros-args', '-p', f'recorder.out:={directory}/start_{number}')
-            process = subprocess.Popen(command(MODULES[name], *words), stderr=subprocess.DEVNULL)
-            while not heard:
-                rclpy.spin_once(node, timeout_sec=0.05)
-            seconds.append(time.perf_counter() - begun)
-            process.terminate()
-            process.wait()
-            node.destroy_node()
-        span = f'({min(seconds):.2f} - {max(seconds):.2f})'
-        print(f'  {name:<12}{statistics.median(seconds):6.2f} s {span}')
-
-
-def wall(duration: float, directory: Path) -> None:
-    """One run in wall time."""
-    node = rclpy.create_node('benchmark')
-    figures: dict[str, list[list[float]]] = {'delay': [], 'round trip': []}
-
-    def listen(message: DiagnosticArray) -> None:
-        for item in message.status[0].values:
-            name = item.key.split(' p50')[0]
-            if name in figures:
-                figures[name].append([float(word) for word in item.value.split('/')])
-
-    node.create_subscription(DiagnosticArray, '/diagnostics', listen, 10)
-    bag = directory / 'wall'
-    process = subprocess.Popen(
-        [*RUN, 'run', 'paper_circle', '--duration', str(duration), '--out', str(bag)],
-        stdout=subprocess.DEVNULL,
-    )
-    cpu: dict[str, float] = {}
-    while process.poll() is None:
-        rclpy.spin_once(node, timeout_sec=0.2)
-        cpu |= processor_seconds(process.pid)
-    report = directory / 'wall.json'
-    subprocess.run(
-        [*RUN, 'analyze', str(bag), '--json', str(report)], check=True, stdout=subprocess.DEVNULL
-    )
-    result = json.loads(report.read_text())
-    missing = sum(count['missing'] for count in result['messages'].values())
-    count = sum(count['count'] for count in result['messages'].values())
-    print(f'wall time, {duration:g} s, exit code {process.returncode}')
-    print(f'  messages missing {missing} of {count + missing}')
-    print(f'  steady error, rms {1e6 * result["steady"]["xy_rms_m"]:.2f} um')
-    for name, rows in figures.items():
-        p50, p99, largest = zip(*rows, strict=True)
-        print(
-            f'  {name:<11} p50 {statistics.median(p50):.3f}, p99 {statistics.median(p99):.3f} ms '
-            f'(medians over seconds), max {max(largest):.3f} ms'
-        )
-    for name, seconds in cpu.items():
-        print(
-            f'  processor, {name:<11}{100 * seconds / duration:5.1f} % of a core, start included'
-        )
+            process = start(
+                ['-m', MODULES[name], '--ros-args', '-p', f'recorder.out:={bag}'],
+                stderr=subprocess.DEVNULL,
+            )
+            while process.poll() is None and not heard and not bag.exists():
+                rclpy.spin_once(node, timeout_sec=0.02)
+            if process.poll() is not None:
+                raise RuntimeError(f'{name} ended with exit code {process.returncode}')
+            seconds[name].append(time.perf_counter() - begun)
+            end([process])
+        for subscription in list(node.subscriptions):
+            node.destroy_subscription(subscription)
     node.destroy_node()
-
-
-def lockstep(duration: float, directory: Path) -> None:
-    """One run in lockstep; the rate between two reports of the plant."""
-    node = rclpy.create_node('benchmark')
-    seen: list[tuple[float, int]] = []
-
-    def listen(message: DiagnosticArray) -> None:
-        for item in message.status[0].values:
-            if item.key == 'state' and item.value.isdigit():
-                seen.append((time.perf_counter(), int(item.value)))
-
-    node.create_subscription(DiagnosticArray, '/diagnostics', listen, 10)
-    words = ['run', 'paper_circle', '--time-mode', 'lockstep', '--duration', str(duration)]
-    process = subprocess.Popen(
-        [*RUN, *words, '--out', str(directory / 'lockstep')], stdout=subprocess.DEVNULL
-    )
-    while process.poll() is None:
-        rclpy.spin_once(node, timeout_sec=0.2)
-    rates = [(k1 - k0) / (t1 - t0) for (t0, k0), (t1, k1) in itertools.pairwise(seen) if k1 > k0]
-    print(
-        f'lockstep, {duration:g} s: {statistics.median(rates):.0f} steps/s (median over seconds)'
-    )
-    node.destroy_node()
-
-
-def processor_seconds(parent: int) -> dict[str, float]:
-    """Processor time of every node of a supervisor, by node name."""
-    seconds = {}
-    names = {module: name for name, module in MODULES.items()}
-    for module, pid in children(parent).items():
-        try:
-            fields = re.sub(r'.*\) ', '', Path(f'/proc/{pid}/stat').read_text()).split()
-        except OSError:
-            continue
-        if module in names:
-            seconds[names[module]] = (int(fields[11]) + int(fields[12])) / TICKS
     return seconds
 
 
+def median(values: Sequence[float | None]) -> float | None:
+    """Median of the figures that there are."""
+    known = [value for value in values if value is not None]
+    return statistics.median(known) if known else None
+
+
+def compare(rounds: Pairs, get: Callable[[Any], float | None], names: Sequence[str]) -> Any:
+    """Medians of a figure for the twin and for ours, and the ratio of each pair."""
+    empty, ours = ([_try(get, one[name]) for one in rounds] for name in names)
+    ratios = [b / a for a, b in zip(empty, ours, strict=True) if a and b is not None]
+    return {'empty': median(empty), 'ours': median(ours), 'ratio': median(ratios), 'all': ratios}
+
+
+def show(label: str, row: Any, target: float | None = None, sign: str = '<=') -> None:
+    """Print one line of a table."""
+    cells = [f'{row[name]:10.3f}' if row[name] is not None else f'{"-":>10}' for name in SIDES]
+    text = f'  {label:<34}{"".join(cells)}'
+    if row['ratio'] is not None:
+        text += f'{row["ratio"]:9.2f} ({min(row["all"]):.2f} - {max(row["all"]):.2f})'
+    print(text + (f'  {sign} {target}' if target and row['ratio'] is not None else ''))
+
+
+SIDES = ('empty', 'ours')
+
+
+def show_wall(rounds: Pairs) -> dict[str, Any]:
+    """Print the table of wall time; returns its rows."""
+    wanted: list[tuple[str, Callable[[Any], Any], float | None]] = [
+        (
+            f'processor, {name} [%]',
+            lambda run, name=name: run['processor_percent'][name],
+            PROCESSOR,
+        )
+        for name in MODULES
+    ]
+    wanted += [('processor, all others [%]', lambda run: run['others_percent'], None)]
+    targets = {'p50': P50, 'p99': P99, 'max': None}
+    for delay in ('round_trip', 'delay'):
+        wanted += [
+            (
+                f'{delay.replace("_", " ")}, {part} [ms]',
+                lambda run, delay=delay, part=part: run[f'{delay}_ms'][part],
+                target if delay == 'round_trip' else None,
+            )
+            for part, target in targets.items()
+        ]
+    wanted += [
+        ('states answered [%]', lambda run: 100 * run['answered'], None),
+        ('messages missing in the bag', lambda run: run['missing'], None),
+        ('steady error, rms [um]', lambda run: run['steady_rms_um'], None),
+    ]
+    rows = {}
+    for label, get, target in wanted:
+        rows[label] = compare(rounds, get, SIDES)
+        show(label, rows[label], target)
+    print(f'  of the bags: {_all(rounds, "missing")} missing of {_all(rounds, "messages")}')
+    failed = [one[side] for one in rounds for side in SIDES if one[side]['exit_code']]
+    for run in failed:
+        print(f'  failed, exit code {run["exit_code"]}: {run["said"]}')
+    print(f'  runs that came to their end: {2 * len(rounds) - len(failed)} of {2 * len(rounds)}')
+    return rows
+
+
+def show_lockstep(rounds: Pairs) -> dict[str, Any]:
+    """Print the table of lockstep; returns its rows."""
+    rows = {}
+    for kind, label in (('', 'three nodes'), ('_recorded', 'with recorder')):
+        names = f'empty{kind}', f'ours{kind}'
+        row = compare(rounds, lambda run: run['steps_per_s'], names)
+        rows[label] = row
+        show(f'steps/s, {label}', row, LOCKSTEP, '>=')
+    return rows
+
+
+def machine() -> dict[str, Any]:
+    """What was measured, and on what."""
+    return {
+        'cores': len(os.sched_getaffinity(0)),
+        'machine': platform.machine(),
+        'system': platform.platform(),
+        'python': platform.python_version(),
+        'versions': {name: version(name) for name in PACKAGES},
+        'revision': revision(),
+        'load_average': os.getloadavg(),
+    }
+
+
+def arguments() -> argparse.Namespace:
+    """What is to be measured."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add = parser.add_argument
+    add('--only', choices=PARTS, help='one part; default: all')
+    add('--pairs', type=int, default=3, metavar='N', help='pairs of runs, default 3')
+    add('--seconds', type=float, default=12.0, metavar='T', help='of each run, default 12')
+    add('--starts', type=int, default=5, metavar='N', help='starts of each node, default 5')
+    add(
+        '--busy', type=int, default=0, metavar='N', help='busy processes per core beside all of it'
+    )
+    add(
+        '--set',
+        action='append',
+        default=[],
+        dest='assignments',
+        metavar='KEY=VALUE',
+        help="change a key of the suite's configuration; may be repeated",
+    )
+    add('--json', type=Path, metavar='FILE', help='write all figures there')
+    return parser.parse_args()
+
+
 def main() -> None:
-    """Run all three."""
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    duration = float(sys.argv[1]) if len(sys.argv) > 1 else 12.0
-    rclpy.init()
-    with tempfile.TemporaryDirectory() as directory:
-        start_times(Path(directory))
-        wall(duration, Path(directory))
-        lockstep(duration, Path(directory))
-    rclpy.shutdown()
+    """Measure and print."""
+    given = arguments()
+    parts = [given.only] if given.only else PARTS
+    result: dict[str, Any] = {'machine': machine()}
+    result['options'] = {key: str(value) for key, value in vars(given).items()}
+    print(json.dumps(result['machine']))
+    rclpy.init(args=[])
+    with contextlib.ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        directory = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        warm(directory, given.assignments)
+        stack.enter_context(busy(given.busy))
+        if 'start' in parts:
+            result['start'] = start_times(given.starts)
+            print(f'start to first message [s], {given.starts} starts: median (min - max)')
+            for name, seconds in result['start'].items():
+                span = f'({min(seconds):.2f} - {max(seconds):.2f})'
+                print(f'  {name:<12}{statistics.median(seconds):6.2f} {span}')
+        listener = figures.Listener()
+        common = (listener, given.seconds, directory)
+        title = f'{given.pairs} pairs of {given.seconds:g} s, {given.busy} busy processes per core'
+        heads = f'{"empty":>10}{"ours":>10}    ratio (min - max)  target'
+        if 'wall' in parts:
+            rounds = alternate(
+                given.pairs,
+                empty=lambda: figures.wall_empty(*common),
+                ours=lambda: figures.wall_ours(*common, given.assignments),
+            )
+            print(f'wall time, {title}\n{"":<36}{heads}')
+            result['wall'] = {'rounds': rounds, 'table': show_wall(rounds)}
+        if 'lockstep' in parts:
+            rounds = alternate(
+                given.pairs,
+                empty=lambda: figures.lockstep_empty(*common, False),
+                ours=lambda: figures.lockstep_ours(*common, False, given.assignments),
+                empty_recorded=lambda: figures.lockstep_empty(*common, True),
+                ours_recorded=lambda: figures.lockstep_ours(*common, True, given.assignments),
+            )
+            print(f'lockstep, {title}\n{"":<36}{heads}')
+            result['lockstep'] = {'rounds': rounds, 'table': show_lockstep(rounds)}
+        listener.node.destroy_node()
+    if given.json:
+        given.json.write_text(json.dumps(result, indent=1))
+
+
+def _try(get: Callable[[Any], float | None], run: Any) -> float | None:
+    """A figure of a run, None when it has none."""
+    try:
+        return get(run)
+    except (KeyError, TypeError):
+        return None
+
+
+def _all(rounds: Pairs, key: str) -> str:
+    """Sum of a count over the runs of each side."""
+    return ', '.join(f'{side} {sum(one[side][key] or 0 for one in rounds)}' for side in SIDES)
 
 
 if __name__ == '__main__':
