@@ -57,8 +57,8 @@ def on_one_loop(waiting: list[Row], bench: Bench) -> Iterator[Outcome]:
     """Run rows, taking them from the list, until one leaves a loop that is of no more use."""
     limit = min(bench.values['safety.torque_limit'])
     while waiting:
-        row = waiting.pop(0)
-        outcome = judge(row.name, bench.run(row.inject), limit)
+        outcome = judge(waiting[0].name, bench.run(waiting[0].inject), limit)
+        waiting.pop(0)
         yield outcome
         if outcome.failures:
             return

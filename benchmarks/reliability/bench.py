@@ -24,6 +24,8 @@ READY = 120.0  # s, for the nodes to be ready; their kernels may have to be comp
 LEAD = 1.0  # s, from the start being given to t = 0
 GRID = NANOSECONDS // 10  # ns, grid of t = 0
 PATIENCE = 20.0  # s, for the loop to recover
+RECENT = 100  # poses, for a look at how the loop is
+FRESH = 0.3  # s, age of the newest pose of a loop that runs
 CLEAR = 0.5  # s, between two calls of ~/clear_fault
 REPORT = 1.2  # s, within which every node publishes its diagnostics
 NOTED = {  # what a node counts, by a word of its description: how it stands in the table
@@ -58,6 +60,7 @@ class Bench:
             topics.JOINT_STATES: state_layout(joints, self.values['plant.publish_passive']),
             topics.COMMANDS: cdr.float64_multi_array(len(joints)),
             topics.POSE: cdr.pose_stamped(topics.FRAME),
+            topics.POSE_REFERENCE: cdr.pose_stamped(topics.FRAME),
         }
         self.far = far
         self.start = 0  # ns, stamp of t = 0
@@ -115,14 +118,22 @@ class Bench:
             for name in NODES
             if name not in self.loop.dead() and self.watch.trigger(f'{name}/ready') is None
         ]
-        stamps, distance, finite = self._distances()
-        torques, fine = self._torques()
+        heard = {
+            topic: decoded(layout, self.watch.heard[topic])
+            for topic, layout in self._layouts.items()
+        }
+        stamps, distance = self._distances()
+        applied = heard[topics.JOINT_STATES]['effort']
         return Record(
             (stamps - began) / NANOSECONDS,
             distance,
             (over - began) / NANOSECONDS,
-            torques,
-            finite and fine,
+            np.concatenate([applied[:, :3], heard[topics.COMMANDS]['data']]),
+            all(
+                bool(np.isfinite(records[name]).all())
+                for records in heard.values()
+                for name in records.dtype.names or ()
+            ),
             tuple(text for _, text in self.watch.faults),
             tuple(filter(None, (note, *self._notes(counts)))),
             tuple(failures),
@@ -146,12 +157,10 @@ class Bench:
                 _, level, _, _ = self.watch.diagnostics.get('plant', (0, 0, '', {}))
                 if level == ERROR:
                     self.watch.trigger('plant/reset', CLEAR)
-            stamps, distance, _ = self._distances(100)
-            return not self.watch.fault and is_well(
-                (stamps - self.start) / NANOSECONDS,
-                distance,
-                (time.time_ns() - self.start) / NANOSECONDS,
-            )
+            stamps, distance = self._distances(RECENT)
+            age = (time.time_ns() - stamps) / NANOSECONDS
+            fresh = bool(age.size) and age[-1] < FRESH
+            return fresh and not self.watch.fault and is_well(-age, distance)
 
         self._until(well, PATIENCE)
 
@@ -168,29 +177,12 @@ class Bench:
                 raise RunError(f'not well within {patience:g} s')
             time.sleep(0.05)
 
-    def _distances(self, last: int = 0) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Stamps of the poses [ns], their distances from the motion [m], and whether finite."""
-        messages = list(self.watch.heard[topics.POSE])[-last:]
-        poses = decoded(self._layouts[topics.POSE], messages)
-        if poses is None:
-            return np.zeros(0, np.int64), np.zeros(0), False
+    def _distances(self, last: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Stamps of the last poses [ns], and their distances from the motion [m]."""
+        poses = decoded(self._layouts[topics.POSE], self.watch.heard[topics.POSE][-last:])
         stamps = cdr.stamps_of(poses)
         wanted = self._trajectory.sample((stamps - self.start) / NANOSECONDS).pose
-        distance = np.hypot(poses['x'] - wanted[:, 0], poses['y'] - wanted[:, 1])
-        return stamps, distance, bool(np.isfinite(distance).all())
-
-    def _torques(self) -> tuple[np.ndarray, bool]:
-        """Torques commanded and applied [N m], and whether states and commands were finite."""
-        states = decoded(self._layouts[topics.JOINT_STATES], self.watch.heard[topics.JOINT_STATES])
-        commands = decoded(self._layouts[topics.COMMANDS], self.watch.heard[topics.COMMANDS])
-        if states is None or commands is None:
-            return np.zeros((0, 3)), False
-        rows = [states['effort'][:, :3], commands['data']]
-        finite = all(
-            bool(np.isfinite(array).all())
-            for array in (*rows, states['position'], states['velocity'])
-        )
-        return np.concatenate(rows), finite
+        return stamps, np.hypot(poses['x'] - wanted[:, 0], poses['y'] - wanted[:, 1])
 
     def _counts(self) -> dict[tuple[str, str], int]:
         """What the nodes have counted of NOTED, by node and text."""

@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
     Attributes:
         fault: What was done.
         reaction: What the controller and the plant did about it.
-        worst: Largest platform error [m].
+        worst: Largest platform error from the beginning of the fault to the recovery [m].
         recovery: Time from the end of the fault until the error stays below BOUND [s]; None when it
             does not.
         torque: Largest torque of any joint [N m].
@@ -77,28 +77,31 @@ def judge(fault: str, record: Record, limit: float) -> Outcome:
         failures.append(f'error not below {1e3 * BOUND:g} mm again')
     faults = [f'fault: {text}' for text in dict.fromkeys(record.faults)]
     reaction = '; '.join([*(faults or ['ridden through']), *record.notes])
-    worst = float(record.distance.max()) if record.distance.size else float('nan')
+    last = np.inf if recovery is None else record.over + recovery
+    worst = float(record.distance[record.time <= last].max(initial=0.0))
     return Outcome(fault, reaction, worst, recovery, torque, tuple(failures))
 
 
 def recovery_time(time: Array, distance: Array, over: float) -> float | None:
-    """Time from the end of a fault until the distance stays below BOUND [s]; None if it does not.
+    """Time from the end of a fault until the error stays below BOUND for QUIET seconds [s].
 
     Args:
         time: Of the samples [s], shape (N,).
         distance: Of the platform from its desired place [m], shape (N,).
         over: End of the fault [s].
+
+    Returns:
+        The time; None when there is none.
     """
-    outside = np.flatnonzero(~(distance < BOUND))  # NaN is outside
-    if not outside.size:
-        return 0.0 if time.size else None
-    if outside[-1] + 1 == len(time):
+    if not time.size:
         return None
-    return max(0.0, float(time[outside[-1] + 1]) - over)
+    outside = time[~(distance < BOUND) & (time >= over)]  # NaN is outside
+    begin, end = np.append(over, outside), np.append(outside, time[-1])
+    quiet = np.flatnonzero(end - begin >= QUIET)
+    return float(begin[quiet[0]]) - over if quiet.size else None
 
 
-def is_well(time: Array, distance: Array, now: float) -> bool:
-    """Whether the error has been below BOUND during the last QUIET seconds before `now` [s]."""
-    recent = time > now - QUIET
-    whole = bool(recent.any()) and float(time[-1] - time[recent][0]) > 0.8 * QUIET
-    return whole and bool((distance[recent] < BOUND).all())
+def is_well(time: Array, distance: Array) -> bool:
+    """Whether the error has been below BOUND during the last QUIET seconds of the samples."""
+    outside = time[~(distance < BOUND)]
+    return bool(time.size) and bool(time[-1] - np.append(time[0], outside)[-1] >= QUIET)

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from reliability.endurance import Soak
 from reliability.judging import BOUND, Outcome
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'reliability.md'
@@ -29,7 +30,11 @@ def faults(outcomes: Sequence[Outcome], changed: Sequence[str]) -> str:
     condition = f' with {", ".join(f"`{pair}`" for pair in changed)}' if changed else ''
     lines = [f'Measured{condition} on {machine()}.\n', HEAD.rstrip(), *map(row, outcomes)]
     failed = [outcome.fault for outcome in outcomes if outcome.failures]
-    verdict = f'In these rows it did: {"; ".join(failed)}.' if failed else 'In no row it did.'
+    verdict = (
+        f'What must not happen happened: {"; ".join(failed)}.'
+        if failed
+        else 'Nothing that must not happen happened.'
+    )
     return '\n'.join([*lines, '', verdict])
 
 
@@ -44,6 +49,26 @@ def row(outcome: Outcome) -> str:
         f'{outcome.torque:.1f} N m',
     ]
     return '| ' + ' | '.join(cell.replace('|', r'\|') for cell in cells) + ' |'
+
+
+def soak(found: Soak) -> str:
+    """The section of the long run."""
+    lines = [
+        f'Measured on {machine()}: {found.duration:g} s of motion.\n',
+        '| figure | value |',
+        '|---|---|',
+        f'| states in the bag | {found.states} of {found.expected} |',
+        f'| rate by the clock of the recorder | {found.rate:.3f} of {found.nominal:g} 1/s |',
+        f'| states answered | {found.answered} |',
+        f'| messages missing, known to be lost | {found.missing}, {found.lost} |',
+        f'| platform error over the second half, rms | {length(found.rms)} |',
+    ]
+    for name, memory in found.memory.items():
+        grown = f'{memory.growth / 2**20:+.2f} MB'
+        size = f'{memory.first / 2**20:.1f} MB after the first minute'
+        lines.append(f'| memory of {name} | {size}, {grown} until the end |')
+    verdict = '; '.join(found.failures) or 'Nothing grew, nothing was lost.'
+    return '\n'.join([*lines, '', verdict])
 
 
 def length(metres: float) -> str:

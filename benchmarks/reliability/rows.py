@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.processes import MODULES, as_yaml
+from parallel_robot_interface import topics
 from parallel_robot_interface.errors import BagError
 from reliability import hosts
 from reliability.bench import Bench
@@ -24,6 +25,13 @@ from reliability.loop import NODES, environment
 DISTURBED = 3.0  # s, for which the relay disturbs
 HOGGED = 8.0  # s
 DISK = 2**20  # bytes
+ECHO = 0.1  # s, in which what a killed node has said arrives
+START = 20.0  # s, within which a node that was started again must speak
+SPEAKS = {
+    'trajectory': topics.POSE_REFERENCE,
+    'plant': topics.JOINT_STATES,
+    'controller': topics.COMMANDS,
+}
 JOINS, AT_ONCE = 100, 5
 CORES = len(os.sched_getaffinity(0))
 
@@ -75,12 +83,17 @@ def stand_still(name: str, seconds: float) -> Callable[[Bench], str]:
 
 
 def kill(name: str) -> Callable[[Bench], str]:
-    """Kill a node and start it again at once; the plant begins at its initial pose."""
+    """Kill a node, start it again at once, and wait for its first message."""
 
     def inject(bench: Bench) -> str:
+        heard = bench.watch.heard[SPEAKS[name]]
         bench.loop.kill(name)
+        time.sleep(ECHO)
+        before, begun = len(heard), time.monotonic()
         bench.loop.begin(name, 0 if name == 'plant' else bench.start)
-        return ''
+        while len(heard) == before and time.monotonic() - begun < START:
+            time.sleep(0.01)
+        return f'first message {time.monotonic() - begun:.1f} s after its start'
 
     return inject
 
@@ -201,10 +214,9 @@ def _rows() -> Iterator[Row]:
             yield Row(text, effect, through, milliseconds == 5)
         text = f'{key} held up for 50 ms, then all at once, twice a second'
         yield Row(text, disturb(Effect(burst=0.05), key), through)
-    for through, what in ((('states',), 'stamps of the states'),
-                          (('states', 'references'), 'clock of all but the controller')):  # fmt: skip
+    for through in (('states',), ('states', 'references')):
         for step in (0.1, -0.1, 10.0, -10.0):
-            text = f'{what} steps by {step:+g} s and back'
+            text = f'stamps of the {" and ".join(through)} step by {step:+g} s and back'
             yield Row(text, disturb(Effect(shift=step)), through, step == -0.1)
     yield Row('none, controller on another host', nothing, across=True)
     for seconds in (0.2, 5.0):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,13 @@ from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import topics
+from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.ros_node import message_class, qos_of
 from reliability.loop import NODES
 
 PATIENCE = 2.0  # s, for an answer
-WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE)
+WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE, topics.POSE_REFERENCE)
 
 
 class Watch:
@@ -116,7 +118,14 @@ class Watch:
             self.diagnostics[name] = (time.time_ns(), level, status.message, figures)
 
 
-def decoded(layout: Any, messages: Any) -> np.ndarray | None:
-    """Messages of one layout as records; None when one is not of it."""
-    rows = [bytes(data[: layout.dtype.itemsize]) for data in messages]
-    return layout.decode(b''.join(rows), len(rows)) if rows else layout.records(0)
+def decoded(layout: cdr.Layout, messages: Sequence[bytes]) -> np.ndarray:
+    """Messages of one layout as records.
+
+    Raises:
+        RunError: a message is of another layout.
+    """
+    rows = [data[: layout.dtype.itemsize] for data in messages]  # which may still grow
+    records = layout.decode(b''.join(rows), len(rows))
+    if records is None:
+        raise RunError(f'a message that is not as expected: {layout.type_name}')
+    return records
