@@ -86,9 +86,8 @@ def main() -> None:
     threading.Thread(target=obey, daemon=True).start()
     executor = EventsExecutor()
     executor.add_node(node)
-    never = Future()
     while not ended.is_set():
-        executor.spin_until_future_complete(never, timeout_sec=0.2)
+        executor.spin_until_future_complete(Future(), timeout_sec=0.2)
     executor.remove_node(node)
     node.destroy_node()
     rclpy.try_shutdown()

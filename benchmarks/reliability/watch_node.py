@@ -99,9 +99,8 @@ class Watch:
     def _spin(self) -> None:
         executor = EventsExecutor(context=self._context)
         executor.add_node(self._node)
-        never = Future()
         while not self._ended.is_set():
-            executor.spin_until_future_complete(never, timeout_sec=0.2)
+            executor.spin_until_future_complete(Future(), timeout_sec=0.2)
         executor.remove_node(self._node)
 
     def _on_status(self, message: DiagnosticArray) -> None:
