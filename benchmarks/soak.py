@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -31,13 +32,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description='Run the loop for a long time.')
     parser.add_argument('--duration', type=float, default=DURATION, metavar='S')
     duration = parser.parse_args().duration
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # ends its nodes
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / 'bag'
         command = [sys.executable, '-m', 'parallel_robot_analysis.command_line', 'run']
         command += ['paper_circle', '--duration', str(duration), '--out', str(bag)]
-        with subprocess.Popen(command, cwd=folder) as process:
+        process = subprocess.Popen(command, cwd=folder)
+        try:
             memory = watch(process)
+        finally:
+            process.terminate()  # if it still runs
+            process.wait()
         if not bag.exists():
             print(f'soak: the run ended with code {process.returncode}', file=sys.stderr)
             return 1

@@ -53,11 +53,31 @@ def test_a_cut_link_is_ridden_through_or_ends_in_safe_actions(
 
 
 def test_nothing_is_left_of_hosts_whose_use_fails(permitted):
-    with pytest.raises(ZeroDivisionError), two_hosts() as (near, far):
-        assert near in names() and far in names()
-        hosts.pull(far)
-        raise ZeroDivisionError
-    assert near not in names() and far not in names()
+    found = []
+
+    def fail():
+        with two_hosts() as (near, far):
+            found.extend([near, far])
+            assert near in names() and far in names()
+            hosts.pull(far)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    assert len(found) == 2 and not any(name in names() for name in found)
+
+
+def test_hosts_of_a_process_that_was_killed_are_removed(permitted):
+    gone = subprocess.Popen(['true'])
+    gone.wait()
+    subprocess.run(['ip', 'netns', 'add', hosts.name(gone.pid, 'far')], check=True)
+    subprocess.run(['ip', 'netns', 'add', hosts.name(os.getppid(), 'far')], check=True)
+    try:
+        with two_hosts():
+            assert hosts.name(gone.pid, 'far') not in names()
+            assert hosts.name(os.getppid(), 'far') in names()
+    finally:
+        subprocess.run(['ip', 'netns', 'delete', hosts.name(os.getppid(), 'far')], check=True)
 
 
 def test_what_is_not_permitted_is_said_in_a_line(monkeypatch, tmp_path):
@@ -65,7 +85,10 @@ def test_what_is_not_permitted_is_said_in_a_line(monkeypatch, tmp_path):
     refusing.write_text('#!/bin/sh\necho "Operation not permitted" >&2\nexit 1\n')
     refusing.chmod(0o755)
     monkeypatch.setenv('PATH', str(tmp_path))
-    with pytest.raises(PermissionError, match=r'ip netns add .*: Operation not permitted'), two_hosts():
+    with (
+        pytest.raises(PermissionError, match=r'ip netns add .*: Operation not permitted'),
+        two_hosts(),
+    ):
         pass
     refusing.unlink()
     with pytest.raises(PermissionError, match='not installed'), two_hosts():

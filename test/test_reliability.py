@@ -22,7 +22,9 @@ def line(**effect):
 
 
 def test_a_share_of_the_messages_is_lost_the_same_in_every_run():
-    runs = [[line.due(k * MS) for k in range(10_000)] for line in (line(drop=0.05), line(drop=0.05))]
+    runs = [
+        [line.due(k * MS) for k in range(10_000)] for line in (line(drop=0.05), line(drop=0.05))
+    ]
     assert runs[0] == runs[1]
     assert runs[0].count(None) == pytest.approx(500, abs=70)
     assert all(due in (None, k * MS) for k, due in enumerate(runs[0]))
@@ -120,11 +122,14 @@ def test_a_row_of_the_table_says_what_failed():
 
 def test_a_section_is_written_without_touching_the_others(tmp_path):
     path = tmp_path / 'page.md'
-    path.write_text('a\n<!-- one -->\nold\n<!-- end of one -->\nb\n<!-- two -->\n<!-- end of two -->\n')
+    path.write_text(
+        'a\n<!-- one -->\nold\n<!-- end of one -->\nb\n<!-- two -->\n<!-- end of two -->\n'
+    )
     page.write('one', 'new \\1', path)
     page.write('two', 'more', path)
     assert path.read_text() == (
-        'a\n<!-- one -->\nnew \\1\n<!-- end of one -->\nb\n<!-- two -->\nmore\n<!-- end of two -->\n'
+        'a\n<!-- one -->\nnew \\1\n<!-- end of one -->\n'
+        'b\n<!-- two -->\nmore\n<!-- end of two -->\n'
     )
     with pytest.raises(ValueError, match='three'):
         page.write('three', '', path)

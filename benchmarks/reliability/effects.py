@@ -1,4 +1,4 @@
-"""What a relay does to the messages of a topic: lose, delay, hold back, or falsify their stamps."""
+"""What a relay does to the messages of a topic: lose, delay, hold up, or falsify their stamps."""
 
 from __future__ import annotations
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 ENVIRONMENT = {
@@ -50,25 +52,38 @@ def two_hosts() -> Iterator[Hosts]:
     Raises:
         PermissionError: network namespaces are not permitted here, or not possible.
     """
-    hosts = Hosts(f'pr{os.getpid()}near', f'pr{os.getpid()}far')
+    hosts = Hosts(name(os.getpid(), 'near'), name(os.getpid(), 'far'))
+    _remove_old()
     try:
-        for name in hosts:
-            _ip('netns', 'add', name)
+        for host in hosts:
+            _ip('netns', 'add', host)
         peer = ('peer', 'name', CABLE, 'netns', hosts.far)
         _ip('link', 'add', CABLE, 'netns', hosts.near, 'type', 'veth', *peer)
-        for number, name in enumerate(hosts, 1):
-            _ip('-n', name, 'address', 'add', f'10.77.0.{number}/24', 'dev', CABLE)
-            _ip('-n', name, 'link', 'set', 'lo', 'up')
-            plug(name)
+        for number, host in enumerate(hosts, 1):
+            _ip('-n', host, 'address', 'add', f'10.77.0.{number}/24', 'dev', CABLE)
+            _ip('-n', host, 'link', 'set', 'lo', 'up')
+            plug(host)
         yield hosts
     finally:
-        for name in hosts:
+        for host in hosts:
             with contextlib.suppress(PermissionError):
-                _ip('netns', 'delete', name)
+                _ip('netns', 'delete', host)
 
 
-def _ip(*words: str) -> None:
-    """Run iproute2's ``ip``.
+def name(process: int, end: str) -> str:
+    """Name of the host that a process made for one end of its cable."""
+    return f'parallel_robot_{process}_{end}'
+
+
+def _remove_old() -> None:
+    """Remove the hosts of processes that were killed."""
+    for process, end in re.findall(r'^parallel_robot_(\d+)_(\w+)', _ip('netns', 'list'), re.M):
+        if not Path(f'/proc/{process}').exists():
+            _ip('netns', 'delete', name(int(process), end))
+
+
+def _ip(*words: str) -> str:
+    """Run iproute2's ``ip`` and return what it prints.
 
     Raises:
         PermissionError: it is not installed, or refuses.
@@ -78,3 +93,4 @@ def _ip(*words: str) -> None:
     done = subprocess.run(['ip', *words], capture_output=True, text=True)
     if done.returncode:
         raise PermissionError(f'ip {" ".join(words)}: {done.stderr.strip()}')
+    return done.stdout

@@ -44,8 +44,8 @@ class Outcome(NamedTuple):
         fault: What was done.
         reaction: What the controller and the plant did about it.
         worst: Largest platform error from the beginning of the fault to the recovery [m].
-        recovery: Time from the end of the fault until the error stays below BOUND [s]; None when it
-            does not.
+        recovery: Time from the end of the fault until the error stays below BOUND for QUIET
+            seconds [s]; None when it does not.
         torque: Largest torque of any joint [N m].
         failures: What must not happen, and did.
     """

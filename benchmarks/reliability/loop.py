@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import json
 import os
 import re
@@ -20,6 +21,8 @@ from reliability.effects import TOPICS, Effect, relayed
 
 NODES = ('trajectory', 'plant', 'controller')
 READERS = {'states': 'controller', 'references': 'controller', 'commands': 'plant'}
+LIBC = ctypes.CDLL(None)
+PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 GRACE = 10.0  # s, from SIGINT to SIGKILL
 
 
@@ -28,7 +31,6 @@ class Loop:
 
     Attributes:
         processes: The processes by name.
-        ended: Names of those that were killed on purpose and not started again.
     """
 
     def __init__(
@@ -127,12 +129,17 @@ class Loop:
                 cwd=self._folder,
                 env=environment(),
                 start_new_session=True,
+                preexec_fn=_die_with_parent,
             )
 
     def _last_line(self, name: str) -> str:
         lines = (self._folder / f'{name}.log').read_text(errors='replace').splitlines()
         last = next((line.strip() for line in reversed(lines) if line.strip()), 'no output')
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', last)  # level, time and node
+
+
+def _die_with_parent() -> None:
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def environment() -> dict[str, str]:

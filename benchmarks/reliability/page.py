@@ -96,7 +96,9 @@ def machine() -> str:
             break
     cores = len(os.sched_getaffinity(0))
     python = platform.python_version()
-    return f'{cores} cores {platform.machine()}{model}, Linux {platform.release()}, Python {python}'
+    return (
+        f'{cores} cores {platform.machine()}{model}, Linux {platform.release()}, Python {python}'
+    )
 
 
 def replaced(page: str, name: str, content: str) -> str:

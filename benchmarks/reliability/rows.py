@@ -214,10 +214,11 @@ def _rows() -> Iterator[Row]:
             yield Row(text, effect, through, milliseconds == 5)
         text = f'{key} held up for 50 ms, then all at once, twice a second'
         yield Row(text, disturb(Effect(burst=0.05), key), through)
-    for through in (('states',), ('states', 'references')):
+    stamped: tuple[tuple[str, ...], ...] = (('states',), ('states', 'references'))
+    for keys in stamped:
         for step in (0.1, -0.1, 10.0, -10.0):
-            text = f'stamps of the {" and ".join(through)} step by {step:+g} s and back'
-            yield Row(text, disturb(Effect(shift=step)), through, step == -0.1)
+            text = f'stamps of the {" and ".join(keys)} step by {step:+g} s and back'
+            yield Row(text, disturb(Effect(shift=step)), keys, step == -0.1)
     yield Row('none, controller on another host', nothing, across=True)
     for seconds in (0.2, 5.0):
         text = f'link between the hosts cut for {seconds:g} s'

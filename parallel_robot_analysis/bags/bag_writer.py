@@ -257,7 +257,7 @@ class BagWriter:
 
 
 class _PackedIndex:
-    """Index of a chunk as it will be written, in a fourth of the memory: three a second are kept."""
+    """Index of a chunk as it will be written: a fourth of the memory, and all of them are kept."""
 
     __slots__ = ('_data',)
 
