@@ -21,14 +21,19 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from reliability import hosts, page
 from reliability.bench import Bench
 from reliability.judging import Outcome, judge
 from reliability.rows import ROWS, Row
 
 from parallel_robot_analysis.processes import domain_lock
+from parallel_robot_control.controller import Controller
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import ParallelRobotError, RunError
+from parallel_robot_sim.simulator import Simulator
+
+ATTEMPTS = 3  # to start a loop
 
 
 def campaign(
@@ -41,17 +46,31 @@ def campaign(
         changed: Configuration that differs from the defaults.
         folder: For the output of the nodes.
         far: Name of the host of the controller, if it is another one.
+
+    Raises:
+        RunError: the loop could not be started several times in a row.
     """
+    failed = 0
     for relay, group in itertools.groupby(rows, key=lambda row: row.relay):
         waiting = list(group)
         while waiting:
             place = Path(tempfile.mkdtemp(dir=folder))
             try:
                 with Bench(place, changed, relay, far) as bench:
+                    failed = 0
                     yield from on_one_loop(waiting, bench)
             except RunError as error:
+                failed += 1
+                if failed == ATTEMPTS:
+                    raise
                 name = waiting.pop(0).name
                 yield Outcome(name, 'not begun', 0.0, None, 0.0, (str(error),))
+
+
+def compile_kernels(values: Mapping[str, Any]) -> None:
+    """Put on disk what the nodes will need, so that they start at once."""
+    Controller(values)
+    Simulator(values).advance(np.zeros(3))
 
 
 def on_one_loop(waiting: list[Row], bench: Bench) -> Iterator[Outcome]:
@@ -74,6 +93,8 @@ def across(rows: Sequence[Row], words: Sequence[str], folder: Path) -> Iterator[
         command += [word for row in rows for word in ('--only', row.name)]
         environment = {**os.environ, **hosts.ENVIRONMENT}
         subprocess.run(command, env=environment, stdout=subprocess.DEVNULL)
+        if not result.exists():
+            raise RunError('no result across hosts')
         for fields in json.loads(result.read_text()):
             yield Outcome(**{**fields, 'failures': tuple(fields['failures'])})
 
@@ -83,7 +104,7 @@ def main() -> int:
     arguments = parse()
     try:
         changed = config.parse_overrides(arguments.assignments)
-        config.resolve('paper_circle', changed)
+        compile_kernels(config.resolve('paper_circle', changed))
     except ParallelRobotError as error:
         print(f'faults: {error}', file=sys.stderr)
         return 2
@@ -91,12 +112,19 @@ def main() -> int:
     rows = [row for row in ROWS if row.quick or not arguments.quick]
     if arguments.only:
         rows = [row for row in rows if any(part in row.name for part in arguments.only)]
+    if not rows:
+        print(f'faults: no row has {" or ".join(arguments.only)} in its name', file=sys.stderr)
+        return 2
     outcomes = []
     lock = nullcontext() if arguments.far else domain_lock()
-    with tempfile.TemporaryDirectory() as name, lock:
-        for outcome in outcomes_of(rows, changed, Path(name), arguments):
-            outcomes.append(outcome)
-            print(page.row(outcome), flush=True)
+    try:
+        with tempfile.TemporaryDirectory() as name, lock:
+            for outcome in outcomes_of(rows, changed, Path(name), arguments):
+                outcomes.append(outcome)
+                print(page.row(outcome), flush=True)
+    except RunError as error:
+        print(f'faults: given up: {error}', file=sys.stderr)
+        return 1
     if arguments.json:
         arguments.json.write_text(json.dumps([outcome._asdict() for outcome in outcomes]))
     if not (arguments.quick or arguments.only):

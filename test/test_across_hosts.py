@@ -82,7 +82,9 @@ def test_hosts_of_a_process_that_was_killed_are_removed(permitted):
 
 def test_what_is_not_permitted_is_said_in_a_line(monkeypatch, tmp_path):
     refusing = tmp_path / 'ip'
-    refusing.write_text('#!/bin/sh\necho "Operation not permitted" >&2\nexit 1\n')
+    refusing.write_text(
+        '#!/bin/sh\n[ "$2" = list ] && exit\necho "Operation not permitted" >&2\nexit 1\n'
+    )
     refusing.chmod(0o755)
     monkeypatch.setenv('PATH', str(tmp_path))
     with (

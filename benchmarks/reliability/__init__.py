@@ -1,1 +1,0 @@
-"""Faults injected into a running loop, and what becomes of it."""
