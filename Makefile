@@ -16,7 +16,7 @@ unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOO
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo docs test clean
+.PHONY: help setup demo docs faults soak test clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -32,6 +32,12 @@ demo: setup ## run the paper's circle in real time over ROS 2, then analyse it
 
 docs: setup ## write docs/parameters.md anew
 	$(BIN)/python docs/parameters.py docs/parameters.md
+
+faults: setup ## inject faults into a running loop, a quarter of an hour; writes docs/reliability.md
+	$(BIN)/python benchmarks/faults.py
+
+soak: setup ## run the loop for ten minutes, look at memory and losses; writes docs/reliability.md
+	$(BIN)/python benchmarks/soak.py
 
 test: setup ## check style, types and layers, then run the tests
 	$(BIN)/ruff check --quiet

@@ -409,9 +409,9 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         gc.collect()
         gc.freeze()  # what lives from here on is small: collections stay short
         node.begin()
-        never = Future()
         while node.exit_code is None and not stop:
-            executor.spin_until_future_complete(never, timeout_sec=PATIENCE)
+            # A new one each time: SingleThreadedExecutor leaves a callback in it.
+            executor.spin_until_future_complete(Future(), timeout_sec=PATIENCE)
     except ParallelRobotError as error:
         node.fail(error)
     finally:

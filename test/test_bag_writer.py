@@ -1,6 +1,7 @@
 """Bags: written, read back by other implementations, compared."""
 
 import dataclasses
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -206,6 +207,28 @@ def test_a_chunk_that_is_not_full_can_be_finished(tmp_path):
         assert survives(path)[0] == 0
         writer.flush()
         assert survives(path) == (1, [Damage('end', 0)])
+
+
+def test_a_recording_of_hours_needs_little_memory(tmp_path):
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, METADATA) as writer:
+
+        def record(chunks):
+            for stamp in range(chunks):
+                for topic in topics.RECORDED:
+                    writer.write(topic.name, stamp, b'\0' * 8)
+                writer.flush()
+
+        record(50)
+        tracemalloc.start()
+        try:
+            record(200)
+            grown, _ = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+    assert grown < 200 * 400  # bytes; their indices unpacked have more than 1000 each
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    assert len(indexes) == 250 and len(indexes[-1].message_index_offsets) == len(topics.RECORDED)
 
 
 @pytest.mark.parametrize('where', ['first', 'middle', 'end', 'metadata'])

@@ -6,9 +6,11 @@ import subprocess
 import sys
 
 import pytest
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import ReliabilityPolicy
 
 from parallel_robot_control.controller_node import ControllerNode
+from parallel_robot_interface import ros_node
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_sim.plant_node import PlantNode
 
@@ -37,7 +39,19 @@ def test_the_first_line_of_a_log_looks_at_no_module(before, least, most):
     assert least <= int(told.stdout) <= most
 
 
-def test_what_keeps_time_begins_when_all_is_prepared(domain):
+@pytest.fixture
+def handlers():
+    """What this process does at signals, as it was, after the test."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    gc.unfreeze()
+    yield
+    gc.unfreeze()
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
+def test_what_keeps_time_begins_when_all_is_prepared(domain, handlers):
     """A collection of all garbage stops a thread of 1 kHz for 40 ms."""
 
     class Node(SuiteNode):
@@ -45,16 +59,23 @@ def test_what_keeps_time_begins_when_all_is_prepared(domain):
             frozen.append(gc.get_freeze_count())
             self.finish()
 
-    frozen, numbers = [], (signal.SIGINT, signal.SIGTERM)
-    handlers = [signal.getsignal(number) for number in numbers]
-    gc.unfreeze()
-    try:
-        assert run_node(lambda: Node('node', {})) == 0
-    finally:
-        gc.unfreeze()
-        for number, handler in zip(numbers, handlers, strict=True):
-            signal.signal(number, handler)
+    frozen = []
+    assert run_node(lambda: Node('node', {})) == 0
     assert frozen[0] > 0
+
+
+def test_a_node_that_waits_for_its_end_collects_nothing(domain, handlers, monkeypatch):
+    class Executor(SingleThreadedExecutor):
+        def spin_until_future_complete(self, future, timeout_sec=None):
+            super().spin_until_future_complete(future, 1e-3)
+            callbacks.append(len(future._callbacks))
+            if len(callbacks) == 5:
+                self.get_nodes()[0].finish()
+
+    callbacks = []
+    monkeypatch.setattr(ros_node, 'EventsExecutor', Executor)
+    assert run_node(lambda: SuiteNode('node', {})) == 0
+    assert len(callbacks) == 5 and len(set(callbacks)) == 1
 
 
 def test_a_lost_message_holds_up_no_newer_one_but_in_lockstep(node):

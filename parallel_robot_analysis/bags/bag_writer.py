@@ -15,6 +15,8 @@ from types import TracebackType
 from typing import Any, NamedTuple, cast
 
 import yaml
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -92,6 +94,7 @@ class BagWriter:
         self._caught: list[int] = []  # signals
         self._handlers: dict[int, Any] = {}
         self._ids: dict[str, int] = {}  # numbers of channels by topic name
+        self._packed = 0  # indices of chunks that are packed
         for topic in topics:
             self.add(channel_of(topic))
 
@@ -163,6 +166,10 @@ class BagWriter:
         """
         if time.monotonic() - self._file.written_at >= age:
             self._writer.flush()
+        indices = vars(self._writer).get('_Writer__chunk_indices', [])  # kept until the end
+        for k in range(self._packed, len(indices)):
+            indices[k] = _PackedIndex(indices[k])
+        self._packed = len(indices)
 
     def close(self) -> None:
         """Complete the bag, or leave it as it was when the disk became full.
@@ -248,6 +255,21 @@ class BagWriter:
     def _heed_signals(self) -> None:
         for number in self._caught:
             raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
+
+
+class _PackedIndex:
+    """Index of a chunk as it will be written: a fourth of the memory, and all of them are kept."""
+
+    __slots__ = ('_data',)
+
+    def __init__(self, index: ChunkIndex) -> None:
+        builder = RecordBuilder()
+        index.write(builder)
+        self._data = builder.end()
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Append it to the end of a bag."""
+        builder.write(self._data)
 
 
 class _RecordFile:
