@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_interface import topics
@@ -60,7 +60,7 @@ def wall(duration: float, directory: Path) -> None:
     figures: dict[str, list[list[float]]] = {'delay': [], 'round trip': []}
 
     def listen(message: DiagnosticArray) -> None:
-        for item in message.status[0].values:
+        for item in values_of('/plant', message):
             name = item.key.split(' p50')[0]
             if name in figures:
                 figures[name].append([float(word) for word in item.value.split('/')])
@@ -104,7 +104,7 @@ def lockstep(duration: float, directory: Path) -> None:
     seen: list[tuple[float, int]] = []
 
     def listen(message: DiagnosticArray) -> None:
-        for item in message.status[0].values:
+        for item in values_of('/plant', message):
             if item.key == 'state' and item.value.isdigit():
                 seen.append((time.perf_counter(), int(item.value)))
 
@@ -120,6 +120,11 @@ def lockstep(duration: float, directory: Path) -> None:
         f'lockstep, {duration:g} s: {statistics.median(rates):.0f} steps/s (median over seconds)'
     )
     node.destroy_node()
+
+
+def values_of(node: str, message: DiagnosticArray) -> list[KeyValue]:
+    """Figures of one node, by its full name."""
+    return [item for one in message.status if one.hardware_id == node for item in one.values]
 
 
 def processor_seconds(parent: int) -> dict[str, float]:
