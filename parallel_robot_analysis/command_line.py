@@ -18,12 +18,14 @@ from parallel_robot_analysis.commands import (
     rerun,
     run,
     simulate,
+    top,
 )
 from parallel_robot_interface.errors import InputError, ParallelRobotError
 
 COMMANDS: dict[str, tuple[ModuleType, str]] = {
     'run': (run, 'run the nodes in processes of their own and record them'),
     'simulate': (simulate, 'run the same closed loop without ROS and record it'),
+    'top': (top, 'a running graph in the terminal: rates, times, law, fault; keys act on it'),
     'analyze': (analyze, 'figures of merit and a picture of a bag'),
     'replay': (replay, 'the torques of a bag computed again, by its law or another'),
     'rerun': (rerun, 'the experiment of a bag once more, from the bag alone'),

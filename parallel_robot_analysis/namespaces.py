@@ -11,9 +11,11 @@ LONGEST = 100  # characters; the middleware has 247 for a whole name
 NAMESPACE = re.compile(r'(?!.*__)(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*|/?)', re.ASCII)
 
 
-def add_namespace_argument(parser: argparse.ArgumentParser, text: str) -> None:
+def add_namespace_argument(
+    parser: argparse.ArgumentParser, text: str, default: str | None = ''
+) -> None:
     """Declare ``--namespace``."""
-    parser.add_argument('--namespace', default='', metavar='NAME', help=text)
+    parser.add_argument('--namespace', default=default, metavar='NAME', help=text)
 
 
 def full(name: str) -> str:

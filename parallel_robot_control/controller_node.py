@@ -51,7 +51,9 @@ class ControllerNode(SuiteNode):
             'safety': SafetyParameters,
         }
         super().__init__('controller', groups | {name: law.Gains for name, law in LAWS.items()})
-        for name, law in available(self.values).items():
+        laws = available(self.values)
+        self._laws = ', '.join(laws)
+        for name, law in laws.items():
             if name not in LAWS:
                 self.declare_group(name, law.Gains)
         self._controller = Controller(self.values)
@@ -66,6 +68,7 @@ class ControllerNode(SuiteNode):
         )
         self._layout = cdr.float64_multi_array(len(joints))
         self._stamp = 0
+        self._answered = 0  # states
         self._status: Status | None = None
         self._told = self._controller.law.name  # the law on the latched topic
         self._from = 0 if self.loop.start_stamp != WAIT else None  # ns; None: not yet
@@ -128,8 +131,13 @@ class ControllerNode(SuiteNode):
         status = self._status
         return {
             'law': self._controller.law.name,
+            'laws': self._laws,
             'limits that acted': limits_text(status.acted) if status else 'none',
         }
+
+    def handled(self) -> int:
+        """States answered."""
+        return self._answered
 
     def alarm(self) -> str:
         """The fault."""
@@ -176,6 +184,7 @@ class ControllerNode(SuiteNode):
         if sample is None:
             return
         self._commands.publish(self._layout.encode(data=sample.torque))
+        self._answered += 1
         if sample.status != self._status:
             self._tell(self._stamp, sample.status)
         if self._stamp // self.loop.period_ns % topics.SLOW == 0:

@@ -38,6 +38,7 @@ class PlantNode(SuiteNode):
         self._command = np.zeros(3)
         self._commanded = False  # whether a command came since the last state
         self._reset_requested = False
+        self._published = 0  # states
         self._published_at = 0  # ns, monotonic
         self._complete = False  # whether nothing was missing at a look before (lockstep by hand)
         self._round_trips: list[float] = []  # ms
@@ -76,6 +77,10 @@ class PlantNode(SuiteNode):
                 values.clear()
         figures['state'] = 'held' if self._index is None else str(self._index)
         return figures
+
+    def handled(self) -> int:
+        """States published."""
+        return self._published
 
     def _tick(self, stamp: int) -> None:
         """Publish the state of one stamp (wall time)."""
@@ -156,6 +161,7 @@ class PlantNode(SuiteNode):
         self._commanded = False
         self._published_at = time.monotonic_ns()
         self._states.publish(self._simulator.message(stamp))
+        self._published += 1
         index = stamp // self.loop.period_ns
         pose = self._simulator.state.pose
         if index % topics.SLOW == 0:
