@@ -14,6 +14,7 @@ from parallel_robot_interface.errors import InputError, RunError
 
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
 PATIENCE = 5.0  # s, in which a node must be heard then
+NICE = 5  # the loop goes first
 LOOK = 0.5  # s, between two looks at what has come
 
 
@@ -38,6 +39,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if sys.stdout.isatty() and sys.stdin.isatty():
             from parallel_robot_analysis.top.app import Top
 
+            os.nice(NICE)
             Top(robots, graph, domain, namespace).run()
         else:
             snapshot(robots, graph, domain, namespace)

@@ -98,6 +98,8 @@ class Robot:
     def look(self, now: float) -> None:
         """Sum up the poses since the last look and forget nodes that are gone; time in s."""
         self.nodes = {name: one for name, one in self.nodes.items() if now - one.time < GONE}
+        if 'controller' not in self.nodes:
+            self.law = self.fault = self.limits = ''
         self.error = None
         if self._squares:
             mean = sum(self._squares) / len(self._squares)

@@ -78,8 +78,8 @@ def nodes(robot: Robot, now: float) -> Table:
     for name in [*known, *sorted(set(robot.nodes) - set(known))]:
         table.add_row(
             Text(name),
-            Text(with_unit(robot.figure(name, 'rate [Hz]'), 'Hz')),
-            Text(with_unit(robot.figure(name, 'processor [%]'), '%')),
+            Text(rounded(robot.figure(name, 'rate [Hz]'), 0, 'Hz')),
+            Text(rounded(robot.figure(name, 'processor [%]'), 1, '%')),
             Text(robot.figure(name, *PRIORITY) or UNKNOWN),
             said(robot.nodes[name], now),
         )
@@ -145,9 +145,12 @@ def number(word: str) -> str:
     return f'{value:#.3g}' if abs(value) < 100.0 else f'{value:.0f}'
 
 
-def with_unit(word: str, unit: str) -> str:
-    """A number with its unit."""
-    return f'{number(word)} {unit}' if word else UNKNOWN
+def rounded(word: str, digits: int, unit: str) -> str:
+    """A number with some digits after the point and its unit; other words as they are."""
+    try:
+        return f'{float(word):.{digits}f} {unit}'
+    except ValueError:
+        return word or UNKNOWN
 
 
 def length(metres: float) -> str:
