@@ -53,34 +53,58 @@ def row(lines, word):
     return found.strip('│ ').split()
 
 
-def test_poses_are_compared_by_their_stamps():
-    robots, generator = Robots(), np.random.default_rng(1)
-    report(robots, '/plant')
-    robot = robots['']
-    points, desired = generator.normal(size=(2, 50, 2))
-    for k in generator.permutation(50):  # the reference comes before its pose, or after
-        robot.pose(int(k), *points[k])
-        robot.pose_reference(int(k) + 10, *desired[k])
+STEP = 10**7  # ns, between two poses
+STAMP = 1_790_000_000_000_000_000  # ns
+
+
+def path(stamp):
+    """Where the platform should be at a stamp."""
+    return np.array([31e-3, -12e-3]) * (stamp - STAMP) * 1e-9
+
+
+@pytest.mark.parametrize('phase', [0, 3 * 10**6])
+@pytest.mark.parametrize('ahead', [0, 20])
+def test_poses_are_compared_with_the_reference_at_their_stamp(phase, ahead, robots):
+    """On whatever grid, and however far ahead the references come."""
+    robot, errors = robots[''], np.random.default_rng(1).normal(size=(50, 2))
+    for k in range(50 + ahead):
+        stamp = STAMP + phase + k * STEP
+        robot.pose_reference(stamp, *path(stamp))
+        if k >= ahead:
+            stamp = STAMP + (k - ahead) * STEP
+            robot.pose(stamp, *(path(stamp) + errors[k - ahead]))
     robots.look(0.0)
-    distance = np.linalg.norm(points[10:] - desired[:40], axis=1)
-    assert robot.error.rms == pytest.approx(np.sqrt((distance**2).mean()))
-    assert robot.error.largest == pytest.approx(distance.max())
+    known = np.linalg.norm(errors[1 if phase else 0 :], axis=1)  # from the first reference on
+    assert robot.error.rms == pytest.approx(np.sqrt((known**2).mean()), abs=1e-8)
+    assert robot.error.largest == pytest.approx(known.max(), abs=1e-8)
     robots.look(0.5)
     assert robot.error is None and math.isnan(robot.history[-1])
-    robot.pose(99, math.nan, 0.0)
-    robot.pose_reference(99, 0.0, 0.0)
+
+
+def test_a_pose_waits_for_its_reference_but_not_across_a_gap(robots):
+    robot = robots['']
+    robot.pose_reference(STAMP, 0.0, 0.0)
+    robot.pose(STAMP + STEP, 3.0, 4.0)
+    robots.look(0.0)
+    assert robot.error is None
+    robot.pose_reference(STAMP + 2 * STEP, 0.0, 0.0)
+    robots.look(0.5)
+    assert robot.error == (5.0, 5.0)
+    robot.pose(STAMP + 3 * STEP, 3.0, 4.0)
+    robot.pose_reference(STAMP + 200 * STEP, 0.0, 0.0)
     robots.look(1.0)
     assert robot.error is None
 
 
-def test_poses_without_counterpart_do_not_pile_up():
-    robot = Robots()['']
-    for stamp in range(10_000):
-        robot.pose(stamp, 0.0, 0.0)
-    robot.pose_reference(0, 1.0, 0.0)  # forgotten
-    robot.pose_reference(9_999, 2.0, 0.0)
-    robot.look(0.0)
-    assert robot.error.rms == 2.0
+def test_a_new_run_begins_anew(robots):
+    robot = robots['']
+    for stamp, x in ((2 * STAMP, 9.0), (STAMP, 1.0)):
+        robot.pose(stamp, x, 0.0)
+        robot.pose_reference(stamp, 0.0, 0.0)
+    robot.pose(STAMP + 1, math.nan, 0.0)
+    robot.pose_reference(STAMP + 2, 0.0, 0.0)
+    robots.look(0.0)
+    assert robot.error == (1.0, 1.0)
 
 
 def test_robots_are_told_apart(robots):

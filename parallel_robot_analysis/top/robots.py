@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Mapping
 from typing import NamedTuple
+
+import numpy as np
 
 from parallel_robot_analysis.report.printable import printable
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
 SILENT = 3.0  # s, after which a node, which reports once a second, does not seem to run
 GONE = 10.0  # s, after which it is no longer shown
-UNPAIRED = 400  # poses that wait for their counterpart
+UNPAIRED = 400  # poses that wait for references, and references that are known
+GAP = 10**8  # ns, between two references, across which nothing is known of the path
 HISTORY = 120  # looks at the platform error that are remembered
 LONGEST = 2000  # characters of a figure: the names of all laws, say
 OK, WARNING, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
@@ -41,6 +44,14 @@ class PlatformError(NamedTuple):
     largest: float
 
 
+class Point(NamedTuple):
+    """A place of the platform [m] at a stamp [ns]."""
+
+    stamp: int
+    x: float
+    y: float
+
+
 class Robot:
     """One robot: the nodes of one namespace.
 
@@ -59,9 +70,8 @@ class Robot:
         self.law = self.fault = self.limits = ''
         self.error: PlatformError | None = None
         self.history: deque[float] = deque(maxlen=HISTORY)
-        self._poses: OrderedDict[int, tuple[float, float]] = OrderedDict()
-        self._references: OrderedDict[int, tuple[float, float]] = OrderedDict()
-        self._squares: list[float] = []  # m^2, since the last look
+        self._poses: deque[Point] = deque(maxlen=UNPAIRED)
+        self._references: deque[Point] = deque(maxlen=UNPAIRED)
 
     @property
     def laws(self) -> list[str]:
@@ -89,41 +99,51 @@ class Robot:
 
     def pose(self, stamp: int, x: float, y: float) -> None:
         """Take where the platform was at a stamp [ns]; in m."""
-        self._pair(stamp, (x, y), self._poses, self._references)
+        _append(self._poses, Point(stamp, x, y))
 
     def pose_reference(self, stamp: int, x: float, y: float) -> None:
         """Take where the platform should be at a stamp [ns]; in m."""
-        self._pair(stamp, (x, y), self._references, self._poses)
+        _append(self._references, Point(stamp, x, y))
 
     def look(self, now: float) -> None:
         """Sum up the poses since the last look and forget nodes that are gone; time in s."""
         self.nodes = {name: one for name, one in self.nodes.items() if now - one.time < GONE}
         if 'controller' not in self.nodes:
             self.law = self.fault = self.limits = ''
+        errors = self._errors()
         self.error = None
-        if self._squares:
-            mean = sum(self._squares) / len(self._squares)
-            self.error = PlatformError(math.sqrt(mean), math.sqrt(max(self._squares)))
+        if errors.size:
+            self.error = PlatformError(math.sqrt((errors**2).mean()), float(errors.max()))
         self.history.append(self.error.rms if self.error else math.nan)
-        self._squares.clear()
 
-    def _pair(
-        self,
-        stamp: int,
-        point: tuple[float, float],
-        own: OrderedDict[int, tuple[float, float]],
-        others: OrderedDict[int, tuple[float, float]],
-    ) -> None:
-        """Compare a point with that of the same stamp, now or when it comes."""
-        other = others.pop(stamp, None)
-        if other is not None:
-            square = (point[0] - other[0]) ** 2 + (point[1] - other[1]) ** 2
-            if math.isfinite(square):
-                self._squares.append(square)
-            return
-        own[stamp] = point
-        if len(own) > UNPAIRED:
-            own.popitem(last=False)
+    def _errors(self) -> np.ndarray:
+        """Distance of each pose from the reference at its stamp [m], shape (N,), and forget it.
+
+        References are on a grid of their own when the nodes were started by hand: between two of
+        them the reference is interpolated, which costs less than a nanometre.
+        """
+        if not self._references:
+            return np.zeros(0)
+        start, end = self._references[0].stamp, self._references[-1].stamp
+        poses = [self._poses.popleft() for pose in [*self._poses] if pose.stamp <= end]
+        known, asked = (
+            np.array([(p.stamp - start, p.x, p.y) for p in points], float).reshape(-1, 3).T
+            for points in (self._references, poses)
+        )
+        newest = np.searchsorted(known[0], asked[0], side='right') - 1
+        later = np.minimum(newest + 1, len(known[0]) - 1)
+        used = (newest >= 0) & (known[0][later] - known[0][newest] <= GAP)
+        path = (np.interp(asked[0], known[0], row) for row in known[1:])
+        x, y = (row - desired for row, desired in zip(asked[1:], path, strict=True))
+        errors = np.hypot(x, y)
+        return errors[used & np.isfinite(errors)]
+
+
+def _append(points: deque[Point], point: Point) -> None:
+    """Append a point; one of an earlier stamp begins anew."""
+    if points and point.stamp <= points[-1].stamp:
+        points.clear()
+    points.append(point)
 
 
 class Robots:

@@ -26,7 +26,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.top.graph import Tell
-from parallel_robot_analysis.top.robots import Robots
+from parallel_robot_analysis.top.robots import Robot, Robots
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.ros_node import message_class
 from parallel_robot_interface.topics import Topic
@@ -80,11 +80,10 @@ class RosGraph:
             for name, kind in SERVICES.items()
         }
         self._namespace = namespace
-        robot = self._robots[namespace]
         for topic, take in (
             (topics.STATUS, self._on_status),
-            (topics.POSE, partial(self._on_pose, robot.pose)),
-            (topics.POSE_REFERENCE, partial(self._on_pose, robot.pose_reference)),
+            (topics.POSE, partial(self._on_pose, Robot.pose)),
+            (topics.POSE_REFERENCE, partial(self._on_pose, Robot.pose_reference)),
         ):
             self._listen(topic._replace(name=f'{namespace}/{topic.name}'), take)
 
@@ -158,11 +157,12 @@ class RosGraph:
         for status in _statuses(data):
             self._robots[self._namespace].status({item.key: item.value for item in status.values})
 
-    def _on_pose(self, take: Callable[[int, float, float], None], data: bytes) -> None:
+    def _on_pose(self, take: Callable[[Robot, int, float, float], None], data: bytes) -> None:
         records = self._pose.decode(data)
         if records is not None:
             stamp = int(cdr.stamps_of(records)[0])
-            take(stamp, float(records['x'][0]), float(records['y'][0]))
+            robot = self._robots[self._namespace]
+            take(robot, stamp, float(records['x'][0]), float(records['y'][0]))
 
 
 def _statuses(data: bytes) -> list[Any]:
