@@ -10,7 +10,7 @@ PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
-TOP = ['rich>=13.7', 'textual>=6,<9']
+TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
     name=NAME,

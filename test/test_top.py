@@ -2,7 +2,9 @@
 
 import asyncio
 import math
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from parallel_robot_analysis.top.robots import ERROR, GONE, OK, SILENT, Robots
 
 pytest_plugins = ['ros_fixtures']
 
+ROOT = Path(__file__).parents[1]
 FIGURES = {
     'plant': {'state': '12034', 'round trip p50/p99/max [ms]': '0.31/0.604/7.4'},
     'controller': {'law': 's_fotsmc', 'laws': 'smc, s_fotsmc, pid', 'limits that acted': 'none'},
@@ -157,10 +160,10 @@ def test_the_screen_shows_what_is_known(robots):
     assert names == ['node', 'trajectory', 'plant', 'controller', 'recorder']
     assert ' '.join(row(lines, 'controller')) == 'controller 998 Hz 24.1 % FIFO 40 ok'
     assert row(lines, 'recorder') == ['recorder', '-', '-', '-', 'ok']
-    text = '\n'.join(lines)
+    text = ' '.join(' '.join(lines).split())
     for shown in (
-        'law    s_fotsmc', 'fault  none', 'limits none', 'lag          1.00   2.00    31.2',
-        'round trip  0.310  0.604    7.40', 'delay           -      -       -',
+        'law s_fotsmc', 'fault none', 'limits none', 'lag 1.00 2.00 31.2',
+        'round trip 0.310 0.604 7.40', 'delay - - -',
         '998 answered, 2 skipped', '5.00 um rms, 5.00 um max',
     ):  # fmt: skip
         assert shown in text, text
@@ -287,10 +290,14 @@ def test_a_robot_that_appears_later_is_found(robots):
     assert row(pressed(late, graph, namespace='/left'), 'parallel_robot')[2] == '/left'
 
 
-def test_without_its_library_the_command_says_how_to_get_it(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, 'textual', None)
-    assert main(['top']) == 2
-    assert "pip install 'parallel_robot[top]'" in capsys.readouterr().err
+def test_without_its_libraries_the_command_says_how_to_get_them():
+    code = (
+        'import sys; sys.modules.update(textual=None, rich=None)\n'
+        "from parallel_robot_analysis.command_line import main; sys.exit(main(['top']))"
+    )
+    done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 2 and done.stderr.count('\n') == 1
+    assert "pip install 'parallel_robot[top]'" in done.stderr
 
 
 def test_where_nothing_runs_a_pipe_gets_one_line(domain, monkeypatch, capsys):
