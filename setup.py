@@ -10,6 +10,7 @@ PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
+TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
     name=NAME,
@@ -36,6 +37,7 @@ setup(
         'parallel_robot_analysis.bags',
         'parallel_robot_analysis.commands',
         'parallel_robot_analysis.report',
+        'parallel_robot_analysis.top',
     ],
     package_data={'parallel_robot_analysis.report': ['templates/*']},
     data_files=[
@@ -72,9 +74,12 @@ setup(
         ],
         # Tables for others: .parquet, and pandas' frames.
         'export': EXPORT,
+        # The screen of `parallel_robot top`; Ubuntu's package is too old.
+        'top': TOP,
         # Exact where another version may judge the same code differently.
         'test': [
             *EXPORT,
+            *TOP,
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
             'mcap-ros2-support>=0.5',

@@ -10,6 +10,7 @@ ARGUMENTS = {
     'scenario': ('paper_circle', 'a file of config/scenarios'),
     'law': ('s_fotsmc', 'a file of config/laws'),
     'time_mode': ('wall', 'wall or lockstep'),
+    'namespace': ('', 'of the nodes, so that several robots share a domain'),
     'record': ('false', 'true: write a bag'),
     'monitor': ('false', 'true: publish figures of merit'),
 }
@@ -27,6 +28,7 @@ def generate_launch_description() -> LaunchDescription:
         Node(
             package='parallel_robot',
             executable=executable,
+            namespace=LaunchConfiguration('namespace'),
             parameters=[parameters],
             output='screen',
             condition=IfCondition(LaunchConfiguration(optional[executable]))

@@ -15,6 +15,7 @@ from parallel_robot_interface.errors import InputError, ParallelRobotError
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
     'simulate': 'run the same closed loop without ROS and record it',
+    'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
     'analyze': 'figures of merit and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
     'rerun': 'the experiment of a bag once more, from the bag alone',

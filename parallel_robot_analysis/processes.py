@@ -40,9 +40,15 @@ PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 class NodeProcesses:
     """The processes of one run; use as a context manager."""
 
-    def __init__(self, parameters: Mapping[str, Mapping[str, Any]]) -> None:
-        """Prepare to start the nodes named by the keys, each with its parameters."""
+    def __init__(self, parameters: Mapping[str, Mapping[str, Any]], namespace: str = '') -> None:
+        """Prepare to start the nodes named by the keys, each with its parameters.
+
+        Args:
+            parameters: Name of each node to its parameters.
+            namespace: Full name of the namespace of all of them; empty for none.
+        """
         self._parameters = parameters
+        self._remapped = ['-r', f'__ns:={namespace}'] if namespace else []
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._logs: dict[str, IO[bytes]] = {}
 
@@ -53,7 +59,7 @@ class NodeProcesses:
         try:
             for name, parameters in self._parameters.items():
                 self._logs[name] = tempfile.TemporaryFile()
-                words = ['--ros-args']
+                words = ['--ros-args', *self._remapped]
                 for key, value in parameters.items():
                     if value != []:  # rcl has no type for it
                         words += ['-p', f'{key}:={as_yaml(value)}']
@@ -131,7 +137,7 @@ class NodeProcesses:
         lines = [line.strip() for line in self._said(name).splitlines()]
         fatal = [line for line in lines if line.startswith('[FATAL]')]
         last = next((line for line in reversed(fatal or lines) if line), '')
-        return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', last)  # level, time and node
+        return re.sub(r'^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ', '', last)  # level, time and node
 
 
 def command(module: str, *words: str) -> list[str]:
@@ -157,20 +163,27 @@ def children(pid: int) -> dict[str, int]:
 
 
 @contextlib.contextmanager
-def domain_lock() -> Iterator[None]:
-    """Keep other runs of this machine off the ROS domain.
+def domain_lock(namespace: str = '') -> Iterator[None]:
+    """Keep other runs of this machine off a namespace of the ROS domain.
+
+    Args:
+        namespace: Its full name; empty for none.
 
     Raises:
         RunError: another run has it.
     """
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-    path = Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}_domain_{domain}.lock'
+    space = namespace.replace('/', '.')  # which no name of ROS has in it
+    path = (
+        Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}_domain_{domain}{space}.lock'
+    )
     with path.open('a') as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise RunError(
-                f'another run uses ROS domain {domain}; set ROS_DOMAIN_ID to another number'
+                f'another run uses {f"namespace {namespace} of " if namespace else ""}ROS domain '
+                f'{domain}; set ROS_DOMAIN_ID to another number or choose another --namespace'
             ) from None
         yield
 

@@ -62,6 +62,11 @@ class RecorderNode(SuiteNode):
         received = {topic.name: self._recorder.received[topic] for topic in self._topics}
         return received | {'lost': sum(gaps or 0 for gaps in self._recorder.gaps.values())}
 
+    def handled(self) -> int:
+        """States recorded; where others were chosen, messages of any topic."""
+        received = self._recorder.received
+        return received[topics.JOINT_STATES] or received.total()
+
     def set_start(self, stamp: int) -> None:
         """Record from `stamp` [ns] on."""
         self._recorder.open(stamp)

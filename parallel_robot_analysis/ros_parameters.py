@@ -79,6 +79,8 @@ class ParameterWatch:
         self._found(node, dict(zip(names, values, strict=False)))
 
     def _on_event(self, event: ParameterEvent) -> None:
+        if event.node not in self._seen:  # of another robot, say: all nodes share the topic
+            return
         values = {
             parameter.name: _plain(parameter.value) for parameter in event.changed_parameters
         }

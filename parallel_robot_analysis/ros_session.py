@@ -26,21 +26,25 @@ START_PATIENCE = 10.0  # s, for the answer to a start
 class Session:
     """Talks to the nodes of a run; use as a context manager."""
 
-    def __init__(self, nodes: Iterable[str], watch: Callable[[], None]) -> None:
+    def __init__(
+        self, nodes: Iterable[str], watch: Callable[[], None], namespace: str = ''
+    ) -> None:
         """Prepare.
 
         Args:
             nodes: Names of the nodes.
             watch: Called again and again while waiting; raises to give up.
+            namespace: Full name of the namespace of the nodes; empty for none.
         """
         self._watch = watch
         self._names = list(nodes)
+        self._namespace = namespace
         self.state = -1  # last state that the plant reported, -1 before the first report
 
     def __enter__(self) -> Session:
         """Create the node."""
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('parallel_robot_run')
+        self._node = rclpy.create_node('parallel_robot_run', namespace=self._namespace)
         self._ready = {
             name: self._node.create_client(Trigger, f'{name}/ready') for name in self._names
         }
@@ -111,7 +115,7 @@ class Session:
             if count > 1:
                 raise RunError(
                     f'{topic.name} has {count} publishers: another suite runs on this ROS domain; '
-                    'set ROS_DOMAIN_ID to a number of your own'
+                    'set ROS_DOMAIN_ID to a number of your own or choose another --namespace'
                 )
 
     def start(self, name: str, stamp: int) -> None:
@@ -140,7 +144,9 @@ class Session:
         return future.result() if future.done() else None
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
+        for status in message.status:  # of all nodes of the domain
+            if status.hardware_id != f'{self._namespace}/plant':
+                continue
             for item in status.values:
                 if item.key == 'state' and item.value.isdigit():
                     self.state = int(item.value)

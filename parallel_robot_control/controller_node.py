@@ -61,7 +61,9 @@ class ControllerNode(SuiteNode):
             'safety': SafetyParameters,
         }
         super().__init__('controller', groups | {name: law.Gains for name, law in LAWS.items()})
-        for name, law in available(self.values).items():
+        laws = available(self.values)
+        self._laws = ', '.join(laws)
+        for name, law in laws.items():
             if name not in LAWS:
                 self.declare_group(name, law.Gains)
         self._controller = Controller(self.values)
@@ -134,6 +136,7 @@ class ControllerNode(SuiteNode):
         """What the controller is doing."""
         figures = {
             'law': self._controller.law.name,
+            'laws': self._laws,
             'limits that acted': limits_text(self._controller.status.acted),
             'answered': str(self._controller.answered),
             'skipped': str(self._controller.skipped),
@@ -143,6 +146,10 @@ class ControllerNode(SuiteNode):
             p50, p99, largest = 1e3 * np.percentile(ages, [50, 99, 100])
             figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
         return figures
+
+    def handled(self) -> int:
+        """States answered."""
+        return self._controller.answered
 
     def alarm(self) -> str:
         """The fault."""

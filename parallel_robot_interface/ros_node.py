@@ -14,7 +14,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -134,6 +134,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._thread: DeadlineThread | None = None
         self._heard = False  # whether the essential outputs have had their subscribers
         self._started_at: int | None = None
+        self._used = _Use(time.monotonic(), time.process_time(), 0)
         given = {
             key: list(parameter.value) if _is_array(parameter.value) else parameter.value
             for key, parameter in self.get_parameters_by_prefix('').items()
@@ -213,6 +214,10 @@ class SuiteNode(Node):  # type: ignore[misc]
     def diagnose(self) -> dict[str, Any]:
         """Key figures of the last second for the diagnostics."""
         return {}
+
+    def handled(self) -> int | None:
+        """Samples that the node has handled; None where it has no rhythm."""
+        return None
 
     def alarm(self) -> str:
         """What is wrong enough to be an error in the diagnostics; mostly nothing."""
@@ -337,7 +342,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         return response
 
     def _publish_diagnostics(self) -> None:
-        figures = {**self.diagnose(), **self.counts}
+        figures = {**self.diagnose(), **self._use(), **self.counts}
         for topic, subscription in self._inputs.items():
             count = subscription.get_publisher_count()
             if count > 1:
@@ -355,6 +360,22 @@ class SuiteNode(Node):  # type: ignore[misc]
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
+
+    def _use(self) -> dict[str, str]:
+        """Rate of the node and its share of a processor since the last call."""
+        handled, before = self.handled(), self._used
+        self._used = _Use(time.monotonic(), time.process_time(), handled or 0)
+        seconds, busy, count = (new - old for new, old in zip(self._used, before, strict=True))
+        rate = {} if handled is None else {'rate [Hz]': f'{count / seconds:.1f}'}
+        return rate | {'processor [%]': f'{100.0 * busy / seconds:.1f}'}
+
+
+class _Use(NamedTuple):
+    """What a node has used and done until a time [s]: processor time [s], samples."""
+
+    time: float
+    processor: float
+    samples: int
 
 
 def _descriptor(field: Field, value: Any) -> ParameterDescriptor:

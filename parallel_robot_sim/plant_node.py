@@ -47,6 +47,7 @@ class PlantNode(SuiteNode):
         self._reset_requested = False
         self._outside = ''  # how the robot left its workspace
         self._steps_left = ENDLESS  # in lockstep; 0: paused
+        self._published = 0  # states
         self._published_at = 0  # ns, monotonic
         self._complete = False  # whether nothing was missing at a look before (lockstep by hand)
         self._round_trips: list[int] = []  # ns
@@ -113,6 +114,10 @@ class PlantNode(SuiteNode):
             figures['states without a command in time'] = str(self._skipped)
         figures['state'] = 'held' if self._index is None else str(self._index)
         return figures
+
+    def handled(self) -> int:
+        """States published."""
+        return self._published
 
     def _tick(self, stamp: int) -> None:
         """Publish the state of one stamp (wall time)."""
@@ -213,6 +218,7 @@ class PlantNode(SuiteNode):
         message = self._simulator.message(stamp)
         self._published_at = time.monotonic_ns()
         self._states.publish(message)
+        self._published += 1
         index = stamp // self.loop.period_ns
         if index % topics.SLOW == 0:
             pose = self._simulator.state.pose

@@ -117,12 +117,16 @@ def test_launch_file_starts_every_node_of_a_run(monkeypatch):
     started = [call.kwargs for call in ros.Node.call_args_list]
     assert {node['package'] for node in started} == {NAME}
     assert {node['executable'] for node in started} == set(EXECUTABLES) - {'player'}
+    assert all('namespace' in node for node in started)
 
 
 def test_every_import_is_declared(setup):
     required, optional = (
         {re.split(r'[<>=]', item)[0] for item in items}
-        for items in (setup['install_requires'], setup['extras_require']['export'])
+        for items in (
+            setup['install_requires'],
+            setup['extras_require']['export'] + setup['extras_require']['top'],
+        )
     )
     for name, tree in modules(setup['packages']):
         imported = set()

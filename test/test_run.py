@@ -85,6 +85,23 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
     assert main(['replay', str(tmp_path / 'first')]) == 0
 
 
+def test_two_robots_share_a_domain(start, tmp_path, capsys):
+    runs = {
+        name: start(name, 0.2, '--time-mode', 'lockstep', '--namespace', space)
+        for name, space in {'first': 'left', 'second': 'cell/right'}.items()
+    }
+    for process in runs.values():
+        assert process.wait() == 0, process.stderr
+    bags = [tmp_path / name for name in ('simulated', *runs)]
+    assert main(['simulate', 'paper_circle', '--duration', '0.2', '--out', str(bags[0])]) == 0
+    first, second, third = map(streams, bags)
+    assert first == second == third and len(first['/joint_states']) == 201
+    past = history.read(tmp_path / 'second')
+    assert {node.rpartition('/')[0] for node in past.parameters} == {'/cell/right'}
+    for words in ('analyze',), ('replay',), ('report', '--out', str(tmp_path / 'report')):
+        assert main([*words[:1], str(tmp_path / 'second'), *words[1:]]) == 0
+
+
 def test_a_run_in_real_time_is_complete(begin, tmp_path):
     process = begin('bag', 1.5)
     assert process.wait() == 0, process.stderr

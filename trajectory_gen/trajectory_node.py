@@ -39,6 +39,7 @@ class TrajectoryNode(SuiteNode):
         self._start_requested = False
         self._asked = 0  # ns, stamp of the last state (lockstep)
         self._sent = -1  # index of the last sample of the motion that was published
+        self._published = 0  # references
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
         self.create_service(Trigger, '~/start', self._answer_start)
@@ -58,6 +59,10 @@ class TrajectoryNode(SuiteNode):
         """Start the motion with its first sample at `stamp` [ns]."""
         self._start = stamp
 
+    def handled(self) -> int:
+        """References published."""
+        return self._published
+
     def _tick(self, stamp: int) -> None:
         """Publish the sample of one stamp (wall time)."""
         if not self._start and self._start_requested:
@@ -67,6 +72,7 @@ class TrajectoryNode(SuiteNode):
         elif self.loop.start_stamp == 0:
             rest = reference_messages(self.loop.joints, stamp, self._rest)
             self._reference.publish(rest.tobytes())
+            self._published += 1
 
     def _on_command(self, _: bytes) -> None:
         self._start_requested = True
@@ -105,6 +111,7 @@ class TrajectoryNode(SuiteNode):
             self._batch = (first, references, pose_messages(stamps, samples.pose))
         _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
+        self._published += 1
         if k % topics.SLOW == 0:
             self._pose.publish(poses[k - first].tobytes())
         self._sent = k

@@ -14,6 +14,7 @@ from typing import Any
 from parallel_robot_analysis.bags import bag_writer, history
 from parallel_robot_analysis.bags.experiment import command_line
 from parallel_robot_analysis.commands import simulate
+from parallel_robot_analysis.namespaces import add_namespace_argument, full
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=['wall', 'lockstep'],
         help='wall (default): real time; lockstep: the plant waits for each command',
     )
+    add_namespace_argument(parser, 'of the nodes, so that several robots share a ROS domain')
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -61,11 +63,17 @@ def execute(arguments: argparse.Namespace) -> int:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
     if changed.get('time_mode') != 'lockstep':
         changed = PATIENT | changed
-    return record(arguments.scenario, changed, arguments.out)
+    return record(arguments.scenario, changed, arguments.out, full(arguments.namespace))
 
 
-def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '') -> int:
     """Run a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Args:
+        scenario: Its name.
+        changed: Key to value.
+        out: Directory of the bag.
+        namespace: Full name of the namespace of the nodes; empty for none.
 
     Raises:
         InputError: something is wrong with the configuration or the place of the bag.
@@ -89,7 +97,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     }
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
-    _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration)
+    _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration, namespace)
     past = history.read(out)
     start = int(past.facts['start_stamp'])
     for text in (*parts.law.warnings, *history.remarks(past, start), *history.losses(past)):
@@ -99,7 +107,11 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
 
 
 def _supervise(
-    parameters: dict[str, dict[str, Any]], lockstep: bool, samples: int, duration: float
+    parameters: dict[str, dict[str, Any]],
+    lockstep: bool,
+    samples: int,
+    duration: float,
+    namespace: str,
 ) -> None:
     """Start the nodes, give them their start, and see them to the end of the motion."""
     from parallel_robot_analysis.ros_session import Session  # only this command needs ROS
@@ -110,14 +122,14 @@ def _supervise(
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        with domain_lock(), NodeProcesses(parameters) as processes:
+        with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
 
             def watch() -> None:
                 if caught:
                     raise RunError(f'stopped by {signal.Signals(caught[0]).name}')
                 processes.check()
 
-            with Session(MODULES, watch) as session:
+            with Session(MODULES, watch, namespace) as session:
                 with Progress(len(MODULES), 'nodes ready') as progress:
                     session.wait_until_ready(
                         READY, processes.processor_time, _telling(processes, progress)

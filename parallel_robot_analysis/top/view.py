@@ -1,0 +1,173 @@
+"""What a terminal shows of a robot, drawn by rich; plain text where there is no colour."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from parallel_robot_analysis.top.robots import (
+    ERROR,
+    NODES,
+    OK,
+    SILENT,
+    WARNING,
+    Report,
+    Robot,
+    Robots,
+)
+
+UNKNOWN = '-'
+CALM = ('none', '')  # no fault, no limit
+PRIORITY = ('real-time priority', 'real time', 'realtime', 'priority')  # keys of a node
+TIMES = (('lag', 'controller'), ('round trip', 'plant'), ('delay', 'plant'))  # who reports them
+BARS = ' ▁▂▃▄▅▆▇█'
+EIGHTHS = len(BARS) - 1  # of a row
+FLOOR, DECADES = 1e-7, 5  # m; bars of the platform error reach from 0.1 um to 1 cm
+SCALE = ('  1 cm ', '       ', '0.1 um ')  # beside their rows, from the top
+STYLES = {OK: 'green', WARNING: 'yellow', ERROR: 'bold red'}
+
+
+def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> Group:
+    """All of one robot.
+
+    Args:
+        robots: What is known.
+        shown: Namespace of the robot.
+        domain: Number of the ROS domain.
+        now: Time [s].
+        width: Columns of the terminal.
+    """
+    robot, names = robots[shown], robots.names()
+    count = f' ({names.index(shown) + 1} of {len(names)})' if shown in names and names[1:] else ''
+    state = robot.figure('plant', 'state')
+    title = Table.grid(expand=True)
+    title.add_column()
+    title.add_column(justify='right', style='dim')
+    title.add_row(
+        Text.assemble((' parallel_robot top  ', 'bold'), shown or '/', count),
+        Text(f'state {state}, ROS domain {domain} ' if state else f'ROS domain {domain} '),
+    )
+    if not robot.nodes:
+        others = ', '.join(name or '/' for name in names)
+        known = f'nodes run in {others}' if others else 'waiting for the nodes of a run'
+        return Group(title, framed('nodes', Text(f'none is heard in {shown or "/"}: {known}')))
+    middle = Table.grid(expand=True)
+    middle.add_column(ratio=1)
+    middle.add_column(width=36)
+    middle.add_row(framed('loop', loop(robot), 7), framed('times', times(robot), 7))
+    return Group(
+        title,
+        framed('nodes', nodes(robot, now)),
+        middle,
+        framed('platform error', error(robot, width - 4)),
+    )
+
+
+def nodes(robot: Robot, now: float) -> Table:
+    """A row a node: rate, share of a processor, priority, what it says."""
+    table = Table(box=None, expand=True, pad_edge=False, header_style='dim')
+    table.add_column('node', width=10, no_wrap=True)
+    for title, width in (('rate', 8), ('cpu', 7), ('priority', 10)):
+        table.add_column(title, justify='right', width=width, no_wrap=True)
+    table.add_column('says', ratio=1, no_wrap=True, overflow='ellipsis')
+    known = [name for name in NODES if name in robot.nodes]
+    for name in [*known, *sorted(set(robot.nodes) - set(known))]:
+        table.add_row(
+            Text(name),
+            Text(rounded(robot.figure(name, 'rate [Hz]'), 0, 'Hz')),
+            Text(rounded(robot.figure(name, 'processor [%]'), 1, '%')),
+            Text(robot.figure(name, *PRIORITY) or UNKNOWN),
+            said(robot.nodes[name], now),
+        )
+    return table
+
+
+def loop(robot: Robot) -> Table:
+    """Law, fault, limits that acted."""
+    table = Table.grid(padding=(0, 1), expand=True)
+    table.add_column(style='dim', width=6, no_wrap=True)
+    table.add_column(ratio=1, overflow='fold')
+    fault = '' if robot.fault in CALM else STYLES[ERROR]
+    limits = '' if robot.limits in CALM else STYLES[WARNING]
+    table.add_row('law', Text(robot.law or UNKNOWN, 'bold'))
+    table.add_row('fault', Text(robot.fault or UNKNOWN, fault))
+    table.add_row('limits', Text(robot.limits or UNKNOWN, limits))
+    return table
+
+
+def times(robot: Robot) -> Group:
+    """Lag, round trip and delay: median, 99 %, largest of the last second [ms]; states."""
+    table = Table(box=None, expand=True, pad_edge=False, header_style='dim')
+    table.add_column('ms', width=10, no_wrap=True, style='dim')
+    for title in ('p50', 'p99', 'max'):
+        table.add_column(title, justify='right', ratio=1, no_wrap=True)
+    for name, node in TIMES:
+        words = robot.figure(node, f'{name} p50/p99/max [ms]').split('/')
+        shown = words if len(words) == 3 else [UNKNOWN] * 3
+        table.add_row(name, *(Text(number(word)) for word in shown))
+    answered, skipped = (
+        robot.figure('controller', key) or UNKNOWN for key in ('answered', 'skipped')
+    )
+    states = Text.assemble(('states  ', 'dim'), f'{answered} answered, {skipped} skipped')
+    states.no_wrap = True
+    return Group(table, states)
+
+
+def error(robot: Robot, width: int) -> Text:
+    """Platform error of the last look, and bars of the earlier ones on a logarithmic scale."""
+    found, columns = robot.error, width - len(SCALE[0])
+    text = f'{length(found.rms)} rms, {length(found.largest)} max' if found else UNKNOWN
+    drawn, looks = Text(text), [*robot.history][-columns:]
+    for row, label in zip(reversed(range(len(SCALE))), SCALE, strict=True):
+        bars = ''.join(bar(metres, row) for metres in looks)
+        drawn.append('\n').append(label, 'dim').append(bars.rjust(columns), 'cyan')
+    return drawn
+
+
+def said(report: Report, now: float) -> Text:
+    """What a node says of itself, or for how long it has said nothing."""
+    silent = now - report.time
+    if silent >= SILENT:
+        return Text(f'silent for {silent:.0f} s', STYLES[ERROR])
+    return Text(report.text, STYLES.get(report.level, ''))
+
+
+def number(word: str) -> str:
+    """A number with three digits that count; other words as they are."""
+    try:
+        value = float(word)
+    except ValueError:
+        return word
+    return f'{value:#.3g}' if abs(value) < 100.0 else f'{value:.0f}'
+
+
+def rounded(word: str, digits: int, unit: str) -> str:
+    """A number with some digits after the point and its unit; other words as they are."""
+    try:
+        return f'{float(word):.{digits}f} {unit}'
+    except ValueError:
+        return word or UNKNOWN
+
+
+def length(metres: float) -> str:
+    """A length as people say it."""
+    unit, factor = ('mm', 1e3) if metres >= 1e-3 else ('um', 1e6)
+    return f'{number(str(factor * metres))} {unit}'
+
+
+def bar(metres: float, row: int) -> str:
+    """What the bar of a length has in a row, the lowest being 0; nothing for NaN."""
+    if math.isnan(metres):
+        return BARS[0]
+    share = math.log10(max(metres, FLOOR) / FLOOR) / DECADES
+    height = 1 + math.floor(share * (len(SCALE) * EIGHTHS - 1))
+    return BARS[min(EIGHTHS, max(0, height - row * EIGHTHS))]
+
+
+def framed(title: str, content: RenderableType, height: int | None = None) -> Panel:
+    """A frame with a title."""
+    return Panel(content, title=title, title_align='left', border_style='dim', height=height)
