@@ -49,6 +49,12 @@ class Used(NamedTuple):
     older: np.ndarray
     samples: JointReference
 
+    def head(self, count: int) -> Used:
+        """Those of the first states."""
+        inside = self.older < count
+        samples = JointReference(*(row[inside] for row in self.samples))
+        return Used(self.stamps[:count], self.late[:count], self.older[inside], samples)
+
 
 def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     """Find the record of each command.

@@ -123,6 +123,16 @@ def read(bag: Path) -> RunLog:
     )
 
 
+def head(log: RunLog, count: int) -> RunLog:
+    """The first states of a run, with all its commands."""
+    rows = {
+        name: value[:count]
+        for name, value in log._asdict().items()
+        if name not in ('command', 'command_states') and isinstance(value, np.ndarray)
+    }
+    return log._replace(**rows, used=None if log.used is None else log.used.head(count))
+
+
 def columns(log: RunLog) -> dict[str, np.ndarray]:
     """A run as columns, one row a state: name with unit to numbers, shape (N,)."""
     quantities = {

@@ -83,7 +83,7 @@ def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) ->
                 status = now
                 writer.write(topics.STATUS.name, log_time, status_message(log_time, status))
             if k % topics.SLOW == 0 or k == count - 1:
-                answered = stamps[(k - 1) // topics.SLOW * topics.SLOW + 1 : k + 1]
+                answered = stamps[max(0, (k - 1) // topics.SLOW * topics.SLOW + 1) : k + 1]
                 message = answers_message(np.stack([answered, answered], axis=1))
                 writer.write(topics.ANSWERED.name, log_time, message)
             for topic, messages in records.items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from parallel_robot_analysis import claims
@@ -14,6 +14,22 @@ from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.plots import plot
 from parallel_robot_analysis.report.printable import printable
 from parallel_robot_analysis.report.runs import Run
+from parallel_robot_analysis.timing import as_json
+
+
+TIMING: dict[str, Callable[[Run], str]] = {  # of the page, row by row
+    'real time': lambda run: REALTIME[run.timing.realtime],
+    'states answered': lambda run: _or_dash(run.timing.answered),
+    'states skipped': lambda run: _or_dash(run.timing.skipped),
+    'lag of the torque, p50': lambda run: _lag(run, 'p50'),
+    'lag of the torque, p99': lambda run: _lag(run, 'p99'),
+    'lag of the torque, max': lambda run: _lag(run, 'max'),
+    'steps without a torque of the law': lambda run: str(run.timing.uncommanded),
+    'real-time priority': lambda run: printable(
+        ', '.join(f'{node} {text}' for node, text in run.timing.priority.items()) or '–'
+    ),
+}
+REALTIME = {True: 'held', False: 'not held', None: '–'}
 
 
 def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:
@@ -48,6 +64,7 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
         gains=[_gains(run) for run in runs],
         differences=differences(runs),
         parameters=_parameters(runs),
+        timing={name: [row(run) for run in runs] for name, row in TIMING.items()},
         topics=sorted({topic for run in runs for topic in run.log.messages}),
         several=len(groups) > 1,
     )
@@ -69,6 +86,15 @@ def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[st
         'charts': charts,
         'data': {'plots': [plot(chart) for chart in charts], 'animation': animation(runs)},
     }
+
+
+def _lag(run: Run, which: str) -> str:
+    value = as_json(run.timing)[f'lag_{which}_ms']
+    return '–' if value is None else f'{value:.4g} ms'
+
+
+def _or_dash(value: int | None) -> str:
+    return '–' if value is None else str(value)
 
 
 def _best(values: Sequence[float | None]) -> float | None:
