@@ -96,7 +96,11 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     stamps[command[found]] = rows[found]
     steps = np.diff(ahead)
     return Answered(
-        *stamps.T, rows[rows[:, 0] > 0, 0], int(steps[steps > 0].sum()), int((steps < 0).sum())
+        stamps[:, 0],
+        stamps[:, 1],
+        rows[rows[:, 0] > 0, 0],
+        int(steps[steps > 0].sum()),
+        int((steps < 0).sum()),
     )
 
 

@@ -99,7 +99,7 @@ def read(bag: Path) -> RunLog:
         raise BagError(f'{bag}: no state has a reference at or before its stamp')
     stamps = states.stamps[used]
     answered = answers.align(commands.log_times, streams.get(topics.ANSWERED, []))
-    answer, *said = _answers(stamps, states, references, commands, answered)
+    answer, command_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
         loop.scenario if found.metadata else 'unknown',
         loop.law if found.metadata else 'unknown',
@@ -118,14 +118,15 @@ def read(bag: Path) -> RunLog:
         count(streams, loop.period_ns, answered),
         answer,
         states.log_times[used],
-        *said,
+        command_states,
+        in_use,
         found.warnings,
     )
 
 
 def head(log: RunLog, count: int) -> RunLog:
     """The first states of a run, with all its commands."""
-    rows = {
+    rows: dict[str, Any] = {
         name: value[:count]
         for name, value in log._asdict().items()
         if name not in ('command', 'command_states') and isinstance(value, np.ndarray)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from parallel_robot_analysis import claims
@@ -14,22 +14,6 @@ from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.plots import plot
 from parallel_robot_analysis.report.printable import printable
 from parallel_robot_analysis.report.runs import Run
-from parallel_robot_analysis.timing import as_json
-
-
-TIMING: dict[str, Callable[[Run], str]] = {  # of the page, row by row
-    'real time': lambda run: REALTIME[run.timing.realtime],
-    'states answered': lambda run: _or_dash(run.timing.answered),
-    'states skipped': lambda run: _or_dash(run.timing.skipped),
-    'lag of the torque, p50': lambda run: _lag(run, 'p50'),
-    'lag of the torque, p99': lambda run: _lag(run, 'p99'),
-    'lag of the torque, max': lambda run: _lag(run, 'max'),
-    'steps without a torque of the law': lambda run: str(run.timing.uncommanded),
-    'real-time priority': lambda run: printable(
-        ', '.join(f'{node} {text}' for node, text in run.timing.priority.items()) or '–'
-    ),
-}
-REALTIME = {True: 'held', False: 'not held', None: '–'}
 
 
 def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:
@@ -64,7 +48,7 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
         gains=[_gains(run) for run in runs],
         differences=differences(runs),
         parameters=_parameters(runs),
-        timing={name: [row(run) for run in runs] for name, row in TIMING.items()},
+        timing=_rows([_timing(run) for run in runs]),
         topics=sorted({topic for run in runs for topic in run.log.messages}),
         several=len(groups) > 1,
     )
@@ -88,13 +72,21 @@ def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[st
     }
 
 
-def _lag(run: Run, which: str) -> str:
-    value = as_json(run.timing)[f'lag_{which}_ms']
-    return '–' if value is None else f'{value:.4g} ms'
-
-
-def _or_dash(value: int | None) -> str:
-    return '–' if value is None else str(value)
+def _timing(run: Run) -> dict[str, str]:
+    """How a run kept its time, row by row; empty where the bag does not say."""
+    timing = run.timing
+    lags = timing.lag_figures() if timing.lag.size else ()
+    return {
+        'real time': {True: 'held', False: 'not held', None: ''}[timing.realtime],
+        'states answered': '' if timing.answered is None else str(timing.answered),
+        'states skipped': '' if timing.skipped is None else str(timing.skipped),
+        **{
+            f'lag of the torque, {name} [ms]': shown(1e3 * lag * timing.period)
+            for name, lag in zip(('p50', 'p99', 'max'), lags, strict=False)
+        },
+        'steps whose torque answers no state': str(timing.uncommanded),
+        **{f'priority of {printable(k)}': printable(v) for k, v in timing.priority.items()},
+    }
 
 
 def _best(values: Sequence[float | None]) -> float | None:
@@ -117,5 +109,10 @@ def _parameters(runs: Sequence[Run]) -> dict[str, list[str]]:
     tables = [
         {printable(key): printable(value) for key, value in run.log.config.items()} for run in runs
     ]
-    keys = sorted({key for table in tables for key in table})
+    return dict(sorted(_rows(tables).items()))
+
+
+def _rows(tables: Sequence[Mapping[str, str]]) -> dict[str, list[str]]:
+    """Every key of several tables with its value in each, empty where there is none."""
+    keys = dict.fromkeys(key for table in tables for key in table)
     return {key: [table.get(key, '') for table in tables] for key in keys}
