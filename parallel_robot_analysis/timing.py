@@ -21,7 +21,6 @@ from parallel_robot_model.kernel import inner, kernel
 ANSWERED = 0.9  # smallest share of the states that are answered
 LAG_P99 = 2, 0.005  # largest lag of 99 % of the steps: the larger of samples and [s]
 LAG_MAX = 4, 0.02  # the same, of any step
-EPSILON = 1e-9
 WINDOW = 2000  # commands among which that of a step is looked for
 SAME_CLOCK = NANOSECONDS  # ns, between stamps and log times of a loop in wall time
 
@@ -75,10 +74,9 @@ class Timing(NamedTuple):
         p50, p99, largest = np.percentile(self.lag, [50, 99, 100], method='inverted_cdf')
         return int(p50), int(p99), int(largest)
 
-
     def _within(self, lag: int, bound: tuple[int, float]) -> bool:
         samples, seconds = bound
-        return lag <= samples or lag * self.period <= seconds * (1.0 + EPSILON)
+        return lag <= max(samples, round(seconds / self.period))
 
 
 def evaluate(log: RunLog, history: History) -> Timing:

@@ -82,8 +82,8 @@ def test_the_lag_is_that_of_the_torque_that_acted(name, read):
     found, true = loop(lag, skipped)
     timed = timing.evaluate(read(found), NOTHING)
     assert np.array_equal(timed.lag, true)
-    ordered = np.sort(true)
-    assert timed.lag_figures() == tuple(ordered[[(len(true) - 1) // 2, -1 - len(true) // 100, -1]])
+    for share, figure in zip((0.5, 0.99, 1.0), timed.lag_figures(), strict=True):
+        assert (true < figure).mean() < share <= (true <= figure).mean()
     assert timed.uncommanded == N - len(true)
     assert (timed.answered, timed.skipped) == (N + 1 - len(skipped), len(skipped))
     assert np.allclose(timed.delay, 0.0)

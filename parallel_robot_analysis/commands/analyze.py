@@ -54,7 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):
         print(timing.verdict(timed))
-    print(table(result, found))
+    print(table(result, found, float(log.config['duration'])))
     quiet = ['no limit acted, no fault'] if past.statuses else []
     for text in [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]:
         print(f'  {text}')
@@ -96,10 +96,17 @@ def summarise(
     }
 
 
-def table(result: dict[str, Any], found: metrics.Metrics) -> str:
-    """Figures of merit as lines of text for people."""
+def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> str:
+    """Figures of merit as lines of text for people.
+
+    Args:
+        result: See :func:`summarise`.
+        found: The figures.
+        planned: How long the motion was to be [s]; 0: not known.
+    """
+    short = f' of {planned:g} s' if result['duration_s'] < planned - 1e-9 else ''
     lines = [
-        f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s; '
+        f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s{short}; '
         'errors over the second half'
     ]
     lines += [
