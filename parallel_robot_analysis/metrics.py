@@ -7,10 +7,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from parallel_robot_analysis.bags.run_log import RunLog
+from parallel_robot_analysis.bags.run_log import RunLog, head
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_interface import config
+from parallel_robot_interface.errors import KinematicsError
 from parallel_robot_model.kinematics import pose_of
 from parallel_robot_model.parameters import RobotParameters
 
@@ -106,6 +107,31 @@ def poses(log: RunLog) -> Poses:
     guess = np.array(first_guess(log.config))
     reference = pose_of(robot, log.reference_position, guess)
     return Poses(pose_of(robot, log.position, reference[0]), reference)
+
+
+def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
+    """The run up to the first sample that has no pose.
+
+    Returns:
+        The run, its poses, and why it was cut; empty when it was not.
+
+    Raises:
+        KinematicsError: not even the first sample has a pose.
+    """
+    try:
+        return log, poses(log), ''
+    except KinematicsError as error:
+        reason = str(error)
+    good, bad = 0, len(log.time)
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        try:
+            poses(head(log, middle))
+            good = middle
+        except KinematicsError:
+            bad = middle
+    part = head(log, max(good, 1))
+    return part, poses(part), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
 
 
 def evaluate(log: Motion, pose: Poses) -> Metrics:

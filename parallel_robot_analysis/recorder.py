@@ -27,12 +27,15 @@ from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
 from parallel_robot_interface.topics import (
     ANSWERED,
+    COMMANDS,
     JOINT_STATES,
     RECORDED,
+    TELEMETRY,
     UNSTAMPED,
     Topic,
 )
 
+ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller says to a state
 DRAIN = 0.05  # s, between two rounds of writing
 FLUSH = 1.0  # s, after which a chunk is finished although it is not full
 STRAGGLERS = 2.0  # s, how long a finished motion waits for messages that are still missing
@@ -147,6 +150,8 @@ class Recorder:
             found = last_state(data) if topic == ANSWERED else header_stamp(data)
             if found is None:
                 return
+            if topic == ANSWERED:  # of commands that answer no state: as if of the newest
+                found = found or max(self._newest, self._start)
             stamp = found
             late = self._end is not None and stamp > self._end and topic.every
             if stamp < self._start or late:  # what is latched may be of a controller that lags
@@ -167,7 +172,8 @@ class Recorder:
     def lost(self, topic: Topic) -> int | None:
         """How many messages are known to be missing; None when nothing is known."""
         expected, gaps = self.expected(topic), self.gaps.get(topic)
-        if expected is None:
+        skips = not self._loop.lockstep and topic in ANSWERS  # a state may stay unanswered
+        if expected is None or (skips and gaps is not None):
             return gaps
         return max(expected - self.received[topic], gaps or 0)
 

@@ -8,23 +8,29 @@ from types import TracebackType
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.errors import DRIVEN_OUT, RunError
 from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
 
 PATIENCE = 0.2  # s, for the answer to a question that can be asked again
 LOOK = 2.0  # s, between two looks at how busy the nodes are
 BUSY = 0.05  # share of a core; waiting for messages takes less
 START_PATIENCE = 10.0  # s, for the answer to a start
+PLANT = 'plant: loop'  # end of the name of the plant's status, which may be in a namespace
 
 
 class Session:
-    """Talks to the nodes of a run; use as a context manager."""
+    """Talks to the nodes of a run; use as a context manager.
+
+    Attributes:
+        state: Last state that the plant reported, -1 before the first report.
+        driven_out: Whether the plant reported that the robot was driven out of its workspace.
+    """
 
     def __init__(
         self, nodes: Iterable[str], watch: Callable[[], None], namespace: str = ''
@@ -39,7 +45,8 @@ class Session:
         self._watch = watch
         self._names = list(nodes)
         self._namespace = namespace
-        self.state = -1  # last state that the plant reported, -1 before the first report
+        self.state = -1
+        self.driven_out = False
 
     def __enter__(self) -> Session:
         """Create the node."""
@@ -147,6 +154,8 @@ class Session:
         for status in message.status:  # of all nodes of the domain
             if status.hardware_id != f'{self._namespace}/plant':
                 continue
+            alarm = status.level == DiagnosticStatus.ERROR and status.name.endswith(PLANT)
+            self.driven_out |= alarm and status.message.startswith(DRIVEN_OUT)
             for item in status.values:
                 if item.key == 'state' and item.value.isdigit():
                     self.state = int(item.value)

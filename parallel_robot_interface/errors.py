@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+DRIVEN_OUT = 'the robot was driven out of its workspace'  # begin of the plant's alarm, too
+
 
 class ParallelRobotError(Exception):
     """Base of every error that the suite raises on purpose; its text is one clear line."""

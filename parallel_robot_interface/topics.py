@@ -41,6 +41,7 @@ SYNCHRONISATION_ERROR = Topic(
 )
 CROSS_COUPLING_ERROR = Topic('controller/cross_coupling_error', 'sensor_msgs/msg/JointState', SLOW)
 SLIDING_VARIABLE = Topic('controller/sliding_variable', 'sensor_msgs/msg/JointState', SLOW)
+TELEMETRY = (ERROR, SYNCHRONISATION_ERROR, CROSS_COUPLING_ERROR, SLIDING_VARIABLE)
 ANSWERED = Topic('controller/answered', 'std_msgs/msg/Int64MultiArray', SLOW)
 ACTIVE_LAW = Topic('controller/active_law', 'std_msgs/msg/String', 0, latched=True)
 STATUS = Topic('controller/status', 'diagnostic_msgs/msg/DiagnosticArray', 0, latched=True)

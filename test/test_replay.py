@@ -11,10 +11,11 @@ from parallel_robot_analysis.bags.bag_writer import BagWriter
 from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_analysis.command_line import main
 from parallel_robot_control import faults
+from parallel_robot_control.answering import LOG
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_control.messages import status_message
-from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface import config, topics
 from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
@@ -61,13 +62,16 @@ def test_limits_and_faults_are_replayed(simulated):
     assert not again(bag).differing.any()
 
 
-def live(directory, script, common=True):
+def live(directory, script, common=True, skipped=(), says=True):
     """Write the bag of a controller in real time, to which things happen.
 
     `script` maps a state to a function of the controller, called before that state; or to a number
-    of milliseconds by which references are late from that state on.
+    of milliseconds by which references are late from that state on. States that are `skipped` are
+    not answered. A bag of an older version does not say which are.
     """
-    values = config.resolve('paper_circle', {'duration': N * 1e-3, 'start_stamp': -1})
+    changed = {'duration': N * 1e-3, 'safety.state_timeout': 5.0}
+    changed['start_stamp'] = -1 if common else 0
+    values = config.resolve('paper_circle', changed)
     loop = config.group(values, LoopParameters, '')
     controller, plant = Controller(values), Simulator(values)
     stamps = START + np.arange(N + 1) * MS
@@ -75,13 +79,21 @@ def live(directory, script, common=True):
     records = reference_messages(loop.joints, stamps, reference)
     if common:
         controller.begin(START)
-    status, known, late = None, 0, -5
+    status, known, late, torque = None, 0, -5, np.zeros(3)
     with BagWriter(directory, topics.RECORDED, describe(loop, values, START * common)) as bag:
+
+        def command(data, stamp):
+            bag.write('effort_controller/commands', stamp + 1000, data)
+
+        def tell(stamp):
+            if says:
+                bag.write('controller/answered', stamp + 2000, controller.take_log())
+
         for k, stamp in enumerate(stamps.tolist()):
             act = script.get(k)
             late = act if isinstance(act, int) else late
-            if callable(act):
-                act(controller)
+            if callable(act) and act(controller) is ZERO:
+                command(controller.zero_command(), stamp - MS // 2)
             while known <= min(k - late, N):
                 row = JointReference(
                     reference.position[known],
@@ -91,21 +103,31 @@ def live(directory, script, common=True):
                 controller.add_reference(int(stamps[known]), row)
                 bag.write('reference', stamp, records[known].tobytes())
                 known += 1
-            message = plant.message(stamp)
-            measured = plant.measurement()
-            sample = controller.add_state(
-                stamp, JointSample(measured.theta, measured.theta_dot, plant.state.torque)
-            )
-            bag.write('joint_states', stamp, message)
-            if sample.status != status:
-                status = sample.status
-                bag.write('controller/status', stamp, status_message(stamp, status))
-            bag.write(
-                'effort_controller/commands', stamp + 1000,
-                cdr.float64_multi_array(3).encode(data=sample.torque),
-            )  # fmt: skip
-            plant.advance(sample.torque)
+            bag.write('joint_states', stamp, plant.message(stamp))
+            if k not in skipped:
+                measured = plant.measurement()
+                sample = controller.add_state(
+                    stamp, JointSample(measured.theta, measured.theta_dot, plant.state.torque)
+                )
+                torque = sample.torque
+                if sample.status != status:
+                    status = sample.status
+                    bag.write('controller/status', stamp, status_message(stamp, status))
+                command(controller.command, stamp)
+                if controller.code & LOG:
+                    tell(stamp)
+            plant.advance(torque)
+        if k in skipped or not controller.code & LOG:
+            tell(stamp)
     return directory
+
+
+ZERO = object()  # what a function of the controller returns when a zero command is due
+
+
+def lose(controller):
+    controller.lose(faults.STATES_STALE)
+    return ZERO
 
 
 def switch(**changes):
@@ -142,10 +164,70 @@ def test_new_gains_act_where_they_explain_the_commands(recorded_at, tmp_path):
     assert np.flatnonzero(unknown.differing)[0] == 101  # at 100 they change only the memory
 
 
-def test_references_that_came_late_are_found(tmp_path):
-    bag = live(tmp_path / 'bag', {100: 1, 110: 0, 200: 7, 203: -5})
+@pytest.mark.parametrize('says', [True, False])
+def test_references_that_came_late_are_found(says, tmp_path):
+    bag = live(tmp_path / 'bag', {100: 1, 110: 0, 200: 7, 203: -5}, says=says)
     found = again(bag)
     assert not found.differing.any() and found.late == 5 + 3  # the next 5 were known
+
+
+SKIPPED = {1, 2, 50, 51, N} | {*np.random.default_rng(5).choice(N, N // 4, replace=False).tolist()}
+
+
+@pytest.mark.parametrize('common', [True, False])
+def test_only_what_was_answered_is_answered_again(common, tmp_path, capsys):
+    """A quarter of the states is skipped, references are late by up to 20 ms, things happen."""
+    script = {
+        30: 1, 60: 20, 75: 3, 95: -5,
+        100: switch(law='pid'),
+        150: lambda controller: controller.trip(faults.EMERGENCY_STOP),
+        170: lambda controller: controller.clear_fault(),
+        200: switch(law='adaptive_s_fotsmc'),
+        250: lose,
+        270: lambda controller: controller.clear_fault(),
+        300: 9,
+    }  # fmt: skip
+    bag = live(tmp_path / 'bag', script, common, SKIPPED)
+    log, found = run_log.read(bag), again(bag)
+    answered = np.isin(np.arange(N + 1), [*SKIPPED], invert=True)
+    assert np.array_equal(found.known, answered) and not found.differing.any()
+    assert np.array_equal(np.isnan(found.torque[:, 0]), ~answered) and found.late > 80
+    assert np.count_nonzero(log.command_states == 0) == 1  # the zero
+    assert not any(topic.missing for topic in log.messages.values())
+    assert main(['replay', str(bag)]) == 0
+    said = capsys.readouterr().out
+    assert f'identical: {answered.sum()} commands' in said
+    assert f'{N + 1 - answered.sum()} states were not answered' in said
+    with_late = replayed.again(log._replace(used=None), history.read(bag), log.config)
+    assert with_late.differing.any()  # it takes what the bag says
+
+
+def test_a_reference_that_is_too_old_is_replayed(tmp_path):
+    """60 ms without references: the fault begins at the state at which the last is 51 ms old."""
+    bag = live(tmp_path / 'bag', {100: 60, 170: -5, 200: Controller.clear_fault}, skipped=SKIPPED)
+    assert history.read(bag).statuses[-2].fault == faults.FAULT_TEXT[faults.REFERENCE_STALE]
+    found = again(bag)
+    assert not found.differing.any()
+    log = run_log.read(bag)
+    patient = config.changed(log.config, {'safety.reference_timeout': 1.0})
+    other = replayed.instead(log, history.read(bag), patient)
+    assert other.differing[152:170].any() and not other.differing[:120].any()
+
+
+def test_after_half_a_second_without_answers_the_controller_begins_again(tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), 'N', 700)
+    bag = live(tmp_path / 'bag', {}, skipped={*range(50, 600)})
+    found = again(bag)
+    assert found.known.sum() == 151 and not found.differing.any()
+
+
+def test_another_law_answers_the_states_that_were_answered(tmp_path):
+    bag = live(tmp_path / 'bag', {100: 7}, skipped=SKIPPED)
+    log, past = run_log.read(bag), history.read(bag)
+    same = replayed.instead(log, past, log.config)
+    assert same.known.sum() == N + 1 - len(SKIPPED) and not same.differing.any()
+    smc = replayed.instead(log, past, config.changed(log.config, {'law': 'smc'}))
+    assert np.array_equal(np.isfinite(smc.torque[:, 0]), same.known) and smc.differing.any()
 
 
 def test_a_controller_that_took_over_is_replayed(tmp_path):

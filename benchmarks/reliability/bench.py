@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from reliability.hosts import inside
+from reliability.judging import Record, is_well
+from reliability.loop import NODES, Loop
+from reliability.watch_node import Watch, decoded
 
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_sim.messages import state_layout
-from reliability.hosts import inside
-from reliability.judging import Record, is_well
-from reliability.loop import NODES, Loop
-from reliability.watch_node import Watch, decoded
 from trajectory_gen.trajectory import Trajectory
 
 READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled

@@ -15,9 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from reliability.effects import TOPICS, Effect, relayed
+
 from parallel_robot_analysis.processes import MODULES, as_yaml
 from parallel_robot_interface.loop import WAIT
-from reliability.effects import TOPICS, Effect, relayed
 
 NODES = ('trajectory', 'plant', 'controller')
 READERS = {'states': 'controller', 'references': 'controller', 'commands': 'plant'}

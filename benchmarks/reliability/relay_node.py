@@ -19,9 +19,9 @@ import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from reliability.effects import TOPICS, Effect, Line, relayed
 
 from parallel_robot_interface.ros_node import message_class, qos_of
-from reliability.effects import TOPICS, Effect, Line, relayed
 
 
 class Relay:

@@ -13,14 +13,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from parallel_robot_analysis.bags import run_log
-from parallel_robot_analysis.processes import MODULES, as_yaml
-from parallel_robot_interface import topics
-from parallel_robot_interface.errors import BagError
 from reliability import hosts
 from reliability.bench import Bench
 from reliability.effects import Effect
 from reliability.loop import NODES, environment
+
+from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.processes import MODULES, as_yaml
+from parallel_robot_interface import topics
+from parallel_robot_interface.errors import BagError
 
 DISTURBED = 3.0  # s, for which the relay disturbs
 HOGGED = 8.0  # s

@@ -16,12 +16,12 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
+from reliability.loop import NODES
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.ros_node import message_class, qos_of
-from reliability.loop import NODES
 
 PATIENCE = 2.0  # s, for an answer
 WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE, topics.POSE_REFERENCE)

@@ -1,21 +1,25 @@
 """The controller's torques computed again from recorded states and references.
 
-With the recorded law they are the recorded commands, bit for bit. Where something happened whose
-first state is not recorded (new gains, an emergency stop, a reference that came late), it is taken
-to have happened at the state from which on it explains the commands.
+With the recorded law they are the recorded commands, bit for bit. Only states that were answered
+are answered again, each with the reference that was used. Where something happened whose first
+state is not recorded (new gains, an emergency stop; in older bags a reference that came late), it
+is taken to have happened at the state from which on it explains the commands.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_analysis.bags.answers import Used
 from parallel_robot_analysis.bags.history import NOTHING, History
-from parallel_robot_analysis.bags.run_log import RunLog, reference_at
+from parallel_robot_analysis.bags.run_log import RunLog, extrapolated
 from parallel_robot_control import faults
+from parallel_robot_control.answering import RESTART
 from parallel_robot_control.batch import Batch, States, answer, answers
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import first_guess
@@ -101,14 +105,19 @@ def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
     """
     law = history.statuses[0].law if history.statuses else values['law']
     loop = _Loop(log, {**values, 'law': law if law in available(values) else values['law']})
-    common = _common_start(log, history)
-    moment, pending, late, k = loop.first(common), events(history, values), 0, 0
-    expected = log.answer.copy()
+    common = loop.common_start(history)
+    moment, late, k = loop.first(common), 0, 0
+    pending = [
+        event
+        for event in events(history, values)
+        if not (loop.exact and event.fault == faults.REFERENCE_STALE)
+    ]
+    expected = loop.expected.copy()
     torque = np.empty_like(expected)
     slack = SLACK
     while k < len(torque):
-        due = pending[0].stamp + slack if pending else log.stamps[-1] + 1
-        stop = max(k, int(np.searchsorted(log.stamps, due)))
+        due = pending[0].stamp + slack if pending else loop.stamps[-1] + 1
+        stop = max(k, int(np.searchsorted(loop.stamps, due)))
         before, batch = (k, moment), loop.answer(moment, k, stop, expected)
         torque[k : k + batch.answered] = batch.torque
         moment = moment._replace(state=batch.state, memory=batch.memory)
@@ -117,19 +126,20 @@ def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
             if pending:
                 moment = _after(moment, pending.pop(0))
             continue
-        begun = [event for event in pending if event.stamp - SLACK <= log.stamps[k]]
+        begun = [event for event in pending if event.stamp - SLACK <= loop.stamps[k]]
         guess = loop.explain_by_events(*before, k, begun, expected)
         if guess is not None:
             k, moment, happened = guess
             pending = pending[happened:]
         elif k == 0 and loop.answer(loop.first(not common), 0, 1, expected).answered:
             moment = loop.first(not common)
-        elif loop.explain_by_late_reference(moment, k, expected):
+        elif not loop.exact and loop.explain_by_late_reference(moment, k, expected):
             late += 1
         else:  # not explained: from here on, everything at its recorded time
             expected[k:] = np.nan
             slack = 0
-    return Replay(torque, log.answer, late)
+    late += 0 if log.used is None else int(log.used.late.sum())
+    return Replay(loop.spread(torque), log.answer, late)
 
 
 def instead(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
@@ -139,13 +149,19 @@ def instead(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
         InputError: the configuration is not that of a controller.
     """
     loop = _Loop(log, values)
-    moment = loop.first(_common_start(log, history))
-    free = np.full_like(log.answer, np.nan)
-    return Replay(loop.answer(moment, 0, len(free), free).torque, log.answer, 0)
+    moment = loop.first(loop.common_start(history))
+    free = np.full_like(loop.expected, np.nan)
+    return Replay(loop.spread(loop.answer(moment, 0, len(free), free).torque), log.answer, 0)
 
 
 class _Loop:
-    """A controller's fixed parts and its inputs."""
+    """A controller's fixed parts and its inputs, one row a state that it answered.
+
+    Attributes:
+        exact: Whether the bag says which states were answered, and from which references.
+        stamps: Of the states [ns], shape (A,).
+        expected: The recorded commands, shape (A, n).
+    """
 
     def __init__(self, log: RunLog, values: Mapping[str, Any]) -> None:
         self._values = values
@@ -154,14 +170,50 @@ class _Loop:
         safety = config.group(values, SafetyParameters, 'safety')
         self._limits = limits_of(safety)
         self._oldest = round(safety.reference_timeout / self._loop.period)
-        dt = np.diff(log.stamps, prepend=0) / NANOSECONDS
-        dt[0] = self._loop.period
-        self._states = States(log.position, log.velocity, dt)
-        self._stamps, self._effort = log.stamps, log.effort
+        self.exact = log.used is not None
+        self._count = len(log.stamps)
+        self._rows = np.arange(self._count)
+        if log.used is not None:
+            self._rows = np.flatnonzero(log.used.stamps)
+        self.stamps, self.expected = log.stamps[self._rows], log.answer[self._rows]
+        self._effort = log.effort[self._rows]
+        steps = np.diff(self.stamps)
+        again = np.flatnonzero((steps <= 0) | (steps >= RESTART)) + 1
+        self._restarts = again if self.exact else again[:0]
+        dt = np.concatenate([[0.0], steps / NANOSECONDS])
+        dt[[0, *self._restarts]] = self._loop.period
+        self._states = States(log.position[self._rows], log.velocity[self._rows], dt)
         self._known = JointReference(
             log.reference_position, log.reference_velocity, log.reference_acceleration
         )
-        self._references = JointReference(*(row.copy() for row in self._known))
+        self._references = JointReference(*(row[self._rows] for row in self._known))
+        self._stale = np.zeros(len(self._rows), bool)
+        if log.used is not None:
+            self._take_used(log.used, round(safety.reference_timeout * NANOSECONDS))
+        begun = np.flatnonzero(np.diff(self._stale, prepend=False) & self._stale)
+        self._edges = np.union1d(begun, self._restarts)
+
+    def _take_used(self, used: Used, timeout: int) -> None:
+        """Take the references that were used; what is older than a time-out [ns] is at rest."""
+        age = (self.stamps - used.stamps[self._rows])[np.searchsorted(self._rows, used.older)]
+        rows = np.searchsorted(self._rows, used.older)
+        values = extrapolated(age, *used.samples)
+        stale = age > timeout
+        for field, (row, found) in enumerate(zip(self._references, values, strict=True)):
+            row[rows] = found
+            row[rows[stale]] = used.samples.position[stale] if field == 0 else 0.0
+        self._stale[rows] = stale
+
+    def common_start(self, history: History) -> bool:
+        """Whether the first state was the start of the motion, for the controller too."""
+        told = int(history.facts.get('start_stamp', 0)) or STEP_START
+        return bool(self.stamps[0] == told)
+
+    def spread(self, torque: np.ndarray) -> np.ndarray:
+        """Torques of all states, NaN where there is none, from those of the answered ones."""
+        whole = np.full((self._count, torque.shape[1]), np.nan)
+        whole[self._rows] = torque
+        return whole
 
     def first(self, common: bool) -> _Moment:
         """Before the first state; without a common start, the controller takes over."""
@@ -172,19 +224,36 @@ class _Loop:
 
     def answer(self, moment: _Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states."""
-        rows = slice(first, stop)
-        with in_memory(answers, run_cycle) if moment.law.name not in LAWS else nullcontext():
-            return answer(
-                moment.law.update,
-                moment.law.gains,
-                self._robot,
-                self._limits,
-                JointReference(*(row[rows] for row in self._references)),
-                States(*(row[rows] for row in self._states)),
-                expected[rows],
-                moment.state,
-                moment.memory,
-            )
+        stop = min(stop, len(self.stamps))
+        law, state, memory = moment.law, moment.state, moment.memory
+        torques, answered = [], 0
+        inside = self._edges[(self._edges > first) & (self._edges < stop)]
+        for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
+            if begin in self._restarts:
+                pose = np.array(first_guess(self._values))
+                state = initial_state(pose, len(state.held))._replace(fault=state.fault)
+                state, memory = taking_over(state, self._effort[begin]), law.memory
+            if begin < stop and self._stale[begin] and state.fault == faults.NONE:
+                state = state._replace(fault=faults.REFERENCE_STALE, held=state.last.position)
+            rows = slice(begin, end)
+            with in_memory(answers, run_cycle) if law.name not in LAWS else nullcontext():
+                batch = answer(
+                    law.update,
+                    law.gains,
+                    self._robot,
+                    self._limits,
+                    JointReference(*(row[rows] for row in self._references)),
+                    States(*(row[rows] for row in self._states)),
+                    expected[rows],
+                    state,
+                    memory,
+                )
+            torques.append(batch.torque)
+            answered += batch.answered
+            state, memory = batch.state, batch.memory
+            if batch.answered < end - begin:
+                break
+        return Batch(np.concatenate(torques), answered, state, memory)
 
     def explain_by_events(
         self, first: int, moment: _Moment, k: int, events: list[Event], expected: np.ndarray
@@ -216,11 +285,14 @@ class _Loop:
         return found
 
     def explain_by_late_reference(self, moment: _Moment, k: int, expected: np.ndarray) -> bool:
-        """Keep, for state k, the newest older reference that explains its command, if one does."""
+        """Keep, for state k, the newest older reference that explains its command, if one does.
+
+        For bags that do not say which reference was used.
+        """
         for age in [*range(1, min(k, self._oldest) + 1), 0]:  # 0: as it was
             known = slice(k - age, k - age + 1)
-            older = reference_at(
-                self._stamps[k : k + 1], self._stamps[known], *(row[known] for row in self._known)
+            older = extrapolated(
+                self.stamps[k : k + 1] - self.stamps[known], *(row[known] for row in self._known)
             )
             for row, values in zip(self._references, older, strict=True):
                 row[k] = values[0]
@@ -271,9 +343,3 @@ def events(history: History, values: Mapping[str, Any]) -> list[Event]:
                 found.append(Event(said.stamp, {}, codes[said.fault]))
         law, fault = said.law, said.fault
     return sorted(found, key=lambda event: event.stamp)
-
-
-def _common_start(log: RunLog, history: History) -> bool:
-    """Whether the first state was the start of the motion, for the controller too."""
-    told = int(history.facts.get('start_stamp', 0)) or STEP_START
-    return bool(log.stamps[0] == told)

@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics
+from parallel_robot_analysis import metrics, timing
 from parallel_robot_analysis.bags import history, run_log
 from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
 from parallel_robot_analysis.report import figures
@@ -34,12 +34,15 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past = run_log.read(arguments.bag), history.read(arguments.bag)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
+    timed = timing.evaluate(log, past)
     try:
-        poses = metrics.poses(log)
+        log, poses, cut = metrics.with_poses(log)
     except KinematicsError as error:
         raise BagError(f'{arguments.bag}: {error}') from None
+    if cut:
+        print(f'warning: {cut}', file=sys.stderr)
     found = metrics.evaluate(log, poses)
-    result = summarise(log, found)
+    result = summarise(log, found, timed)
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
     figure = arguments.figure or directory / 'run.png'
     try:
@@ -49,9 +52,11 @@ def execute(arguments: argparse.Namespace) -> int:
             figures.draw_run(log, poses, figure)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
-    print(table(result, found))
+    if timing.verdict(timed):
+        print(timing.verdict(timed))
+    print(table(result, found, float(log.config['duration'])))
     quiet = ['no limit acted, no fault'] if past.statuses else []
-    for text in history.remarks(past, log.start_stamp) or quiet:
+    for text in [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]:
         print(f'  {text}')
     print(f'bag     {arguments.bag}\nfigure  {figure}')
     return 0
@@ -75,8 +80,10 @@ def json_draft(path: Path, result: dict[str, Any]) -> Iterator[None]:
         draft.unlink(missing_ok=True)
 
 
-def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[str, Any]:
-    """Figures of merit as plain data, for JSON."""
+def summarise(
+    log: run_log.RunLog, figures_of_merit: metrics.Metrics, timed: timing.Timing
+) -> dict[str, Any]:
+    """Figures of merit and of time as plain data, for JSON."""
     return {
         'scenario': log.scenario,
         'law': log.law,
@@ -84,14 +91,22 @@ def summarise(log: run_log.RunLog, figures_of_merit: metrics.Metrics) -> dict[st
         'transient': figures_of_merit.transient._asdict(),
         'steady': figures_of_merit.steady._asdict(),
         'torque': figures_of_merit.torque._asdict(),
+        'timing': timing.as_json(timed),
         'messages': {name: asdict(count) for name, count in log.messages.items()},
     }
 
 
-def table(result: dict[str, Any], found: metrics.Metrics) -> str:
-    """Figures of merit as lines of text for people."""
+def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> str:
+    """Figures of merit as lines of text for people.
+
+    Args:
+        result: See :func:`summarise`.
+        found: The figures.
+        planned: How long the motion was to be [s]; 0: not known.
+    """
+    short = f' of {planned:g} s' if result['duration_s'] < planned - 1e-9 else ''
     lines = [
-        f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s; '
+        f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s{short}; '
         'errors over the second half'
     ]
     lines += [

@@ -66,7 +66,8 @@ def execute(arguments: argparse.Namespace) -> int:
             figures.draw_torques(log, result.torque, law, figure)
         except OSError as error:
             raise InputError(f'cannot write {figure}: {error.strerror}') from None
-    print(f'{log.scenario}, {log.law}: {len(log.time)} states answered again by {law}')
+    answered = int((~np.isnan(result.torque[:, 0])).sum())
+    print(f'{log.scenario}, {log.law}: {answered} states answered again by {law}')
     lines = table(log, result) if changes else verdict(log, result)
     print('\n'.join([*lines, *([f'figure  {figure}'] if figure else [])]))
     return int(not changes and bool(result.differing.any()))
@@ -114,7 +115,8 @@ def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
     if result.late:
         lines.append(f'{result.late} states were answered with a reference that came late')
     if count < len(result.known):
-        lines.append(f'{len(result.known) - count} states have no recorded command')
+        what = 'have no recorded command' if log.used is None else 'were not answered'
+        lines.append(f'{len(result.known) - count} states {what}')
     if not differing.size:
         return [*lines, f'identical: {count} commands']
     difference = np.abs(result.torque - result.recorded)[differing].max()

@@ -11,7 +11,8 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis.bags import bag_writer, history
+from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis.bags import bag_writer, history, run_log
 from parallel_robot_analysis.bags.experiment import command_line
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.namespaces import add_namespace_argument, full
@@ -19,7 +20,7 @@ from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_loc
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import InputError, RunError
+from parallel_robot_interface.errors import DRIVEN_OUT, InputError, KinematicsError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import assemble
@@ -97,13 +98,33 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     }
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
-    _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration, namespace)
-    past = history.read(out)
-    start = int(past.facts['start_stamp'])
-    for text in (*parts.law.warnings, *history.remarks(past, start), *history.losses(past)):
+    driven_out = _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration, namespace)
+    log, past = run_log.read(out), history.read(out)
+    timed = timing.evaluate(log, past)
+    remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
+    for text in (*parts.law.warnings, *remarks, *timing.remarks(timed, past)):
         print(f'warning: {text}', file=sys.stderr)
+    if driven_out:
+        print(up_to_the_end(log))
     print(f'bag     {out}')
+    if timing.verdict(timed):
+        print(timing.verdict(timed))
+    if driven_out:
+        raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
     return 0
+
+
+def up_to_the_end(log: run_log.RunLog) -> str:
+    """The figures of a run that ended early, in a line."""
+    try:
+        log, poses, _ = metrics.with_poses(log)
+    except KinematicsError as error:
+        return f'no figures: {error}'
+    steady = metrics.evaluate(log, poses).steady
+    return (
+        f'{log.scenario}, {log.law}, up to t = {log.time[-1]:.3f} s; second half: platform error, '
+        f'rms {1e6 * steady.xy_rms_m:.3f} um, max {1e6 * steady.xy_max_m:.3f} um'
+    )
 
 
 def _supervise(
@@ -112,8 +133,12 @@ def _supervise(
     samples: int,
     duration: float,
     namespace: str,
-) -> None:
-    """Start the nodes, give them their start, and see them to the end of the motion."""
+) -> bool:
+    """Start the nodes, give them their start, and see them to the end of the motion.
+
+    Returns:
+        Whether the motion ended early because the robot was driven out of its workspace.
+    """
     from parallel_robot_analysis.ros_session import Session  # only this command needs ROS
 
     caught: list[int] = []
@@ -139,7 +164,8 @@ def _supervise(
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
                 with Progress(duration, 's') as progress:
-                    _follow(processes, session, samples, duration, progress)
+                    follow(processes, session, samples, duration, progress)
+                return session.driven_out
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
@@ -161,10 +187,10 @@ def _telling(processes: NodeProcesses, progress: Progress) -> Callable[[Collecti
     return tell
 
 
-def _follow(
+def follow(
     processes: NodeProcesses, session: Any, samples: int, duration: float, progress: Progress
 ) -> None:
-    """Wait until the recorder has all of the motion.
+    """Wait until the recorder has all of the motion, or the robot has left its workspace.
 
     Raises:
         RunError: the plant stands still.
@@ -172,6 +198,8 @@ def _follow(
     seen, since = session.state, time.monotonic()
     while processes.running('recorder'):
         session.spin(LOOK)
+        if session.driven_out:
+            return
         if session.state != seen:
             seen, since = session.state, time.monotonic()
             progress.show(round(duration * min(1.0, seen / samples), 1))

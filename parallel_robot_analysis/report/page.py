@@ -48,6 +48,7 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
         gains=[_gains(run) for run in runs],
         differences=differences(runs),
         parameters=_parameters(runs),
+        timing=_rows([_timing(run) for run in runs]),
         topics=sorted({topic for run in runs for topic in run.log.messages}),
         several=len(groups) > 1,
     )
@@ -71,6 +72,23 @@ def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[st
     }
 
 
+def _timing(run: Run) -> dict[str, str]:
+    """How a run kept its time, row by row; empty where the bag does not say."""
+    timing = run.timing
+    lags = timing.lag_figures() if timing.lag.size else ()
+    return {
+        'real time': {True: 'held', False: 'not held', None: ''}[timing.realtime],
+        'states answered': '' if timing.answered is None else str(timing.answered),
+        'states skipped': '' if timing.skipped is None else str(timing.skipped),
+        **{
+            f'lag of the torque, {name} [ms]': shown(1e3 * lag * timing.period)
+            for name, lag in zip(('p50', 'p99', 'max'), lags, strict=False)
+        },
+        'steps whose torque answers no state': str(timing.uncommanded),
+        **{f'priority of {printable(k)}': printable(v) for k, v in timing.priority.items()},
+    }
+
+
 def _best(values: Sequence[float | None]) -> float | None:
     """The smallest of several values; None when there is nothing to compare."""
     known = [value for value in values if value is not None]
@@ -91,5 +109,10 @@ def _parameters(runs: Sequence[Run]) -> dict[str, list[str]]:
     tables = [
         {printable(key): printable(value) for key, value in run.log.config.items()} for run in runs
     ]
-    keys = sorted({key for table in tables for key in table})
+    return dict(sorted(_rows(tables).items()))
+
+
+def _rows(tables: Sequence[Mapping[str, str]]) -> dict[str, list[str]]:
+    """Every key of several tables with its value in each, empty where there is none."""
+    keys = dict.fromkeys(key for table in tables for key in table)
     return {key: [table.get(key, '') for table in tables] for key in keys}

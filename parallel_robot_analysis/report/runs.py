@@ -11,10 +11,11 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis.bags import history, run_log
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.printable import printable
+from parallel_robot_analysis.timing import Timing
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
 from parallel_robot_interface.topics import CROSS_COUPLING_ERROR
@@ -46,6 +47,8 @@ class Run(NamedTuple):
         poses: Poses of the platform.
         metrics: Figures of merit.
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
+        timing: How the run kept its time.
+        cut: Why only a part of it was evaluated; empty when all of it was.
     """
 
     bag: Path
@@ -55,6 +58,8 @@ class Run(NamedTuple):
     poses: metrics.Poses
     metrics: metrics.Metrics
     cross_coupling: Series | None
+    timing: Timing
+    cut: str
 
 
 def read_runs(bags: Sequence[Path]) -> dict[str, list[Run]]:
@@ -85,12 +90,13 @@ def read_runs(bags: Sequence[Path]) -> dict[str, list[Run]]:
 
 
 def _measure(bag: Path, label: str, style: str, log: run_log.RunLog) -> Run:
+    timed = timing.evaluate(log, history.read(bag))
     try:
-        poses = metrics.poses(log)
+        log, poses, cut = metrics.with_poses(log)
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
     result = metrics.evaluate(log, poses)
-    return Run(bag, label, style, log, poses, result, cross_coupling(bag, log))
+    return Run(bag, label, style, log, poses, result, cross_coupling(bag, log), timed, cut)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:

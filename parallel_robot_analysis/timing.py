@@ -1,0 +1,228 @@
+"""How a run kept its time, from the bag alone: which torque acted when."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_analysis.bags.experiment import NODES
+from parallel_robot_analysis.bags.history import NOTHING, History
+from parallel_robot_analysis.bags.run_log import RunLog
+from parallel_robot_interface import config
+from parallel_robot_interface.cdr import NANOSECONDS
+from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_model.kernel import inner, kernel
+
+# Real time is held up to these. On the paper's circle, half of the states unanswered at random, a
+# constant lag of 5 ms or stalls of 20 ms each second change the errors of S-FOTSMC by less than a
+# tenth; a constant lag of 8 ms or one stall of 50 ms doubles them (docs/bags.md).
+ANSWERED = 0.9  # smallest share of the states that are answered
+LAG_P99 = 2, 0.005  # largest lag of 99 % of the steps: the larger of samples and [s]
+LAG_MAX = 4, 0.02  # the same, of any step
+WINDOW = 2000  # commands among which that of a step is looked for
+SAME_CLOCK = NANOSECONDS  # ns, between stamps and log times of a loop in wall time
+
+
+class Timing(NamedTuple):
+    """How a run kept its time.
+
+    The lag of a step is the time from the state that its torque answers to its end; one sample is
+    ideal: the torque computed from state k acts from k to k + 1.
+
+    Attributes:
+        states: How many states there were to answer.
+        answered: How many of them were; None when the bag does not say.
+        period: Of the loop [s].
+        lag: Lag of each step [samples], shape (L,); empty when the bag does not say.
+        uncommanded: Steps whose torque answers no state: before the first command, the safe
+            action of the motors, zero torque at a fault.
+        delay: From the stamp of each state to its recording [s], shape (N,); empty when the
+            stamps are not of the recorder's clock, as in lockstep.
+        priority: Node to the real-time priority that it was granted, where the bag says so.
+    """
+
+    states: int
+    answered: int | None
+    period: float
+    lag: NDArray[np.int64]
+    uncommanded: int
+    delay: NDArray[np.float64]
+    priority: dict[str, str]
+
+    @property
+    def skipped(self) -> int | None:
+        """How many states were left without an answer; None when the bag does not say."""
+        return None if self.answered is None else self.states - self.answered
+
+    @property
+    def realtime(self) -> bool | None:
+        """Whether real time was held; None where that is no question (lockstep) or not known.
+
+        It was when at least ANSWERED of the states were answered, 99 % of the steps had a lag of
+        at most LAG_P99 and none one of more than LAG_MAX.
+        """
+        if self.answered is None or not self.delay.size or not self.lag.size:
+            return None
+        enough = self.answered >= ANSWERED * self.states
+        _, p99, largest = self.lag_figures()
+        return bool(enough and self._within(p99, LAG_P99) and self._within(largest, LAG_MAX))
+
+    def lag_figures(self) -> tuple[int, int, int]:
+        """Median, 99th percentile and maximum of the lag [samples]; all of them occurred."""
+        p50, p99, largest = np.percentile(self.lag, [50, 99, 100], method='inverted_cdf')
+        return int(p50), int(p99), int(largest)
+
+    def _within(self, lag: int, bound: tuple[int, float]) -> bool:
+        samples, seconds = bound
+        return lag <= max(samples, round(seconds / self.period))
+
+
+def evaluate(log: RunLog, history: History) -> Timing:
+    """Find out how a run kept its time.
+
+    Args:
+        log: The run.
+        history: What the bag says beside the motion.
+    """
+    period = config.group(log.config, LoopParameters, '').period_ns
+    if not history.facts:
+        period = int(np.median(np.diff(log.stamps))) if len(log.stamps) > 1 else period
+    told = int(history.facts.get('start_stamp', 0))
+    says = bool((log.command_states > 0).any())
+    first = told if told or not says else int(log.command_states[log.command_states > 0].min())
+    last = int(log.command_states.max()) if says else log.stamps[-1]
+    due = (log.stamps >= first) & (log.stamps <= last)
+    answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
+    lag, uncommanded = _lags(log, first, period) if says else (np.zeros(0, np.int64), 0)
+    delay = (log.heard - log.stamps) / NANOSECONDS
+    nodes = history.facts.get('source', NODES) == NODES
+    stepped = history.facts.get('time_mode') == 'lockstep'
+    wall = nodes and not stepped and np.median(np.abs(delay)) * NANOSECONDS < SAME_CLOCK
+    return Timing(
+        int(due.sum()),
+        answered,
+        period / NANOSECONDS,
+        lag,
+        uncommanded,
+        delay if wall else delay[:0],
+        {
+            node: str(parameters['granted.realtime'])
+            for node, parameters in history.parameters.items()
+            if 'granted.realtime' in parameters
+        },
+    )
+
+
+def verdict(timing: Timing) -> str:
+    """Whether real time was held, in one line; empty where that is no question."""
+    if timing.realtime is None:
+        return ''
+    _, p99, largest = timing.lag_figures()
+    if timing.realtime:
+        return f'real time: held (lag p99 {p99} sample{"s" if p99 > 1 else ""})'
+    left = f'{_percent(timing.skipped or 0, timing.states)} of the states unanswered, '
+    return (
+        f'real time: not held, the machine was busy: {left if timing.skipped else ""}'
+        f'lag up to {1e3 * largest * timing.period:.3g} ms; the figures below are of the machine, '
+        'not of the law: use --time-mode lockstep'
+    )
+
+
+def remarks(timing: Timing, history: History) -> list[str]:
+    """What a verdict of real time held does not tell: other torques than the law's acted."""
+    if not timing.realtime:
+        return []
+    lines = []
+    if timing.uncommanded:
+        lines.append(
+            f'real time was held, but in {timing.uncommanded} steps the torque answered no state: '
+            "safe action of the motors (plant.command_timeout) or the controller's zero"
+        )
+    if any(said.fault != NOTHING for said in history.statuses):
+        lines.append('real time was held, but the controller was in a fault')
+    return lines
+
+
+def as_json(timing: Timing) -> dict[str, Any]:
+    """The figures as plain data; None for what the bag does not say."""
+    p50, p99, largest = (None, None, None)
+    if timing.lag.size:
+        p50, p99, largest = (1e3 * lag * timing.period for lag in timing.lag_figures())
+    delay = {}
+    if timing.delay.size:
+        values = 1e3 * np.percentile(timing.delay, [50, 99, 100])
+        delay = dict(zip(('p50', 'p99', 'max'), values.tolist(), strict=True))
+    return {
+        'states': timing.states,
+        'answered': timing.answered,
+        'skipped': timing.skipped,
+        'lag_p50_ms': p50,
+        'lag_p99_ms': p99,
+        'lag_max_ms': largest,
+        'uncommanded': timing.uncommanded,
+        **{f'delay_{name}_ms': value for name, value in delay.items()},
+        'realtime': timing.realtime,
+        'priority': timing.priority,
+    }
+
+
+def _percent(part: int, whole: int) -> str:
+    share = 100.0 * part / whole
+    return f'{share:.0f} %' if share >= 1.0 else f'{share:.1g} %'
+
+
+def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]:
+    """Lag of each step since the state of a stamp [ns], in samples, and the steps without one."""
+    limit = np.array(log.config['plant.torque_limit'], dtype=np.float64)
+    command = np.clip(log.command, -limit, limit)
+    stamps = np.maximum.accumulate(log.command_states)
+    newest = np.searchsorted(stamps, log.stamps, side='right') - 1
+    acting = _acting(log.effort, command, newest)[1:]
+    answers = np.where(acting < 0, 0, log.command_states[acting])
+    counted = log.stamps[:-1] >= first
+    known = counted & (answers > 0)
+    lag = np.rint((log.stamps[1:] - answers)[known] / period).astype(np.int64)
+    return lag, int(counted.sum() - known.sum())
+
+
+@kernel
+def _acting(
+    effort: NDArray[np.float64], command: NDArray[np.float64], newest: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Find the command whose torque acted in the step that ended at each state; -1: none.
+
+    Commands act in their order. Where several have the same torque (saturation, zero), it is the
+    one after that of the step before, else that one again, else the next.
+
+    Args:
+        effort: Torques that acted [N m], shape (N, n).
+        command: Commands as the motors can follow them [N m], shape (M, n).
+        newest: The last command that answers each state or an earlier one, shape (N,).
+    """
+    acting = np.full(len(effort), -1)
+    at = -1
+    for k in range(1, len(effort)):
+        last = newest[k - 1]
+        found = -1
+        if at + 1 <= last and _same(effort[k], command[at + 1]):
+            found = at + 1
+        elif at >= 0 and _same(effort[k], command[at]):
+            found = at
+        else:
+            for later in range(max(at + 2, last + 1 - WINDOW), last + 1):
+                if _same(effort[k], command[later]):
+                    found = later
+                    break
+        if found >= 0:
+            acting[k] = at = found
+    return acting
+
+
+@inner
+def _same(some: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    same = True
+    for i in range(len(some)):
+        same = same and some[i] == others[i]
+    return same

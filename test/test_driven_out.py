@@ -1,0 +1,112 @@
+"""A robot that is driven out of its workspace ends its run early, with a bag that can be read."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from bags import MS
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from test_replay import START, live
+
+from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags.experiment import describe
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.commands import run
+from parallel_robot_analysis.progress import Progress
+from parallel_robot_analysis.ros_session import Session
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface.errors import DRIVEN_OUT
+from parallel_robot_interface.loop import LoopParameters
+
+END = 201  # states inside the workspace
+AT = f'{DRIVEN_OUT} at pose [1.0, 0.9, 0.1] (m, m, rad)'
+
+
+def diagnostics(level, name, text):
+    status = DiagnosticStatus(
+        level=level, name=name, message=text, values=[KeyValue(key='state', value='7')]
+    )
+    return DiagnosticArray(status=[status])
+
+
+@pytest.mark.parametrize(
+    ('level', 'name', 'text', 'driven_out'),
+    [
+        (DiagnosticStatus.ERROR, 'plant: loop', AT, True),
+        (DiagnosticStatus.ERROR, '/left/plant: loop', AT, True),
+        (DiagnosticStatus.WARN, 'plant: loop', AT, False),
+        (DiagnosticStatus.ERROR, 'controller: loop', AT, False),
+        (DiagnosticStatus.ERROR, 'plant: loop', 'no commands', False),
+    ],
+)
+def test_the_session_hears_it_from_the_plant(level, name, text, driven_out):
+    session = Session([], lambda: None)
+    session._on_diagnostics(diagnostics(level, name, text))
+    assert session.driven_out == driven_out and session.state == 7
+    session._on_diagnostics(diagnostics(DiagnosticStatus.OK, 'plant: loop', 'ok'))
+    assert session.driven_out == driven_out
+
+
+def test_the_run_does_not_wait_for_the_rest_of_the_motion():
+    session = SimpleNamespace(state=0, driven_out=False, spins=0)
+
+    def spin(_):
+        session.spins += 1
+        session.state, session.driven_out = session.spins, session.spins == 3
+
+    session.spin = spin
+    processes = SimpleNamespace(running=lambda _: True, check=pytest.fail)
+    run.follow(processes, session, 12_000, 12.0, Progress(12.0, 's'))
+    assert session.spins == 3
+
+
+@pytest.fixture
+def driven_out(tmp_path):
+    """Make a bag whose last states are out of reach."""
+
+    def make(directory):
+        live(tmp_path / 'whole', {})
+        log = run_log.read(tmp_path / 'whole')
+        values = config.resolve('paper_circle', {'duration': 0.4})
+        facts = describe(config.group(values, LoopParameters, ''), values, START)
+        position = log.position[: END + 30].copy()
+        position[END:] += np.linspace(0.3, 1.5, 30)[:, np.newaxis] * [1.0, -1.0, 0.0]
+        states, references = cdr.joint_state(log.joints), cdr.joint_trajectory(log.joints)
+        with BagWriter(directory, topics.RECORDED, facts) as bag:
+            for k, row in enumerate(position):
+                stamp = START + k * MS
+                desired = log.reference_position[k]
+                bag.write('joint_states', stamp, states.encode(stamp, position=row))
+                bag.write('reference', stamp, references.encode(stamp, position=desired))
+                command = cdr.float64_multi_array(3).encode(data=log.command[k])
+                bag.write('effort_controller/commands', stamp, command)
+        return directory
+
+    return make
+
+
+def test_analyze_evaluates_up_to_there(driven_out, tmp_path, capsys):
+    bag = driven_out(tmp_path / 'bag')
+    assert main(['analyze', str(bag), '--json', str(tmp_path / 'run.json')]) == 0
+    out, err = capsys.readouterr()
+    assert 'warning: evaluated up to t = 0.2' in err and 'forward kinematics' in err
+    found = json.loads((tmp_path / 'run.json').read_text())
+    assert 0.2 <= found['duration_s'] < 0.23 and f'{found["duration_s"]:g} s of 0.4 s' in out
+
+
+def test_run_keeps_the_bag_and_says_when(driven_out, tmp_path, monkeypatch, capsys):
+    bag = tmp_path / 'bag'
+    monkeypatch.setattr(run, '_supervise', lambda *_: bool(driven_out(bag)))
+    assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 1
+    out, err = capsys.readouterr()
+    assert f'{DRIVEN_OUT} at t = 0.230 s' in err.splitlines()[-1]
+    assert 'up to t = 0.2' in out and 'platform error, rms' in out and f'bag     {bag}' in out
+    assert len(run_log.read(bag).time) == END + 30
+
+
+def test_a_report_evaluates_up_to_there(driven_out, tmp_path):
+    bag = driven_out(tmp_path / 'bag')
+    assert main(['report', str(bag), '--out', str(tmp_path / 'report')]) == 0
+    assert 'is evaluated up to t = 0.2' in (tmp_path / 'report' / 'report.html').read_text()
