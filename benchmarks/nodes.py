@@ -39,6 +39,7 @@ FIRST = {
 PARTS = ('start', 'wall', 'lockstep')
 PROCESSOR, P50, P99, LOCKSTEP = 1.3, 1.2, 1.5, 0.8  # targets of the ratios
 PACKAGES = ('ros-jazzy-rclpy', 'numpy', 'numba', 'mcap')
+SIDES = ('empty', 'ours')
 Pairs = list[dict[str, Any]]
 
 
@@ -101,9 +102,6 @@ def show(label: str, row: Any, target: float | None = None, sign: str = '<=') ->
     if row['ratio'] is not None:
         text += f'{row["ratio"]:9.2f} ({min(row["all"]):.2f} - {max(row["all"]):.2f})'
     print(text + (f'  {sign} {target}' if target and row['ratio'] is not None else ''))
-
-
-SIDES = ('empty', 'ours')
 
 
 def show_wall(rounds: Pairs) -> dict[str, Any]:
