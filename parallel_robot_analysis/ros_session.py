@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from parallel_robot_interface import ros_middleware
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
 
@@ -24,21 +25,26 @@ START_PATIENCE = 10.0  # s, for the answer to a start
 class Session:
     """Talks to the nodes of a run; use as a context manager."""
 
-    def __init__(self, nodes: Iterable[str], watch: Callable[[], None]) -> None:
+    def __init__(
+        self, nodes: Iterable[str], watch: Callable[[], None], middleware: str = 'udp'
+    ) -> None:
         """Prepare.
 
         Args:
             nodes: Names of the nodes.
             watch: Called again and again while waiting; raises to give up.
+            middleware: The parameter of that name.
         """
+        self._middleware = middleware
         self._watch = watch
         self._names = list(nodes)
         self.state = -1  # last state that the plant reported, -1 before the first report
 
     def __enter__(self) -> Session:
         """Create the node."""
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('parallel_robot_run')
+        with ros_middleware.transport(self._middleware):
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+            self._node = rclpy.create_node('parallel_robot_run')
         self._ready = {
             name: self._node.create_client(Trigger, f'{name}/ready') for name in self._names
         }

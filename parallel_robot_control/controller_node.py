@@ -43,6 +43,8 @@ LOOKS = 4  # at the age of the joint states within the time after which they are
 class ControllerNode(SuiteNode):
     """Answers each state with one command; what the controller thinks goes out more slowly."""
 
+    keeps_time = True
+
     def __init__(self) -> None:
         """Prepare the laws, then listen."""
         groups = {

@@ -36,7 +36,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import config, loop
+from parallel_robot_interface import config, loop, realtime, ros_middleware
 from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
@@ -45,7 +45,8 @@ from parallel_robot_interface.topics import DEPTH, QUEUE, Topic
 
 LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
 PATIENCE = 0.1  # s, longest time between a signal and the end of the executor
-NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
+GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
+NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service', 'granted.')
 
 
 def message_class(type_name: str) -> Any:
@@ -106,7 +107,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         loop: The parameters that all nodes share.
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
+        keeps_time: Whether the loop waits for the node, which then has a real-time priority.
     """
+
+    keeps_time = False
 
     def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
         """Resolve the configuration and declare the node's parameters.
@@ -128,6 +132,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             raise InputError(f'a parameter has no usable value: {error}') from None
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
+        self._granted: dict[str, str] = {}
         self._outputs: list[Publisher] = []
         self._inputs: dict[Topic, Subscription] = {}
         self._thread: DeadlineThread | None = None
@@ -240,6 +245,16 @@ class SuiteNode(Node):  # type: ignore[misc]
             self._thread.stop()
         super().destroy_node()
 
+    def show_granted(self, **texts: str) -> None:
+        """Show what the system granted, in the diagnostics and as parameters, for bags."""
+        for key, text in texts.items():
+            self._granted[GRANTED[key]] = text
+            name = f'granted.{key}'
+            if self.has_parameter(name):  # from the parameters of another run
+                self.undeclare_parameter(name)
+            descriptor = ParameterDescriptor(description=GRANTED[key], read_only=True)
+            self.declare_parameter(name, text, descriptor, ignore_override=True)
+
     def finish(self, code: int = 0) -> None:
         """End the node with an exit code; may be called from any thread."""
         if self.exit_code is None:
@@ -336,7 +351,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         return response
 
     def _publish_diagnostics(self) -> None:
-        figures = {**self.diagnose(), **self.counts}
+        figures = {**self.diagnose(), **self._granted, **self.counts}
         for topic, subscription in self._inputs.items():
             count = subscription.get_publisher_count()
             if count > 1:
@@ -391,9 +406,12 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, heed)
     try:
-        _initialise()
-        node = make()
+        middleware = ros_middleware.asked(sys.argv)
+        with ros_middleware.transport(middleware) as transport:
+            _initialise()
+            node = make()
         making = False
+        ros_middleware.check(node.loop.middleware, middleware)
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)
         rclpy.try_shutdown()
@@ -404,6 +422,9 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         prepare_to_log()
         gc.collect()
         gc.freeze()  # what lives from here on is small: collections stay short
+        wanted = node.keeps_time and node.loop.realtime == 'auto' and not node.loop.lockstep
+        granted = realtime.acquire() if wanted else realtime.NORMAL
+        node.show_granted(realtime=granted, middleware=transport)
         node.begin()
         never = Future()
         while node.exit_code is None and not stop:

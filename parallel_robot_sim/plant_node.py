@@ -29,6 +29,8 @@ REPEAT = 0.5  # s, between two publications of a state that nobody answers (lock
 class PlantNode(SuiteNode):
     """Publishes ``joint_states`` every period, or in lockstep after every command."""
 
+    keeps_time = True
+
     def __init__(self) -> None:
         """Put the robot at its initial pose and begin to publish."""
         super().__init__('plant', GROUPS)

@@ -25,6 +25,8 @@ BATCH = 200  # samples computed at once
 class TrajectoryNode(SuiteNode):
     """Publishes ``reference`` on the grid of the period and ``pose_reference`` more slowly."""
 
+    keeps_time = True
+
     def __init__(self) -> None:
         """Check the whole motion, then begin to publish."""
         groups = {'robot': RobotParameters, 'trajectory': TrajectoryParameters}

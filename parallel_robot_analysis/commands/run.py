@@ -18,7 +18,7 @@ from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
-from parallel_robot_interface.loop import STEP_START, WAIT
+from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_sim.simulation import assemble
 
 READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled
@@ -87,7 +87,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     }
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
-    _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration)
+    _supervise(parameters, loop)
     past = history.read(out)
     start = int(past.facts['start_stamp'])
     for text in (*parts.law.warnings, *history.remarks(past, start), *history.losses(past)):
@@ -96,9 +96,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     return 0
 
 
-def _supervise(
-    parameters: dict[str, dict[str, Any]], lockstep: bool, samples: int, duration: float
-) -> None:
+def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters) -> None:
     """Start the nodes, give them their start, and see them to the end of the motion."""
     from parallel_robot_analysis.ros_session import Session  # only this command needs ROS
 
@@ -115,14 +113,14 @@ def _supervise(
                     raise RunError(f'stopped by {signal.Signals(caught[0]).name}')
                 processes.check()
 
-            with Session(MODULES, watch) as session:
+            with Session(MODULES, watch, loop.middleware) as session:
                 session.wait_until_ready(READY)
                 now = time.time_ns()
-                start = STEP_START if lockstep else (now + LEAD) // START_GRID * START_GRID
+                start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
-                with Progress(duration, 's') as progress:
-                    _follow(processes, session, samples, duration, progress)
+                with Progress(loop.duration, 's') as progress:
+                    _follow(processes, session, loop.samples or 0, loop.duration, progress)
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
