@@ -30,7 +30,7 @@ from parallel_robot_control.messages import (
     telemetry_messages,
 )
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_interface import cdr, topics
+from parallel_robot_interface import cdr, realtime, topics
 from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_joints import JointReader
 from parallel_robot_interface.ros_node import SuiteNode, run_node
@@ -43,7 +43,7 @@ LOOKS = 4  # at the age of the joint states within the time after which they are
 class ControllerNode(SuiteNode):
     """Answers each state with one command; what the controller thinks goes out more slowly."""
 
-    keeps_time = True
+    priority = realtime.LOOP
 
     def __init__(self) -> None:
         """Prepare the laws, then listen."""

@@ -9,33 +9,40 @@ import resource
 from collections.abc import Callable
 from pathlib import Path
 
-PRIORITY = 20  # of SCHED_FIFO: above all normal work, below the interrupt threads of Linux (50)
-NICE = -10
+LOOP = 20  # priority of SCHED_FIFO: above normal work, below the interrupt threads of Linux (50)
+LISTENER = 10  # of what must not make the loop wait, nor fall behind: resending to it costs more
 NORMAL = 'normal'
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # Linux: what there is, what will be, when used
 
 
-def acquire() -> str:
+def acquire(priority: int) -> str:
     """Give all threads of this process, and those to come, what the system permits.
 
     That is a real-time priority, else a negative nice value, else nothing; and locked memory. All
     threads need it: those of the middleware carry the messages to the others. Call it when all
     that is slow is done, for a busy thread of real-time priority leaves nothing to normal ones.
 
+    Args:
+        priority: LOOP, LISTENER or 0: nothing is asked for.
+
     Returns:
         What was permitted, e.g. ``'SCHED_FIFO 20, memory locked'``, ``'nice -10'``, ``'normal'``.
     """
-    schedule = _schedule()
+    if not priority:
+        return NORMAL
+    schedule = _schedule(priority)
     return f'{schedule}, memory locked' if _lock_memory() else schedule
 
 
-def _schedule() -> str:
-    for priority in (PRIORITY, min(PRIORITY, _highest(resource.RLIMIT_RTPRIO))):
-        if priority and _fifo(priority):
-            return f'SCHED_FIFO {priority}'
-    for value in (NICE, max(NICE, 20 - _highest(resource.RLIMIT_NICE))):
-        if value < 0 and _nice(value):
-            return f'nice {value}'
+def _schedule(priority: int) -> str:
+    """Take the best that is permitted, perhaps as much of it as the user's limit."""
+    for wanted in (priority, min(priority, _highest(resource.RLIMIT_RTPRIO))):
+        if wanted and _fifo(wanted):
+            return f'SCHED_FIFO {wanted}'
+    nice = -priority // 2
+    for wanted in (nice, max(nice, 20 - _highest(resource.RLIMIT_NICE))):
+        if wanted < 0 and _nice(wanted):
+            return f'nice {wanted}'
     return NORMAL
 
 

@@ -107,10 +107,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         loop: The parameters that all nodes share.
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
-        keeps_time: Whether the loop waits for the node, which then has a real-time priority.
+        priority: Real-time priority that the node should have in wall time; 0: none.
     """
 
-    keeps_time = False
+    priority = 0
 
     def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
         """Resolve the configuration and declare the node's parameters.
@@ -422,8 +422,8 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         prepare_to_log()
         gc.collect()
         gc.freeze()  # what lives from here on is small: collections stay short
-        wanted = node.keeps_time and node.loop.realtime == 'auto' and not node.loop.lockstep
-        granted = realtime.acquire() if wanted else realtime.NORMAL
+        asks = node.loop.realtime == 'auto' and not node.loop.lockstep
+        granted = realtime.acquire(node.priority if asks else 0)
         node.show_granted(realtime=granted, middleware=transport)
         node.begin()
         never = Future()

@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import cdr, topics
+from parallel_robot_interface import cdr, realtime, topics
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
@@ -29,7 +29,7 @@ REPEAT = 0.5  # s, between two publications of a state that nobody answers (lock
 class PlantNode(SuiteNode):
     """Publishes ``joint_states`` every period, or in lockstep after every command."""
 
-    keeps_time = True
+    priority = realtime.LOOP
 
     def __init__(self) -> None:
         """Put the robot at its initial pose and begin to publish."""

@@ -31,11 +31,6 @@ OWN = (
     'recorder.out',
     'recorder.command_line',
 )  # keys that run gives to its nodes
-PATIENT = {  # s; the robot is simulated, and a desktop may stall: that is no danger to anybody
-    'safety.state_timeout': 0.5,
-    'safety.reference_timeout': 0.5,
-    'plant.command_timeout': 0.5,
-}
 LOOK = 0.1  # s, between two looks at the processes
 
 
@@ -57,8 +52,6 @@ def execute(arguments: argparse.Namespace) -> int:
     for key in OWN:
         if key in changed:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
-    if changed.get('time_mode') != 'lockstep':
-        changed = PATIENT | changed
     return record(arguments.scenario, changed, arguments.out)
 
 
