@@ -11,6 +11,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +22,9 @@ from mcap.reader import make_reader
 from parallel_robot_analysis.bags import history, run_log
 
 LIMITS = (0.05, 0.3)  # s; gaps beyond are counted: ordinary ones, and those of shared memory
-SECONDS = 6.0  # for a join, at most
+SECONDS = 10.0  # for a join, at most
+TOGETHER = 4  # processes that join at a time
+TRANSIENT = 1.0  # s at the start, where the torque begins with a step
 TOPICS = ('/joint_states', '/effort_controller/commands')
 RUN = [sys.executable, '-m', 'parallel_robot_analysis.command_line', 'run', 'paper_circle']
 JOINER = """
@@ -45,7 +49,7 @@ answer = done.result()
 assert isinstance(answer, JointState) or answer.results[0].successful
 rclpy.shutdown()
 """
-WORDS = ([], ['law=fotsmc'], [], ['fotsmc.G=12'], [], ['law=s_fotsmc'], [], ['fotsmc.G=10'])
+CHANGES = ([], ['law=fotsmc'], [], ['fotsmc.G=12'], [], ['law=s_fotsmc'], [], ['fotsmc.G=10'])
 
 
 class Outcome(NamedTuple):
@@ -55,7 +59,8 @@ class Outcome(NamedTuple):
         joins: How many processes joined, did what they should, and left.
         faults: What the controller said.
         gaps: Times between two messages, by topic [s].
-        step: Largest change of the applied torque from one state to the next [N m].
+        step: Largest change of the applied torque in a period, after the start [N m].
+        held: Longest time for which it stayed the same [s].
         granted: Real-time priority of the controller, and the middleware.
     """
 
@@ -63,16 +68,20 @@ class Outcome(NamedTuple):
     faults: tuple[str, ...]
     gaps: dict[str, np.ndarray]
     step: float
+    held: float
     granted: str
 
 
-def joins(count: int, directory: Path, *words: str) -> Outcome:
-    """Let fresh processes join a run one after the other, then end it.
+def joins(
+    count: int, directory: Path, *words: str, changes: Sequence[list[str]] = CHANGES
+) -> Outcome:
+    """Let fresh processes join a run, then end it.
 
     Args:
         count: How many.
         directory: For the bag; must not exist.
         words: More arguments of `run`.
+        changes: What the processes change, one after the other: KEY=VALUE; nothing: they listen.
     """
     duration = str(count * SECONDS + 60.0)
     run = subprocess.Popen(
@@ -84,15 +93,18 @@ def joins(count: int, directory: Path, *words: str) -> Outcome:
         file.stat().st_size > 100_000 for file in directory.glob('*.mcap')
     ):
         time.sleep(0.1)
-    done = 0
-    for k in range(count):
-        joiner = subprocess.run(
-            [sys.executable, '-c', JOINER, *WORDS[k % len(WORDS)]], stderr=subprocess.DEVNULL
-        )
-        done += joiner.returncode == 0
+    with ThreadPoolExecutor(TOGETHER) as pool:
+        codes = list(pool.map(join, (changes[k % len(changes)] for k in range(count))))
+        done = sum(code == 0 for code in codes)
     run.send_signal(signal.SIGINT)
     run.wait()
     return outcome(directory, done)
+
+
+def join(changes: list[str]) -> int:
+    """Let a process join, listen or change something, and leave; returns its exit code."""
+    words = [sys.executable, '-c', JOINER, *changes]
+    return subprocess.run(words, stderr=subprocess.DEVNULL).returncode
 
 
 def outcome(bag: Path, done: int) -> Outcome:
@@ -102,12 +114,15 @@ def outcome(bag: Path, done: int) -> Outcome:
     with next(bag.glob('*.mcap')).open('rb') as file:
         for _, channel, message in make_reader(file).iter_messages(TOPICS):
             times[channel.topic].append(message.log_time)
+    effort = log.effort[log.time > TRANSIENT]
+    moved = np.flatnonzero(np.diff(effort, axis=0).any(axis=1))
     granted = past.parameters['/controller']
     return Outcome(
         done,
         tuple(said.fault for said in past.statuses if said.fault != history.NOTHING),
         {topic: np.diff(stamps) * 1e-9 for topic, stamps in times.items()},
-        float(np.abs(np.diff(log.effort, axis=0)).max()),
+        float(np.abs(np.diff(effort, axis=0)).max()),
+        float(np.diff(moved).max() * log.config['period']),
         f'{granted["granted.middleware"]}; {granted["granted.realtime"]}',
     )
 
@@ -124,7 +139,7 @@ def main() -> None:
         for topic, gaps in found.gaps.items():
             counts = ', '.join(f'{(gaps > limit).sum()} above {limit:g} s' for limit in LIMITS)
             print(f'  {topic:<30}gaps: {counts}, longest {gaps.max():.3f} s')
-        print(f'  largest step of the torque {found.step:.2f} N m')
+        print(f'  torque: largest step {found.step:.2f} N m, longest the same {found.held:.3f} s')
         print(f'  faults: {", ".join(found.faults) or "none"}')
 
 

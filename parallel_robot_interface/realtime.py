@@ -56,10 +56,14 @@ def _nice(value: int) -> bool:
     """Take a nice value; returns whether that was permitted."""
     permitted = _all_threads(lambda thread: os.setpriority(os.PRIO_PROCESS, thread, value))
     if permitted:
-        with contextlib.suppress(OSError):
-            # Linux may share the processor among sessions before it does among threads.
-            Path('/proc/self/autogroup').write_text(str(value))
+        _nice_session(value)
     return permitted
+
+
+def _nice_session(value: int) -> None:
+    """Give the session a nice value: Linux may share among sessions before among threads."""
+    with contextlib.suppress(OSError):
+        Path('/proc/self/autogroup').write_text(str(value))
 
 
 def _lock_memory() -> bool:
