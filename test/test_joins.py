@@ -9,6 +9,7 @@ from ros_fixtures import SLOW_LOOP
 
 from benchmarks.joins import joins
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_interface import config
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -70,3 +71,12 @@ def test_a_file_with_several_transports_is_refused(launch, domain, tmp_path):
         'parallel_robot: middleware is udp, which was not known when the node chose default: '
         'set it by -p middleware:=udp\n'
     )
+
+
+def test_the_strict_time_outs_are_a_parameter_file(launch, peer):
+    file = config.directory() / 'hardware' / 'strict.yaml'
+    plant = launch(MODULES['plant'], '--ros-args', '--params-file', file)
+    names = ['plant.command_timeout', 'safety.state_timeout']
+    request = GetParameters.Request(names=names)
+    answer = peer.call(GetParameters, 'plant/get_parameters', request, plant)
+    assert [value.double_value for value in answer.values] == [0.05, 0.02]
