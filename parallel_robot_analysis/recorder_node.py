@@ -13,7 +13,7 @@ from parallel_robot_analysis.bags import bag_writer
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_analysis.ros_parameters import ParameterWatch
 from parallel_robot_analysis.ros_topics import Discovery, RecorderParameters, full_name, listen_all
-from parallel_robot_interface import config, topics
+from parallel_robot_interface import config, realtime, topics
 from parallel_robot_interface.loop import WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 
@@ -23,6 +23,8 @@ LOOK = 0.5  # s, between two looks at the ROS graph
 
 class RecorderNode(SuiteNode):
     """Records from its start, or the common one, to the end of the motion or of the node."""
+
+    priority = realtime.LISTENER
 
     def __init__(self) -> None:
         """Subscribe to everything; without a common start, begin at once."""

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from parallel_robot_interface import ros_middleware
 from parallel_robot_interface.errors import DRIVEN_OUT, RunError
 from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
 
@@ -33,7 +34,11 @@ class Session:
     """
 
     def __init__(
-        self, nodes: Iterable[str], watch: Callable[[], None], namespace: str = ''
+        self,
+        nodes: Iterable[str],
+        watch: Callable[[], None],
+        namespace: str = '',
+        middleware: str = 'udp',
     ) -> None:
         """Prepare.
 
@@ -41,7 +46,9 @@ class Session:
             nodes: Names of the nodes.
             watch: Called again and again while waiting; raises to give up.
             namespace: Full name of the namespace of the nodes; empty for none.
+            middleware: The parameter of that name.
         """
+        self._middleware = middleware
         self._watch = watch
         self._names = list(nodes)
         self._namespace = namespace
@@ -50,8 +57,9 @@ class Session:
 
     def __enter__(self) -> Session:
         """Create the node."""
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('parallel_robot_run', namespace=self._namespace)
+        with ros_middleware.transport(self._middleware):
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+            self._node = rclpy.create_node('parallel_robot_run', namespace=self._namespace)
         self._ready = {
             name: self._node.create_client(Trigger, f'{name}/ready') for name in self._names
         }

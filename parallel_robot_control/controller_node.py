@@ -41,7 +41,7 @@ from parallel_robot_control.messages import (
     telemetry_messages,
 )
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_interface import cdr, topics
+from parallel_robot_interface import cdr, realtime, topics
 from parallel_robot_interface.ros_joints import JointReader
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters
@@ -52,6 +52,8 @@ LOOKS = 4  # at the age of the joint states within the time after which they are
 
 class ControllerNode(SuiteNode):
     """Answers each state with one command; what the controller thinks goes out more slowly."""
+
+    priority = realtime.LOOP
 
     def __init__(self) -> None:
         """Prepare the laws, then listen."""

@@ -41,6 +41,11 @@ def scenarios() -> list[str]:
     return sorted(path.stem for path in (directory() / 'scenarios').glob('*.yaml'))
 
 
+def default(key: str) -> Any:
+    """Default of a key of ``defaults.yaml``."""
+    return _flatten(_read(directory() / 'defaults.yaml'))[key]
+
+
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Merge defaults, a scenario and overrides.
 

@@ -101,6 +101,8 @@ def check(name: str, kind: Any, field: Field, value: Any) -> Any:
             raise InputError(f'{name} must be {wanted}, not {len(value)}')
         return tuple(check(f'{name}[{i}]', items[0], field, item) for i, item in enumerate(value))
     if get_origin(kind) is Literal:
+        if value is False and 'off' in get_args(kind):
+            return 'off'  # YAML takes an unquoted off for false
         if value not in get_args(kind):
             raise UnknownNameError(f'value of {name}', str(value), map(str, get_args(kind)))
         return value

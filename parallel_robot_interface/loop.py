@@ -31,6 +31,14 @@ class LoopParameters(NamedTuple):
         Field('', 'wall: real time; lockstep: the plant waits for each command'),
     ]
     executor: Annotated[Literal['events', 'single'], Field('', 'executor of rclpy')]
+    realtime: Annotated[
+        Literal['auto', 'off'],
+        Field('', 'auto: real-time priority and locked memory where permitted (wall time)'),
+    ]
+    middleware: Annotated[
+        Literal['udp', 'default'],
+        Field('', 'udp: Fast DDS without shared memory; default: as it is set up'),
+    ]
     start_stamp: Annotated[
         int, Field('ns', 'stamp of t = 0; 0: with the first command; -1: wait to be told', -1)
     ]

@@ -37,7 +37,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import config, loop
+from parallel_robot_interface import config, loop, realtime, ros_middleware
 from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
@@ -46,7 +46,8 @@ from parallel_robot_interface.topics import DEPTH, QUEUE, Topic
 
 LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
 PATIENCE = 0.1  # s, longest time between a signal and the end of the executor
-NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service')
+GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
+NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service', 'granted.')
 
 
 def message_class(type_name: str) -> Any:
@@ -107,7 +108,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         loop: The parameters that all nodes share.
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
+        priority: Real-time priority that the node should have in wall time; 0: none.
     """
+
+    priority = 0
 
     def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
         """Resolve the configuration and declare the node's parameters.
@@ -129,6 +133,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             raise InputError(f'a parameter has no usable value: {error}') from None
         self.exit_code: int | None = None
         self.counts: Counter[str] = Counter()
+        self._granted: dict[str, str] = {}
         self._outputs: list[Publisher] = []
         self._inputs: dict[Topic, Subscription] = {}
         self._thread: DeadlineThread | None = None
@@ -246,6 +251,16 @@ class SuiteNode(Node):  # type: ignore[misc]
             self._thread.stop()
         super().destroy_node()
 
+    def show_granted(self, **texts: str) -> None:
+        """Show what the system granted, in the diagnostics and as parameters, for bags."""
+        for key, text in texts.items():
+            self._granted[GRANTED[key]] = text
+            name = f'granted.{key}'
+            if self.has_parameter(name):  # from the parameters of another run
+                self.undeclare_parameter(name)
+            descriptor = ParameterDescriptor(description=GRANTED[key], read_only=True)
+            self.declare_parameter(name, text, descriptor, ignore_override=True)
+
     def finish(self, code: int = 0) -> None:
         """End the node with an exit code; may be called from any thread."""
         if self.exit_code is None:
@@ -342,7 +357,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         return response
 
     def _publish_diagnostics(self) -> None:
-        figures = {**self.diagnose(), **self._use(), **self.counts}
+        figures = {**self.diagnose(), **self._use(), **self._granted, **self.counts}
         for topic, subscription in self._inputs.items():
             count = subscription.get_publisher_count()
             if count > 1:
@@ -416,9 +431,12 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     logger.setLevel(logging.INFO)
     logger.addHandler(_ToRos())
     try:
-        _initialise()
-        node = make()
+        middleware = ros_middleware.asked(sys.argv)
+        with ros_middleware.transport(middleware) as transport:
+            _initialise()
+            node = make()
         making = False
+        ros_middleware.check(node.loop.middleware, middleware)
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)
         rclpy.try_shutdown()
@@ -429,6 +447,9 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         prepare_to_log()
         gc.collect()
         gc.freeze()  # what lives from here on is small: collections stay short
+        asks = node.loop.realtime == 'auto' and not node.loop.lockstep
+        granted = realtime.acquire(node.priority if asks else 0)
+        node.show_granted(realtime=granted, middleware=transport)
         node.begin()
         while node.exit_code is None and not stop:
             # A new one each time: SingleThreadedExecutor leaves a callback in it.

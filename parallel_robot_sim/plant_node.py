@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from parallel_robot_control.wire import wire_of
-from parallel_robot_interface import cdr, topics
+from parallel_robot_interface import cdr, realtime, topics
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
@@ -35,6 +35,8 @@ ENDLESS = -1  # steps that are still allowed: no end
 
 class PlantNode(SuiteNode):
     """Publishes ``joint_states`` every period, or in lockstep after every command."""
+
+    priority = realtime.LOOP
 
     def __init__(self) -> None:
         """Put the robot at its initial pose and begin to publish."""

@@ -3,8 +3,10 @@
 import shutil
 
 import pytest
+import yaml
 
 from parallel_robot_control.laws import LAWS
+from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_model.parameters import RobotParameters, validate
@@ -35,6 +37,26 @@ def test_every_scenario_gives_complete_groups(scenario):
         config.group(values, kind, prefix)
     for prefix in ('robot', 'true_robot'):
         validate(config.group(values, RobotParameters, prefix), prefix)
+
+
+@pytest.mark.parametrize(
+    'path', sorted((config.directory() / 'hardware').glob('*.yaml')), ids=lambda path: path.name
+)
+def test_every_parameter_file_is_of_ros_and_for_every_node(path):
+    (nodes,) = yaml.safe_load(path.read_text()).items()
+    assert nodes[0] == '/**' and set(nodes[1]) == {'ros__parameters'}
+    given = config._flatten(nodes[1]['ros__parameters'])
+    values = config.resolve('paper_circle', given)
+    assert given.items() <= values.items()
+    config.group(values, SafetyParameters, 'safety')
+    config.group(values, PlantParameters, 'plant')
+
+
+def test_the_strict_time_outs_are_tighter_than_those_of_a_desktop():
+    strict = yaml.safe_load((config.directory() / 'hardware' / 'strict.yaml').read_text())
+    values = config.resolve('paper_circle')
+    for key, value in config._flatten(strict['/**']['ros__parameters']).items():
+        assert value < values[key], key
 
 
 def test_the_papers_numbers_are_in_the_files(robot):

@@ -19,7 +19,7 @@ pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.parametrize('node', ['wall'], indirect=True)
 
 SECOND, MS = 10**9, 10**6  # ns
-TIMEOUT = 20 * MS  # ns, the default
+TIMEOUT = round(config.resolve('paper_circle')['safety.state_timeout'] * 1e9)  # ns
 
 
 class Loop:
@@ -61,7 +61,7 @@ def test_a_state_that_is_older_than_the_timeout_is_as_none(loop):
     assert len(loop.give(SECOND, TIMEOUT)) == 1
     assert loop.give(SECOND + MS, TIMEOUT + MS) == [] and loop.fault == NONE
     assert loop.controller.counts['joint states that are too old'] == 1
-    loop.stands = 0.021  # s
+    loop.stands = TIMEOUT * 1e-9 + 1e-3  # s
     loop.controller._watch()
     assert loop.fault == STATES_STALE
 

@@ -131,7 +131,7 @@ def level(rig, sample):
 
 @pytest.mark.parametrize('fault', CAUSES, ids=lambda fault: FAULT_TEXT[fault].replace(' ', '_'))
 def test_a_cause_is_seen_at_once_and_stays_until_it_is_cleared(fault):
-    rig = Rig()
+    rig = Rig(safety__reference_timeout=0.05)
     before = rig.run(MOVING)
     assert level(rig, before) == (DiagnosticStatus.OK, 'ok')
     sample = CAUSES[fault](rig)
@@ -292,7 +292,7 @@ def test_stale_states_are_a_fault_that_cannot_be_cleared_until_states_come(clock
     for _ in range(MOVING):
         clock.time += 1e-3
         rig.step()
-    clock.time += 0.019
+    clock.time += rig.values['safety.state_timeout'] - 1e-3
     assert not rig.controller.stale() and not rig.controller.watch()
     clock.time += 0.002
     assert rig.controller.watch() and rig.controller.fault == STATES_STALE

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import cdr, config, topics
+from parallel_robot_interface import cdr, config, realtime, topics
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters, validate
@@ -24,6 +24,8 @@ BATCH = 200  # samples computed at once
 
 class TrajectoryNode(SuiteNode):
     """Publishes ``reference`` on the grid of the period and ``pose_reference`` more slowly."""
+
+    priority = realtime.LOOP
 
     def __init__(self) -> None:
         """Check the whole motion, then begin to publish."""

@@ -15,6 +15,7 @@ from parallel_robot_interface import cdr, config
 from parallel_robot_interface.topics import STATUS, Topic
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
+REALTIME = 'granted.realtime'  # parameter of a node
 NOTHING = 'none'  # what a status says instead of a fault or limits
 
 
@@ -117,6 +118,15 @@ def remarks(history: History, start: int) -> list[str]:
     first = next((said for said in history.statuses if said.fault != NOTHING), None)
     fault = ((first.stamp - start) / cdr.NANOSECONDS, first.fault) if first else None
     return remark_lines(', '.join(sorted(names)), fault)
+
+
+def realtime(history: History) -> dict[str, str]:
+    """Real-time priority that each node of a run had, by its full name; not in older bags."""
+    return {
+        node: str(parameters[REALTIME])
+        for node, parameters in history.parameters.items()
+        if REALTIME in parameters
+    }
 
 
 def losses(history: History) -> list[str]:

@@ -21,7 +21,7 @@ from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import DRIVEN_OUT, InputError, KinematicsError, RunError
-from parallel_robot_interface.loop import STEP_START, WAIT
+from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import assemble
 
@@ -35,11 +35,6 @@ OWN = (
     'recorder.out',
     'recorder.command_line',
 )  # keys that run gives to its nodes
-PATIENT = {  # s; the robot is simulated, and a desktop may stall: that is no danger to anybody
-    'safety.state_timeout': 0.5,
-    'safety.reference_timeout': 0.5,
-    'plant.command_timeout': 0.5,
-}
 LOOK = 0.1  # s, between two looks at the processes
 
 
@@ -62,8 +57,6 @@ def execute(arguments: argparse.Namespace) -> int:
     for key in OWN:
         if key in changed:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
-    if changed.get('time_mode') != 'lockstep':
-        changed = PATIENT | changed
     return record(arguments.scenario, changed, arguments.out, full(arguments.namespace))
 
 
@@ -98,7 +91,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     }
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
-    driven_out = _supervise(parameters, loop.lockstep, loop.samples or 0, loop.duration, namespace)
+    driven_out = _supervise(parameters, loop, namespace)
     log, past = run_log.read(out), history.read(out)
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
@@ -128,11 +121,7 @@ def up_to_the_end(log: run_log.RunLog) -> str:
 
 
 def _supervise(
-    parameters: dict[str, dict[str, Any]],
-    lockstep: bool,
-    samples: int,
-    duration: float,
-    namespace: str,
+    parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str
 ) -> bool:
     """Start the nodes, give them their start, and see them to the end of the motion.
 
@@ -154,17 +143,17 @@ def _supervise(
                     raise RunError(f'stopped by {signal.Signals(caught[0]).name}')
                 processes.check()
 
-            with Session(MODULES, watch, namespace) as session:
+            with Session(MODULES, watch, namespace, loop.middleware) as session:
                 with Progress(len(MODULES), 'nodes ready') as progress:
                     session.wait_until_ready(
                         READY, processes.processor_time, _telling(processes, progress)
                     )
                 now = time.time_ns()
-                start = STEP_START if lockstep else (now + LEAD) // START_GRID * START_GRID
+                start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
-                with Progress(duration, 's') as progress:
-                    follow(processes, session, samples, duration, progress)
+                with Progress(loop.duration, 's') as progress:
+                    follow(processes, session, loop.samples or 0, loop.duration, progress)
                 return session.driven_out
     finally:
         for number, handler in handlers.items():

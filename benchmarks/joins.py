@@ -1,0 +1,147 @@
+"""Processes that join a loop and leave, half of which change law or gains: gaps, faults, torque.
+
+Usage: python benchmarks/joins.py [joins] [udp,default]
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from mcap.reader import make_reader
+
+from parallel_robot_analysis.bags import history, run_log
+
+LIMITS = (0.05, 0.3)  # s; gaps beyond are counted: ordinary ones, and those of shared memory
+SECONDS = 10.0  # for a join, at most
+TOGETHER = 4  # processes that join at a time
+TRANSIENT = 1.0  # s at the start, where the torque begins with a step
+TOPICS = ('/joint_states', '/effort_controller/commands')
+RUN = [sys.executable, '-m', 'parallel_robot_analysis.command_line', 'run', 'paper_circle']
+JOINER = """
+import sys, time, rclpy
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+
+PATIENCE = 60.0
+rclpy.init()
+node, done = rclpy.create_node('joiner'), rclpy.task.Future()
+if len(sys.argv) == 1:
+    node.create_subscription(JointState, 'joint_states', done.set_result, 10)
+for word in sys.argv[1:]:
+    key, _, value = word.partition('=')
+    parameter = Parameter(key, value=value if key == 'law' else float(value))
+    client = node.create_client(SetParameters, 'controller/set_parameters')
+    assert client.wait_for_service(PATIENCE)
+    done = client.call_async(SetParameters.Request(parameters=[parameter.to_parameter_msg()]))
+rclpy.spin_until_future_complete(node, done, timeout_sec=PATIENCE)
+answer = done.result()
+assert isinstance(answer, JointState) or answer.results[0].successful
+rclpy.shutdown()
+"""
+CHANGES = ([], ['law=fotsmc'], [], ['fotsmc.G=12'], [], ['law=s_fotsmc'], [], ['fotsmc.G=10'])
+
+
+class Outcome(NamedTuple):
+    """What joins did to a loop.
+
+    Attributes:
+        joins: How many processes joined, did what they should, and left.
+        faults: What the controller said.
+        gaps: Times between two messages, by topic [s].
+        step: Largest change of the applied torque in a period, after the start [N m].
+        held: Longest time for which it stayed the same [s].
+        granted: Real-time priority of the controller, and the middleware.
+    """
+
+    joins: int
+    faults: tuple[str, ...]
+    gaps: dict[str, np.ndarray]
+    step: float
+    held: float
+    granted: str
+
+
+def joins(
+    count: int, directory: Path, *words: str, changes: Sequence[list[str]] = CHANGES
+) -> Outcome:
+    """Let fresh processes join a run, then end it.
+
+    Args:
+        count: How many.
+        directory: For the bag; must not exist.
+        words: More arguments of `run`.
+        changes: What the processes change, one after the other: KEY=VALUE; nothing: they listen.
+    """
+    duration = str(count * SECONDS + 60.0)
+    run = subprocess.Popen(
+        [*RUN, '--duration', duration, '--out', str(directory), *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    while run.poll() is None and not any(
+        file.stat().st_size > 100_000 for file in directory.glob('*.mcap')
+    ):
+        time.sleep(0.1)
+    with ThreadPoolExecutor(TOGETHER) as pool:
+        codes = list(pool.map(join, (changes[k % len(changes)] for k in range(count))))
+        done = sum(code == 0 for code in codes)
+    run.send_signal(signal.SIGINT)
+    run.wait()
+    return outcome(directory, done)
+
+
+def join(changes: list[str]) -> int:
+    """Let a process join, listen or change something, and leave; returns its exit code."""
+    words = [sys.executable, '-c', JOINER, *changes]
+    return subprocess.run(words, stderr=subprocess.DEVNULL).returncode
+
+
+def outcome(bag: Path, done: int) -> Outcome:
+    """Read from a bag what joins did."""
+    log, past = run_log.read(bag), history.read(bag)
+    times: dict[str, list[int]] = {topic: [] for topic in TOPICS}
+    with next(bag.glob('*.mcap')).open('rb') as file:
+        for _, channel, message in make_reader(file).iter_messages(TOPICS):
+            times[channel.topic].append(message.log_time)
+    effort = log.effort[log.time > TRANSIENT]
+    moved = np.flatnonzero(np.diff(effort, axis=0).any(axis=1))
+    granted = past.parameters['/controller']
+    return Outcome(
+        done,
+        tuple(said.fault for said in past.statuses if said.fault != history.NOTHING),
+        {topic: np.diff(stamps) * 1e-9 for topic, stamps in times.items()},
+        float(np.abs(np.diff(effort, axis=0)).max()),
+        float(np.diff(moved).max() * log.config['period']),
+        f'{granted["granted.middleware"]}; {granted["granted.realtime"]}',
+    )
+
+
+def main() -> None:
+    """Compare the transports."""
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
+    choices = sys.argv[2].split(',') if len(sys.argv) > 2 else ['udp', 'default']
+    for choice in choices:
+        with tempfile.TemporaryDirectory() as directory:
+            found = joins(count, Path(directory) / 'bag', '--set', f'middleware={choice}')
+        print(f'{choice}: {found.joins} of {count} joins ({found.granted})')
+        for topic, gaps in found.gaps.items():
+            counts = ', '.join(f'{(gaps > limit).sum()} above {limit:g} s' for limit in LIMITS)
+            print(f'  {topic:<30}gaps: {counts}, longest {gaps.max():.3f} s')
+        print(f'  torque: largest step {found.step:.2f} N m, longest the same {found.held:.3f} s')
+        print(f'  faults: {", ".join(found.faults) or "none"}')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,102 @@
+"""Priority and memory of a process that keeps time, as far as the system permits."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import resource
+from collections.abc import Callable
+from pathlib import Path
+
+LOOP = 20  # priority of SCHED_FIFO: above normal work, below the interrupt threads of Linux (50)
+LISTENER = 10  # of what must not make the loop wait, nor fall behind: resending to it costs more
+NORMAL = 'normal'
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # Linux: what there is, what will be, when used
+
+
+def acquire(priority: int) -> str:
+    """Give all threads of this process, and those to come, what the system permits.
+
+    That is a real-time priority, else a negative nice value, else nothing; and locked memory. All
+    threads need it: those of the middleware carry the messages to the others. Call it when all
+    that is slow is done, for a busy thread of real-time priority leaves nothing to normal ones.
+
+    Args:
+        priority: LOOP, LISTENER or 0: nothing is asked for.
+
+    Returns:
+        What was permitted, e.g. ``'SCHED_FIFO 20, memory locked'``, ``'nice -10'``, ``'normal'``.
+    """
+    if not priority:
+        return NORMAL
+    schedule = _schedule(priority)
+    return f'{schedule}, memory locked' if _lock_memory() else schedule
+
+
+def _schedule(priority: int) -> str:
+    """Take the best that is permitted, perhaps as much of it as the user's limit."""
+    for wanted in (priority, min(priority, _highest(resource.RLIMIT_RTPRIO))):
+        if wanted and _fifo(wanted):
+            return f'SCHED_FIFO {wanted}'
+    nice = -priority // 2
+    for wanted in (nice, max(nice, 20 - _highest(resource.RLIMIT_NICE))):
+        if wanted < 0 and _nice(wanted):
+            return f'nice {wanted}'
+    return NORMAL
+
+
+def _fifo(priority: int) -> bool:
+    """Take a real-time priority; returns whether that was permitted."""
+    parameter = os.sched_param(priority)
+    return _all_threads(lambda thread: os.sched_setscheduler(thread, os.SCHED_FIFO, parameter))
+
+
+def _nice(value: int) -> bool:
+    """Take a nice value; returns whether that was permitted."""
+    permitted = _all_threads(lambda thread: os.setpriority(os.PRIO_PROCESS, thread, value))
+    if permitted:
+        _nice_session(value)
+    return permitted
+
+
+def _nice_session(value: int) -> None:
+    """Give the session a nice value: Linux may share among sessions before among threads."""
+    with contextlib.suppress(OSError):
+        Path('/proc/self/autogroup').write_text(str(value))
+
+
+def _lock_memory() -> bool:
+    """Keep in memory what is used, now and later; returns whether that was permitted.
+
+    Under a limit of locked memory, allocations would fail once it is reached. So it is done only
+    without one: when the limit is infinite, or when even a limit of zero does not hold.
+    """
+    soft, hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)
+    unlimited = hard == resource.RLIM_INFINITY
+    resource.setrlimit(resource.RLIMIT_MEMLOCK, (hard if unlimited else 0, hard))
+    # When used: a stack has 8 MB of which a thread uses little.
+    locked: bool = ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0
+    if not unlimited:
+        resource.setrlimit(resource.RLIMIT_MEMLOCK, (soft, hard))
+    return locked
+
+
+def _all_threads(change: Callable[[int], object]) -> bool:
+    """Change each thread of this process; returns whether that was permitted."""
+    for thread in os.listdir('/proc/self/task'):
+        try:
+            change(int(thread))
+        except ProcessLookupError:
+            pass  # it has just ended
+        except OSError:
+            return False
+    return True
+
+
+def _highest(limit: int) -> int:
+    """Raise a limit as far as this process may; returns its new value."""
+    hard = resource.getrlimit(limit)[1]
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(limit, (hard, hard))
+    return hard if hard != resource.RLIM_INFINITY else 99
