@@ -98,6 +98,7 @@ class ControllerNode(SuiteNode):
         self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
+        self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = self.values['safety.state_timeout']
         self._state_timeout = round(timeout * cdr.NANOSECONDS)
         if not self.loop.lockstep:
@@ -181,7 +182,7 @@ class ControllerNode(SuiteNode):
             self._send(self._controller.answer_pending())
 
     def _on_state(self, data: bytes) -> None:
-        code = self._controller.answer(data, now=0 if self.loop.lockstep else time.time_ns())
+        code = self._controller.answer(data, now=self._now())
         if code == ANSWERED:  # nine times out of ten
             self._commands.publish(self._controller.command)
         elif code > 0:
@@ -204,10 +205,19 @@ class ControllerNode(SuiteNode):
         else:
             self._send(self._controller.add_state(stamp, JointSample(*vectors)))
 
+    def _now(self) -> int:
+        """Time by which a state may be too old [ns]; 0: none is.
+
+        The earlier of two: stamps go on as before when the system clock is set.
+        """
+        if self.loop.lockstep:
+            return 0
+        return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
+
     def _is_old(self, stamp: int) -> bool:
         """Whether a state is of a time that has gone: one that waited in a queue, say."""
         latest = stamp + self._state_timeout
-        if self.loop.lockstep or time.time_ns() <= latest:  # the cheaper clock first
+        if self._now() <= latest:  # the cheaper clock first
             return False
         return bool(self.get_clock().now().nanoseconds > latest)
 

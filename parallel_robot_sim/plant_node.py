@@ -47,6 +47,7 @@ class PlantNode(SuiteNode):
         self._command = np.zeros(3)
         self._commanded = False  # whether a command came since the last state
         self._reset_requested = False
+        self._by_command = self.loop.start_stamp == 0  # how the motion starts
         self._outside = ''  # how the robot left its workspace
         self._steps_left = ENDLESS  # in lockstep; 0: paused
         self._published = 0  # states
@@ -128,11 +129,12 @@ class PlantNode(SuiteNode):
         if self._outside:
             return
         if self._index is None:
-            if self.loop.start_stamp == WAIT and not 0 <= self._start - stamp <= HELD:
+            waits = self.loop.start_stamp == WAIT and not self._by_command
+            if waits and not 0 <= self._start - stamp <= HELD:
                 return  # nobody asked yet
             if self._start == stamp:
                 self._index = 0
-            elif self.loop.start_stamp == 0 and self._commanded:
+            elif self._by_command and self._commanded:
                 self._start, self._index = stamp - self.loop.period_ns, 0
                 self._step()
         elif self._finished():
@@ -234,15 +236,15 @@ class PlantNode(SuiteNode):
         self._reset_requested = self._commanded = False
 
     def _answer_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self.loop.start_stamp == 0
+        response.success = not self.loop.lockstep or self.loop.start_stamp == 0
         if not response.success:
-            response.message = 'not with a common start: the motion would not fit'
+            response.message = 'not in lockstep with a common start: others would not begin again'
         elif self.loop.lockstep:
             self._put_back()
             response.message = 'the motion begins again'
             self._begin_lockstep()
         else:
-            self._reset_requested = True
+            self._reset_requested = self._by_command = True
             response.message = 'held at the initial pose until the next command'
         return response
 
