@@ -1,0 +1,46 @@
+"""Laws whose controller does not see every state, against the same laws that see all of them."""
+
+import numpy as np
+import pytest
+from rig import Rig
+
+from parallel_robot_control.laws import LAWS
+
+SAMPLES, STEADY = 1400, 900
+SHARE = 0.2  # of the states, left out one to four in a row
+
+
+def left_out():
+    """Which states the controller does not see, shape (SAMPLES,); it sees the first."""
+    draw, missing, k = np.random.default_rng(3), np.zeros(SAMPLES, bool), 1
+    while k < SAMPLES:
+        if draw.random() < 0.1:
+            count = draw.integers(1, 5)
+            missing[k : k + count] = True
+            k += count
+        k += 1
+    return missing
+
+
+def joint_error(law, missing):
+    """Root mean square of the largest joint error of each late state [rad]."""
+    rig, torque, errors = Rig('lockstep', law=law), np.zeros(3), []
+    for skipped in missing:
+        rig.controller.add_reference(rig.stamp, rig.reference())
+        if not skipped:
+            sample = rig.controller.add_state(rig.stamp, rig.measured())
+            assert sample.status.fault == 0
+            torque = sample.torque
+        errors.append(np.abs(rig.reference().position - rig.measured().position).max())
+        rig.simulator.advance(torque)
+        rig.k += 1
+    assert rig.controller.skipped == missing[: np.flatnonzero(~missing)[-1]].sum()
+    return np.sqrt(np.mean(np.square(errors[STEADY:])))
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_a_fifth_of_the_states_left_out_hardly_changes_the_error(law):
+    missing = left_out()
+    assert abs(missing.mean() - SHARE) < 0.01
+    every = joint_error(law, np.zeros(SAMPLES, bool))
+    assert abs(joint_error(law, missing) - every) < 0.02 * every + 1e-6
