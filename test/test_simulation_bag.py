@@ -51,7 +51,7 @@ def test_every_topic_is_on_the_grid(messages):
             headers = [message.header.stamp for _, message in stream]
             assert [stamp.sec * 10**9 + stamp.nanosec for stamp in headers] == stamps
         assert (len(stream) == 1) == (topic in ('/controller/active_law', '/controller/status'))
-    assert len(messages) == 11
+    assert len(messages) == 12
 
 
 def test_metadata_say_where_zero_is_and_how_it_was_made(bag):
