@@ -28,6 +28,7 @@ LAYOUTS = {
     topics.REFERENCE.type: cdr.joint_trajectory(JOINTS),
     topics.COMMANDS.type: cdr.float64_multi_array(3),
     topics.POSE.type: cdr.pose_stamped('base'),
+    topics.ANSWERED.type: cdr.int64_multi_array(20),
 }
 
 
@@ -43,7 +44,7 @@ def message(topic, stamp):
     record = layout.records(1, stamp if layout.stamped else None)
     for name in record.dtype.names:
         if name not in ('sec', 'nanosec'):
-            record[name] = NUMBERS.normal(size=record[name].shape)
+            record[name] = 1e6 * NUMBERS.normal(size=record[name].shape)
     return record.tobytes()
 
 

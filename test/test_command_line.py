@@ -138,7 +138,8 @@ def test_simulate_and_analyze(tmp_path, capsys):
     assert main(['analyze', str(bag), '--json', str(report)]) == 0
     assert (bag / 'run.png').read_bytes().startswith(b'\x89PNG')
     found = json.loads(report.read_text())
-    keys = ['scenario', 'law', 'duration_s', 'transient', 'steady', 'torque', 'messages']
+    keys = ['scenario', 'law', 'duration_s', 'transient', 'steady', 'torque']
+    keys += ['timing', 'messages']
     assert list(found) == keys
     assert (found['scenario'], found['law'], found['duration_s']) == (
         'paper_circle',

@@ -6,6 +6,7 @@ import textwrap
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bags import content
 from mcap.reader import make_reader
@@ -15,7 +16,7 @@ from parallel_robot_analysis.bags import bag_reader
 from parallel_robot_analysis.bags.bag_writer import MESSAGES, channel, qos_profile
 from parallel_robot_analysis.bags.mcap_records import Block
 from parallel_robot_analysis.recorder import Recorder
-from parallel_robot_control.messages import Status, status_message
+from parallel_robot_control.messages import Status, answers_message, status_message
 from parallel_robot_interface import cdr, config, topics
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.loop import LoopParameters
@@ -40,6 +41,8 @@ def message(topic, k):
         return status_message(START + k * MS, Status('s_fotsmc', 0, 0))
     if topic == topics.COMMANDS:
         return cdr.float64_multi_array(3).encode(data=[k, k, k])
+    if topic == topics.ANSWERED:
+        return answers_message(np.full((1, 2), START + k * MS))
     return LAYOUTS[topic.type].encode(START + k * MS)
 
 
@@ -265,6 +268,40 @@ def test_missing_numbers_are_losses_and_stand_in_the_bag(make, tmp_path):
     assert found['joint_states'] == 'written 7, lost 3'
     assert found['pose'] == 'written 7, lost unknown'
     assert found['reference'] == 'written 0, lost unknown'
+
+
+def test_a_state_that_the_controller_left_out_is_no_loss(make, tmp_path, monkeypatch):
+    """In wall time, numbers tell what was lost of what the controller published."""
+    recorder = make('wall')
+    recorder.open(START)
+    skipped, lost = (3, 4, 10), 7
+    take(recorder, left_out=[(topic, k) for topic in module.ANSWERS for k in range(SAMPLES + 1)])
+    number = 0
+    for k in range(SAMPLES + 1):
+        number += k not in skipped
+        if k not in (*skipped, lost):
+            for topic in (topics.COMMANDS, topics.ERROR):
+                recorder.take(topic, message(topic, k), 0, number)
+    now = time.monotonic()
+    monkeypatch.setattr(time, 'monotonic', lambda: now + 10.0)
+    assert recorder.complete()
+    report = recorder.close()
+    assert 'effort_controller/commands: received 17, written 17, lost 1' in report
+    assert 'controller/error: received 17, written 17, lost 1' in report
+    assert f'joint_states: received {SAMPLES + 1}, written {SAMPLES + 1}, lost 0' in report
+    assert 'controller/sliding_variable: received 0, written 0, lost 3' in report
+
+
+@pytest.mark.parametrize('mode', ['wall', 'lockstep'])
+def test_commands_that_answer_no_state_are_recorded_as_such(mode, make, tmp_path):
+    recorder = make(mode)
+    recorder.open(START)
+    take(recorder, range(6))
+    zero = answers_message(np.zeros((1, 2), np.int64))
+    recorder.take(topics.ANSWERED, zero)
+    recorder.close()
+    log_time, data = recorded(tmp_path)['controller/answered'][-1]
+    assert data == zero and (mode == 'wall' or log_time == START + 5 * MS)
 
 
 def test_the_middleware_tells_the_time_of_reception(make, tmp_path):

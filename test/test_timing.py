@@ -131,6 +131,25 @@ def test_verdicts(read):
     assert 'use --time-mode lockstep' in timing.verdict(few)
 
 
+@pytest.mark.parametrize(
+    ('answered', 'lags', 'held'),
+    [
+        (1000, {1: 900, 5: 90, 20: 10}, True),
+        (899, {1: 1000}, False),
+        (900, {1: 1000}, True),
+        (1000, {3: 501, 1: 499}, False),
+        (1000, {1: 980, 6: 20}, False),
+        (1000, {1: 999, 21: 1}, False),
+    ],
+)
+def test_real_time_is_held_up_to_the_bounds(answered, lags, held):
+    lag = np.repeat([*lags], [*lags.values()])
+    timed = timing.Timing(1000, answered, 1e-3, lag, 0, np.zeros(1), {})
+    assert timed.realtime is held
+    slow = timed._replace(period=0.01, lag=np.minimum(lag, 2))  # two samples are always allowed
+    assert slow.realtime is (answered >= 900)
+
+
 def test_a_bag_that_begins_and_ends_in_the_midst(read):
     """A recorder that came late and was killed: records and commands do not begin together."""
     found, _ = loop(np.full(N + 1, 2), range(40, 60))

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot_analysis.bags import history, replayed, run_log
+from parallel_robot_analysis.bags import history, recorded_controller, run_log
 from parallel_robot_analysis.bags.experiment import SIMULATION, software
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.indexed_reader import BagReader
@@ -77,7 +77,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
     if others != ours:
         lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
-    happened = replayed.events(past, values)
+    happened = recorded_controller.events(past, values)
     if happened:
         lines.append(
             f'{len(happened)} changes of law, gains or fault during the run are not repeated'
