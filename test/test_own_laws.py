@@ -12,6 +12,7 @@ from parallel_robot_analysis.processes import MODULES
 from parallel_robot_control.laws import LAWS, prepare
 from parallel_robot_interface import cdr, config, plugins, topics
 from parallel_robot_interface.errors import InputError
+from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']
@@ -233,5 +234,6 @@ def test_the_node_runs_it_or_says_in_one_line_why_not(write, launch, peer):
     peer.until(lambda: laws or not good.running)
     assert laws[-1].data == 'tuned'
     assert wrong.wait() == 2
-    assert wrong.stderr.count('\n') == 1 and "Unknown attribute 'Kq'" in wrong.stderr
+    notice, error = wrong.stderr.splitlines()
+    assert notice.endswith(NOTICE) and "Unknown attribute 'Kq'" in error
     assert good.end(signal.SIGINT) == 0
