@@ -27,6 +27,7 @@ MESSAGES = {
     topics.POSE: cdr.pose_stamped(topics.FRAME),
     topics.POSE_REFERENCE: cdr.pose_stamped(topics.FRAME),
     topics.ERROR: cdr.joint_state(JOINTS, BOTH),
+    topics.ANSWERED: cdr.int64_multi_array(2 * topics.SLOW),
     topics.SYNCHRONISATION_ERROR: cdr.joint_state(JOINTS, BOTH),
     topics.CROSS_COUPLING_ERROR: cdr.joint_state(JOINTS, POSITION),
     topics.SLIDING_VARIABLE: cdr.joint_state(JOINTS, POSITION),

@@ -159,9 +159,9 @@ def test_references_that_stop_are_extrapolated_for_a_moment_then_a_fault(motion)
     references, states = motion
     core = controller()
     core.add_reference(START, references[0])
-    for k in range(0, 400, 10):
+    for k in range(0, 900, 10):
         sample = core.add_state(START + k * MS, states[0])
-        assert (sample.status.fault == REFERENCE_STALE) == (k > 50)
+        assert (sample.status.fault == REFERENCE_STALE) == (k > 500)
     assert np.array_equal(sample.torque, -40.0 * states[0].velocity)
 
 

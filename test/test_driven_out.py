@@ -24,28 +24,33 @@ END = 201  # states inside the workspace
 AT = f'{DRIVEN_OUT} at pose [1.0, 0.9, 0.1] (m, m, rad)'
 
 
-def diagnostics(level, name, text):
+def diagnostics(level, node, text):
     status = DiagnosticStatus(
-        level=level, name=name, message=text, values=[KeyValue(key='state', value='7')]
+        level=level,
+        name=f'{node.rpartition("/")[2]}: loop',
+        message=text,
+        hardware_id=node,
+        values=[KeyValue(key='state', value='7')],
     )
     return DiagnosticArray(status=[status])
 
 
 @pytest.mark.parametrize(
-    ('level', 'name', 'text', 'driven_out'),
+    ('level', 'node', 'text', 'driven_out'),
     [
-        (DiagnosticStatus.ERROR, 'plant: loop', AT, True),
-        (DiagnosticStatus.ERROR, '/left/plant: loop', AT, True),
-        (DiagnosticStatus.WARN, 'plant: loop', AT, False),
-        (DiagnosticStatus.ERROR, 'controller: loop', AT, False),
-        (DiagnosticStatus.ERROR, 'plant: loop', 'no commands', False),
+        (DiagnosticStatus.ERROR, '/left/plant', AT, True),
+        (DiagnosticStatus.ERROR, '/plant', AT, False),  # of another robot
+        (DiagnosticStatus.WARN, '/left/plant', AT, False),
+        (DiagnosticStatus.ERROR, '/left/controller', AT, False),
+        (DiagnosticStatus.ERROR, '/left/plant', 'no commands', False),
     ],
 )
-def test_the_session_hears_it_from_the_plant(level, name, text, driven_out):
-    session = Session([], lambda: None)
-    session._on_diagnostics(diagnostics(level, name, text))
-    assert session.driven_out == driven_out and session.state == 7
-    session._on_diagnostics(diagnostics(DiagnosticStatus.OK, 'plant: loop', 'ok'))
+def test_the_session_hears_it_from_the_plant(level, node, text, driven_out):
+    session = Session([], lambda: None, '/left')
+    session._on_diagnostics(diagnostics(level, node, text))
+    assert session.driven_out == driven_out
+    assert session.state == (7 if node == '/left/plant' else -1)
+    session._on_diagnostics(diagnostics(DiagnosticStatus.OK, '/left/plant', 'ok'))
     assert session.driven_out == driven_out
 
 

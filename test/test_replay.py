@@ -70,6 +70,7 @@ def live(directory, script, common=True, skipped=(), says=True):
     not answered. A bag of an older version does not say which are.
     """
     changed = {'duration': N * 1e-3, 'safety.state_timeout': 5.0}
+    changed['safety.reference_timeout'] = 0.05
     changed['start_stamp'] = -1 if common else 0
     values = config.resolve('paper_circle', changed)
     loop = config.group(values, LoopParameters, '')

@@ -30,7 +30,7 @@ def test_a_simulation_with_changed_values_comes_out_the_same(tmp_path, capsys):
     assert main(['rerun', str(bag)]) == 0
     out, err = capsys.readouterr()
     again = tmp_path / 'bag_rerun'
-    assert 'identical: 371 messages' in out and err == ''
+    assert 'identical: 382 messages' in out and err == ''
     assert content(bag / 'bag_0.mcap') == content(again / 'bag_rerun_0.mcap')
     assert run_log.read(again).config == run_log.read(bag).config
 
@@ -46,14 +46,14 @@ def test_a_law_of_ones_own_comes_from_the_bag(tmp_path, capsys):
     assert main(['rerun', str(bag), '--out', str(tmp_path / 'again')]) == 0
     assert main(['replay', str(bag)]) == 0
     out, err = capsys.readouterr()
-    assert 'identical: 371 messages' in out and 'identical: 101 commands' in out
+    assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of my_law' in err
     assert history.read(tmp_path / 'again').laws == history.read(bag).laws
 
 
 def test_what_differs_first_is_said(tmp_path):
     one, other = simulated(tmp_path / 'one'), simulated(tmp_path / 'other', '--law', 'smc')
-    assert rerun.compare(one, one) == (371, '')
+    assert rerun.compare(one, one) == (382, '')
     _, difference = rerun.compare(one, other)
     assert 'at t = 0.000 s: other bytes' in difference and difference.startswith('first on /')
     longer = tmp_path / 'longer'
