@@ -7,6 +7,7 @@ Usage: python benchmarks/joins.py [joins] [udp,default]
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import subprocess
@@ -111,10 +112,11 @@ def outcome(bag: Path, done: int) -> Outcome:
     answered = np.flatnonzero(~np.isnan(log.answer[:, 0]))  # the last one by zero, at the end
     effort = log.effort[log.time > TRANSIENT][: answered[-1] - len(log.time)]
     steps = np.abs(np.diff(effort, axis=0)).max(axis=1)
+    said = [status.fault for status in past.statuses]
     granted = past.parameters['/controller']
     return Outcome(
         done,
-        tuple(said.fault for said in past.statuses if said.fault != history.NOTHING),
+        tuple(text for text, _ in itertools.groupby(said) if text != history.NOTHING),
         float(steps.max()),
         np.diff(np.flatnonzero(steps)) * log.config['period'],
         f'{granted["granted.middleware"]}; {granted["granted.realtime"]}',
