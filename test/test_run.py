@@ -28,6 +28,7 @@ FULL = ('/joint_states', '/reference', '/effort_controller/commands')
 SLOW = (
     '/pose', '/pose_reference', '/controller/error', '/controller/synchronisation_error',
     '/controller/cross_coupling_error', '/controller/sliding_variable',
+    '/controller/answered',
 )  # fmt: skip
 LATCHED = ('/controller/active_law', '/controller/status')
 
