@@ -35,13 +35,14 @@ def count(
     Args:
         streams: Messages of each topic.
         period: Of the loop [ns].
-        answered: What the controller recorded; None: a command is taken to answer each state.
+        answered: What the controller recorded. None, or not all of it: a command is taken to answer
+            each state.
     """
     counts: dict[str, TopicCount] = {}
     for topic, parts in streams.items():
         stamps = np.sort(np.concatenate([part.stamps for part in parts]))
         missing = 0
-        if topic == topics.COMMANDS and answered is None:
+        if topic == topics.COMMANDS and (answered is None or answered.gaps):
             states = counts[topics.JOINT_STATES.name]
             missing = max(0, states.count + states.missing - len(stamps))
         elif topic == topics.COMMANDS and answered is not None:
