@@ -35,8 +35,8 @@ def count(
     Args:
         streams: Messages of each topic.
         period: Of the loop [ns].
-        answered: What the controller recorded. None, or not all of it: a command is taken to answer
-            each state.
+        answered: What the controller recorded. None, or not all of it: a command is taken to
+            answer each state.
     """
     counts: dict[str, TopicCount] = {}
     for topic, parts in streams.items():
