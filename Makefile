@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
-  launch/* config/*.yaml config/*/*.yaml parallel_robot_*/*.py parallel_robot_*/*/*.py \
+  launch/* config/*.yaml config/*/*.* parallel_robot_*/*.py parallel_robot_*/*/*.py \
   parallel_robot_*/*/templates/* trajectory_gen/*.py))
 WARM := from parallel_robot_control.controller import Controller; \
   from parallel_robot_interface import config; Controller(config.resolve('paper_circle'))

@@ -23,7 +23,7 @@ def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain,
     for word in ('amplitude=[5, 5, 5]', 'phase=[1, 1, 1]', 'frequency=0.1'):
         words += ['--set', f'disturbance.{word}']  # under which the laws differ by 4 N m
     changes = ([], ['law=smc'], ['smc.z=18'], [], ['law=computed_torque'])
-    found = joins(10, tmp_path / 'bag', *words, changes=changes)
+    found = joins(10, tmp_path / 'bag', *words, changes=changes, together=5)
     assert found.joins == 10 and not found.faults
     assert found.granted.startswith('rmw_fastrtps_cpp, UDP; ')
     assert 0.0 < found.step <= RAMP * found.held.max() + 0.1  # N m; mostly held for a period

@@ -138,6 +138,7 @@ def test_a_change_during_the_run_is_in_the_bag_and_replayed(start, peer, tmp_pat
     past = history.read(tmp_path / 'bag')
     assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
     assert past.parameters['/controller']['s_fotsmc.G'] == 10.0
+    assert history.realtime(past) == dict.fromkeys(past.parameters, 'normal')  # in lockstep
     (change,) = past.changes
     assert change.node == '/controller' and change.values['s_fotsmc.G'] == 20.0
     assert 'limits acted: ramp after a take-over' in process.stderr
