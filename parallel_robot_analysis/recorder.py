@@ -38,7 +38,7 @@ from parallel_robot_interface.topics import (
 ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller says to a state
 DRAIN = 0.05  # s, between two rounds of writing
 FLUSH = 1.0  # s, after which a chunk is finished although it is not full
-STRAGGLERS = 2.0  # s, how long a finished motion waits for messages that are still missing
+STRAGGLERS = 4.0  # s, how long a finished motion waits for what is missing; Fast DDS repairs in 3
 
 
 class Recorder:

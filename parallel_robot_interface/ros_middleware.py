@@ -91,11 +91,12 @@ def transport(choice: str) -> Iterator[str]:
 
 def _udp() -> dict[str, str | None]:
     """Variables for UDP alone in the discovery range of this process; None: not set."""
+    profiles = config.directory() / 'middleware'
     if os.environ.get(LOCALHOST_ONLY) == '1' or os.environ.get(RANGE) == 'LOCALHOST':
         # There rmw_fastrtps adds shared memory to any transport; in SYSTEM_DEFAULT, nothing.
-        profiles = config.directory() / 'middleware' / 'udp_localhost.xml'
-        return {RANGE: 'SYSTEM_DEFAULT', LOCALHOST_ONLY: None, PROFILES: str(profiles)}
-    return {TRANSPORTS: 'UDPv4'}
+        file = str(profiles / 'udp_localhost.xml')
+        return {RANGE: 'SYSTEM_DEFAULT', LOCALHOST_ONLY: None, PROFILES: file}
+    return {TRANSPORTS: 'UDPv4', PROFILES: str(profiles / 'udp.xml')}
 
 
 @contextmanager

@@ -39,7 +39,10 @@ def in_force(choice='udp'):
 def test_beyond_this_host_udp_is_a_builtin_transport(scope, monkeypatch):
     if scope:
         monkeypatch.setenv(RANGE, scope)
-    assert in_force() == ('rmw_fastrtps_cpp, UDP', {TRANSPORTS: 'UDPv4'})
+    text, changes = in_force()
+    assert text == 'rmw_fastrtps_cpp, UDP'
+    assert changes.pop(PROFILES).endswith('config/middleware/udp.xml')
+    assert changes == {TRANSPORTS: 'UDPv4'}
 
 
 @pytest.mark.parametrize(
