@@ -152,8 +152,7 @@ class EmptyRecorder(EmptyNode):
             qos.depth = topics.DEPTH
             listen(self, topic, qos, partial(self._take, channel))
 
-    def _take(self, channel: int, data: bytes, information: dict[str, int]) -> None:
-        received = information['received_timestamp']
+    def _take(self, channel: int, data: bytes, received: int, _: int) -> None:
         self._writer.add_message(channel, received, data, received)
 
     def close(self) -> None:

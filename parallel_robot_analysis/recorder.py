@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,17 +42,52 @@ FLUSH = 1.0  # s, after which a chunk is finished although it is not full
 STRAGGLERS = 4.0  # s, how long a finished motion waits for what is missing; Fast DDS repairs in 3
 
 
+class Stream:
+    """The messages of one topic, counted; what rules their log time is known beforehand.
+
+    Attributes:
+        topic: One of the suite's, or any other.
+        channel: How the topic is written.
+        of_suite: Whether it is one of the suite's.
+        stamp_of: Reads the stamp of a message [ns]; None for types without one.
+        received: Messages taken.
+        gaps: Numbers missing between those that the publisher gave its messages; None where they
+            are not known or several publishers number theirs.
+    """
+
+    def __init__(self, topic: Topic, channel: Channel) -> None:
+        self.topic, self.channel, self.every = topic, channel, topic.every
+        self.of_suite = topic in RECORDED
+        self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
+        stamped = self.of_suite and topic.type not in UNSTAMPED
+        self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
+        self.received = 0
+        self.gaps: int | None = None
+        self._number = 0  # of the last message; 0: none had one
+
+    def count(self, number: int) -> None:
+        """Count a message, and the numbers between it and the last; smaller ones begin anew."""
+        self.received += 1
+        if not number:
+            return
+        if not self._number:
+            self.gaps = 0
+        elif number > self._number + 1 and self.gaps is not None:
+            self.gaps += number - self._number - 1
+        self._number = number
+
+    def several(self) -> None:
+        """Say that the topic has several publishers: their numbers cannot be told apart."""
+        self.gaps = None
+        self._number = self._number or 1
+
+
 class Recorder:
     """Writes what it is given, from the start stamp to the end of the motion.
 
     In lockstep the log time is the time of the simulation: the stamp of a message, or for types
     without one the stamp of the state that the k-th message answers. In wall time it is the time
     of reception. Topics that are not the suite's have the time of the newest message that is.
-
-    Attributes:
-        received: Messages taken, by topic.
-        gaps: Numbers missing between those that the publisher of a topic gave its messages; None
-            where they are not known or several publishers number theirs.
     """
 
     def __init__(
@@ -80,18 +116,16 @@ class Recorder:
         self._over = False  # whether the last state of the motion is here
         self._last_heard = time.monotonic()
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
+        self._lockstep = loop.lockstep
         self._suite = RECORDED if suite else ()
-        self._channels = {topic: channel_of(topic) for topic in self._suite}
+        self._streams = {topic: Stream(topic, channel_of(topic)) for topic in self._suite}
         self._laws = sources(values)  # as they are at the start
         self._newest = 0  # ns, largest stamp of the suite
-        self._numbers: dict[Topic, int] = {}  # of the last message
-        self._queue: queue.SimpleQueue[tuple[Topic, int, bytes]] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[Stream, int, bytes]] = queue.SimpleQueue()
         self._notes: queue.SimpleQueue[tuple[str, dict[str, str]]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
-        self.received: Counter[Topic] = Counter()
-        self.gaps: dict[Topic, int | None] = {}
         software()  # looked up now, not at the start of the motion
 
     def open(self, start_stamp: int = 0) -> None:
@@ -117,7 +151,17 @@ class Recorder:
 
     def add(self, topic: Topic, channel: Channel) -> None:
         """Record a topic that is not one of the suite's; before its first message is taken."""
-        self._channels[topic] = channel
+        self._streams[topic] = Stream(topic, channel)
+
+    @property
+    def received(self) -> Counter[Topic]:
+        """Messages taken, by topic."""
+        return Counter({topic: stream.received for topic, stream in self._streams.items()})
+
+    @property
+    def losses(self) -> int:
+        """How many messages are known to be missing by the numbers that publishers gave them."""
+        return sum(stream.gaps or 0 for stream in self._streams.values())
 
     def found(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Note the parameters of a node at the start."""
@@ -138,44 +182,52 @@ class Recorder:
             received: When the middleware received it [ns]; 0: now.
             number: That which its publisher gave it; 0: not known.
         """
+        self._take(self._streams[topic], data, received, number)
+
+    def taker(self, topic: Topic) -> Callable[[bytes, int, int], None]:
+        """:meth:`take` for the messages of one topic; ready to be called often."""
+        return partial(self._take, self._streams[topic])
+
+    def _take(self, stream: Stream, data: bytes, received: int, number: int) -> None:
         if self._writer is None:
-            if topic.latched:
-                self._early.append((topic, data, received, number))
+            if stream.topic.latched:
+                self._early.append((stream.topic, data, received, number))
             return
-        if topic not in RECORDED:
-            stamp = max(self._newest, self._start)
-        elif topic.type in UNSTAMPED:
-            stamp = self._start + self.received[topic] * self._loop.period_ns
+        newest, start = self._newest, self._start
+        if stream.stamp_of is not None:
+            stamp = stream.stamp_of(data)
+            if stamp is None:
+                return
+            if stream.is_log:  # of commands that answer no state: as if of the newest
+                stamp = stamp or max(newest, start)
+            late = self._end is not None and stamp > self._end and stream.every
+            if stamp < start or late:  # what is latched may be of a controller that lags
+                return
+        elif stream.of_suite:
+            stamp = start + stream.received * self._loop.period_ns
         else:
-            found = last_state(data) if topic == ANSWERED else header_stamp(data)
-            if found is None:
-                return
-            if topic == ANSWERED:  # of commands that answer no state: as if of the newest
-                found = found or max(self._newest, self._start)
-            stamp = found
-            late = self._end is not None and stamp > self._end and topic.every
-            if stamp < self._start or late:  # what is latched may be of a controller that lags
-                return
-            self._newest = max(self._newest, stamp)
-        now = received or time.time_ns()
-        log_time = stamp if self._loop.lockstep else max(now, self._start)
-        self.received[topic] += 1
-        self._watch(topic, number)
-        self._over = self._over or (topic == JOINT_STATES and stamp == self._end)
+            stamp = max(newest, start)
+        if stamp > newest and stream.of_suite:
+            self._newest = stamp
+        stream.count(number)
+        if stream.is_state and stamp == self._end:
+            self._over = True
+        log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
-        self._queue.put((topic, log_time, data))
+        self._queue.put((stream, log_time, data))
 
     def several(self, topic: Topic) -> None:
         """Say that a topic has several publishers: their numbers cannot be told apart."""
-        self.gaps[topic] = None
+        self._streams[topic].several()
 
     def lost(self, topic: Topic) -> int | None:
         """How many messages are known to be missing; None when nothing is known."""
-        expected, gaps = self.expected(topic), self.gaps.get(topic)
+        stream = self._streams[topic]
+        expected, gaps = self.expected(topic), stream.gaps
         skips = not self._loop.lockstep and topic in ANSWERS  # a state may stay unanswered
         if expected is None or (skips and gaps is not None):
             return gaps
-        return max(expected - self.received[topic], gaps or 0)
+        return max(expected - stream.received, gaps or 0)
 
     def expected(self, topic: Topic) -> int | None:
         """How many messages of a topic the whole motion has; None when that is not known."""
@@ -189,7 +241,8 @@ class Recorder:
             return False
         silent = time.monotonic() - self._last_heard > STRAGGLERS
         return silent or all(
-            self.received[topic] >= (self.expected(topic) or 0) for topic in self._channels
+            stream.received >= (self.expected(topic) or 0)
+            for topic, stream in self._streams.items()
         )
 
     def close(self) -> list[str]:
@@ -202,7 +255,7 @@ class Recorder:
         if self._writer is None:
             return []
         self._thread.join()
-        for topic in self._channels:
+        for topic in self._streams:
             lost = self.lost(topic)
             self._writer.certificate[topic.name] = certify(
                 self._writer.written[topic.name], 'unknown' if lost is None else lost
@@ -212,20 +265,9 @@ class Recorder:
         except OSError as error:
             self._failed(self._broken(error))
         return [
-            f'{topic.name}: received {self.received[topic]}, '
-            f'{self._writer.certificate[topic.name]}'
-            for topic in self._channels
+            f'{topic.name}: received {stream.received}, {self._writer.certificate[topic.name]}'
+            for topic, stream in self._streams.items()
         ]
-
-    def _watch(self, topic: Topic, number: int) -> None:
-        """Count the numbers between this message and the last; smaller ones begin anew."""
-        if not number:
-            return
-        skipped = max(0, number - self._numbers.get(topic, number - 1) - 1)
-        gaps = self.gaps.setdefault(topic, 0)
-        if gaps is not None:
-            self.gaps[topic] = gaps + skipped
-        self._numbers[topic] = number
 
     def _write(self) -> None:
         assert self._writer is not None
@@ -235,10 +277,11 @@ class Recorder:
                 while not self._notes.empty():
                     self._writer.note(*self._notes.get())
                 while not self._queue.empty():
-                    topic, log_time, data = self._queue.get()
-                    if topic.name not in self._writer.written and topic not in self._suite:
-                        self._writer.add(self._channels[topic])
-                    self._writer.write(topic.name, log_time, data)
+                    stream, log_time, data = self._queue.get()
+                    name = stream.topic.name
+                    if name not in self._writer.written and stream.topic not in self._suite:
+                        self._writer.add(stream.channel)
+                    self._writer.write(name, log_time, data)
                 if last:
                     return
                 self._writer.flush(FLUSH)

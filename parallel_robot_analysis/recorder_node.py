@@ -37,7 +37,7 @@ class RecorderNode(SuiteNode):
         self._topics: dict[topics.Topic, Subscription] = {}
         self._discovery = Discovery(self, wanted) if choosing else None
         for topic in () if choosing else topics.RECORDED:
-            self._topics[topic] = listen_all(self, topic, None, self._recorder.take)
+            self._topics[topic] = listen_all(self, topic, None, self._recorder.taker(topic))
         self._parameter_watch = ParameterWatch(self, self._recorder.found, self._recorder.changed)
         self.create_timer(LOOK, self._look)
         self.create_timer(CHECK, self._check)
@@ -61,8 +61,8 @@ class RecorderNode(SuiteNode):
 
     def diagnose(self) -> dict[str, Any]:
         """Messages by topic, and how many are known to be missing."""
-        received = {topic.name: self._recorder.received[topic] for topic in self._topics}
-        return received | {'lost': sum(gaps or 0 for gaps in self._recorder.gaps.values())}
+        received = {topic.name: count for topic, count in self._recorder.received.items()}
+        return received | {'lost': self._recorder.losses}
 
     def handled(self) -> int:
         """States recorded; where others were chosen, messages of any topic."""
@@ -86,7 +86,7 @@ class RecorderNode(SuiteNode):
         """Record what has appeared, ask its nodes, and see who has several publishers."""
         for topic, (channel, qos) in (self._discovery.new() if self._discovery else {}).items():
             self._recorder.add(topic, channel)
-            self._topics[topic] = listen_all(self, topic, qos, self._recorder.take)
+            self._topics[topic] = listen_all(self, topic, qos, self._recorder.taker(topic))
         for topic, subscription in self._topics.items():
             if subscription.get_publisher_count() > 1:
                 self._recorder.several(topic)

@@ -17,8 +17,6 @@ from parallel_robot_interface.fields import Field
 from parallel_robot_interface.ros_node import listen, message_class, qos_of
 from parallel_robot_interface.topics import DEPTH, RECORDED, Topic
 
-Take = Callable[[Topic, bytes, int, int], None]  # topic, data, time of reception [ns], number
-
 
 class RecorderParameters(NamedTuple):
     """Where the bag goes, and what is recorded instead of the suite's topics."""
@@ -98,7 +96,12 @@ class Discovery:
         return not hidden and (self._all or found)
 
 
-def listen_all(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> Subscription:
+def listen_all(
+    node: Node,
+    topic: Topic,
+    qos: QoSProfile | None,
+    take: Callable[[bytes, int, int], None],
+) -> Subscription:
     """Subscribe to the serialised messages of a topic, with their reception and number.
 
     The numbers tell every loss. The middleware's event for lost messages does not know of those
@@ -108,20 +111,11 @@ def listen_all(node: Node, topic: Topic, qos: QoSProfile | None, take: Take) -> 
         node: Who listens.
         topic: Relative name for topics of the suite, else without its leading slash.
         qos: How; None as topics of the suite.
-        take: Called with topic, data, time of reception [ns], number that its publisher gave it.
+        take: See :func:`ros_node.listen`.
     """
-
-    def pass_on(data: bytes, information: dict[str, int]) -> None:
-        take(
-            topic,
-            data,
-            information['received_timestamp'],
-            information['publication_sequence_number'] or 0,
-        )
-
     profile = qos or qos_of(topic)
     profile.depth = DEPTH  # of what is latched too: not only the last is wanted
-    return listen(node, topic._replace(name=full_name(topic)), profile, pass_on)
+    return listen(node, topic._replace(name=full_name(topic)), profile, take)
 
 
 def full_name(topic: Topic) -> str:

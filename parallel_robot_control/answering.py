@@ -101,13 +101,13 @@ class Shared(NamedTuple):
 
 def shared(pose: Array, joints: int) -> Shared:
     """Arrays before the first state; `pose` is where the forward kinematics starts."""
-    command, fields = cdr.float64_multi_array(joints).draft()
+    command = cdr.float64_multi_array(joints).draft()
     made = Shared(
         np.zeros((9, joints)),
         np.zeros((4, joints)),
         np.zeros(12, np.int64),
-        command,
-        fields['data'],
+        command.bytes,
+        command.fields['data'],
         np.zeros((AGES, 2), np.int64),
         np.zeros(AGES, np.int64),
     )

@@ -38,7 +38,8 @@ from parallel_robot_control.messages import (
     Status,
     limits_text,
     status_message,
-    telemetry_messages,
+    telemetry_fields,
+    telemetry_layouts,
 )
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_interface import cdr, realtime, topics
@@ -71,6 +72,7 @@ class ControllerNode(SuiteNode):
         self._controller = Controller(self.values)
         self.counts = self._controller.counts
         self._warn(self._controller.law.warnings)
+        self._lockstep = self.loop.lockstep
         joints = self.loop.joints
         self._state_reader = JointReader(
             topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts, 'effort'
@@ -82,13 +84,8 @@ class ControllerNode(SuiteNode):
         self._told = self._controller.law.name  # the law on the latched topic
         self._commands = self.publisher(topics.COMMANDS)
         self._telemetry = {
-            topic: self.publisher(topic, essential=False)
-            for topic in (
-                topics.ERROR,
-                topics.SYNCHRONISATION_ERROR,
-                topics.CROSS_COUPLING_ERROR,
-                topics.SLIDING_VARIABLE,
-            )
+            topic: (self.publisher(topic, essential=False), layout.draft())
+            for topic, layout in telemetry_layouts(joints).items()
         }
         self._log = self.publisher(topics.ANSWERED, essential=False)
         self._active_law = self.publisher(topics.ACTIVE_LAW, essential=False)
@@ -178,7 +175,7 @@ class ControllerNode(SuiteNode):
             if message is not None:
                 stamp, vectors = message
                 self._send(self._controller.add_reference(stamp, JointReference(*vectors)))
-        elif self._controller.pending:
+        elif self._lockstep and self._controller.pending:
             self._send(self._controller.answer_pending())
 
     def _on_state(self, data: bytes) -> None:
@@ -210,7 +207,7 @@ class ControllerNode(SuiteNode):
 
         The earlier of two: stamps go on as before when the system clock is set.
         """
-        if self.loop.lockstep:
+        if self._lockstep:
             return 0
         return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
 
@@ -233,10 +230,9 @@ class ControllerNode(SuiteNode):
         if code & STATUS or self._status is None:
             self._tell(stamp, self._controller.status)
         if code & TELEMETRY:
-            telemetry = self._controller.telemetry
-            messages = telemetry_messages(self.loop.joints, np.array([stamp]), telemetry)
-            for topic, records in messages.items():
-                self._telemetry[topic].publish(records.tobytes())
+            for topic, fields in telemetry_fields(self._controller.telemetry).items():
+                publisher, draft = self._telemetry[topic]
+                publisher.publish(draft.encode(stamp, **fields))
         if code & LOG:
             self._log.publish(self._controller.take_log())
 

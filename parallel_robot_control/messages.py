@@ -47,20 +47,34 @@ def telemetry_messages(
     joints: tuple[str, ...], stamps: np.ndarray, telemetry: Telemetry
 ) -> dict[topics.Topic, np.ndarray]:
     """sensor_msgs/JointState per topic: errors as positions, their rates as velocities."""
+    fields, count = telemetry_fields(telemetry), len(telemetry.error)
+    return {
+        topic: layout.records(count, stamps, **fields[topic])
+        for topic, layout in telemetry_layouts(joints).items()
+    }
+
+
+def telemetry_layouts(joints: tuple[str, ...]) -> dict[topics.Topic, cdr.Layout]:
+    """Layouts of the telemetry by topic."""
     both = cdr.joint_state(joints, ('position', 'velocity'))
     single = cdr.joint_state(joints, ('position',))
-    count = len(telemetry.error)
-    e, e_dot = telemetry.error, telemetry.error_rate
-    e_s, e_s_dot = synchronisation_error(e), synchronisation_error(e_dot)
     return {
-        topics.ERROR: both.records(count, stamps, position=e, velocity=e_dot),
-        topics.SYNCHRONISATION_ERROR: both.records(count, stamps, position=e_s, velocity=e_s_dot),
-        topics.CROSS_COUPLING_ERROR: single.records(
-            count, stamps, position=telemetry.coupled_error
-        ),
-        topics.SLIDING_VARIABLE: single.records(
-            count, stamps, position=telemetry.sliding_variable
-        ),
+        topics.ERROR: both,
+        topics.SYNCHRONISATION_ERROR: both,
+        topics.CROSS_COUPLING_ERROR: single,
+        topics.SLIDING_VARIABLE: single,
+    }
+
+
+def telemetry_fields(telemetry: Telemetry) -> dict[topics.Topic, dict[str, np.ndarray]]:
+    """Fields of the telemetry by topic."""
+    e, e_dot = telemetry.error, telemetry.error_rate
+    e_s, e_s_dot = synchronisation_error(np.stack([e, e_dot]))
+    return {
+        topics.ERROR: {'position': e, 'velocity': e_dot},
+        topics.SYNCHRONISATION_ERROR: {'position': e_s, 'velocity': e_s_dot},
+        topics.CROSS_COUPLING_ERROR: {'position': telemetry.coupled_error},
+        topics.SLIDING_VARIABLE: {'position': telemetry.sliding_variable},
     }
 
 
@@ -69,10 +83,10 @@ def answers_message(stamps: np.ndarray) -> bytes:
 
     One row a command, in the order of the commands; zero for one that answers no state.
     """
-    message, fields = cdr.int64_multi_array(stamps.size).draft()
+    draft = cdr.int64_multi_array(stamps.size).draft()
     if stamps.size:
-        fields['data'][:] = stamps.ravel()
-    return message.tobytes()
+        draft.fields['data'][:] = stamps.ravel()
+    return draft.bytes.tobytes()
 
 
 def limits_text(acted: int) -> str:

@@ -64,7 +64,7 @@ def qos_of(topic: Topic) -> QoSProfile:
 
 
 def listen(
-    node: Node, topic: Topic, qos: QoSProfile, take: Callable[[bytes, dict[str, int]], None]
+    node: Node, topic: Topic, qos: QoSProfile, take: Callable[[bytes, int, int], None]
 ) -> Subscription:
     """Subscribe to the serialised messages of a topic, with what the middleware knows of each.
 
@@ -72,13 +72,18 @@ def listen(
         node: Who listens.
         topic: Name and type.
         qos: Quality of service.
-        take: Called with the message and the fields of its rmw_message_info_t.
+        take: Called with the message, the time of its reception [ns], and the number that its
+            publisher gave it; 0: not known.
     """
 
     def pass_on(*arguments: Any) -> None:
         # EventsExecutor passes message and information as one tuple (rclpy 7.1).
         data, information = arguments if len(arguments) == 2 else arguments[0]
-        take(data, information)
+        take(
+            data,
+            information['received_timestamp'],
+            information['publication_sequence_number'] or 0,
+        )
 
     signature = inspect.signature(lambda message, information: None)
     pass_on.__signature__ = signature  # type: ignore[attr-defined]
@@ -177,15 +182,15 @@ class SuiteNode(Node):  # type: ignore[misc]
                 the newest counts: it is not held up by older ones that wait, nor by a node that
                 was killed and has not acknowledged.
         """
-        publisher = SinglePublisher()
+        mixed = SinglePublisher().mixed
 
-        def take(data: bytes, information: dict[str, int]) -> None:
-            number = information['publication_sequence_number'] or 0
-            if self.loop.lockstep:
-                self._heard = self._heard or not self._unheard()
-                if self._heard:
-                    callback(data)
-            elif publisher.mixed(number, time.monotonic()):
+        def take_all(data: bytes, _: int, __: int) -> None:
+            self._heard = self._heard or not self._unheard()
+            if self._heard:
+                callback(data)
+
+        def take_of_one(data: bytes, _: int, number: int) -> None:
+            if mixed(number):
                 self.counts[f'{topic.name}: messages of two publishers'] += 1
                 self.leave_out(topic)
             else:
@@ -194,6 +199,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         qos = QoSProfile(depth=QUEUE)
         if not (complete or self.loop.lockstep):
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        take = take_all if self.loop.lockstep else take_of_one
         self._inputs[topic] = listen(self, topic, qos, take)
 
     def leave_out(self, topic: Topic) -> None:

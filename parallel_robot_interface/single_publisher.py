@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
+
 SETTLED = 1.0  # s without a change of publisher, after which a topic is believed to have one
 
 
@@ -13,24 +17,28 @@ class SinglePublisher:
     are losses. Where a middleware has no numbers, nothing is noticed.
     """
 
-    def __init__(self) -> None:
-        """Believe what comes first."""
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Believe what comes first; `clock` gives the time [s]."""
+        self._clock = clock
         self._number = 0
-        self._back_at = -SETTLED
+        self._back_at = -math.inf
+        self._settled = True
         self._several = False
 
-    def mixed(self, number: int, now: float) -> bool:
+    def mixed(self, number: int) -> bool:
         """Whether a message is one of several publishers, so that it must not be used.
 
         Args:
             number: That which its publisher gave it, from 1 on; 0: not known.
-            now: Time of its reception [s].
         """
-        settled = now - self._back_at >= SETTLED
-        if number and number <= self._number:
-            self._several = not settled
-            self._back_at = now
-        elif settled:
+        last, self._number = self._number, number
+        if self._settled and number > last:  # nearly always
+            return False
+        now = self._clock()
+        self._settled = now - self._back_at >= SETTLED
+        if number and number <= last:
+            self._several = not self._settled
+            self._settled, self._back_at = False, now
+        elif self._settled:
             self._several = False
-        self._number = number
         return self._several

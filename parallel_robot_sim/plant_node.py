@@ -26,7 +26,7 @@ from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_sim.plant_core import read_command
 from parallel_robot_sim.ros_markers import RobotMarkers
 from parallel_robot_sim.simulator import GROUPS, Simulator
-from trajectory_gen.messages import pose_messages
+from trajectory_gen.messages import pose_fields
 
 HELD = NANOSECONDS // 10  # ns, for which the held pose is published before a common start
 REPEAT = 0.5  # s, between two publications of a state that nobody answers (lockstep by hand)
@@ -59,6 +59,7 @@ class PlantNode(SuiteNode):
         self._commands = wire_of(cdr.float64_multi_array(3), ('data',), range(3))
         self._states = self.publisher(topics.JOINT_STATES)
         self._poses = self.publisher(topics.POSE, essential=False)
+        self._pose_message = cdr.pose_stamped(topics.FRAME).draft()
         self._markers = self.publisher(topics.MARKERS, essential=False)
         self._marker_builder = RobotMarkers(self._simulator.robot)
         self.subscribe(topics.COMMANDS, self._on_command, complete=False)
@@ -69,7 +70,7 @@ class PlantNode(SuiteNode):
         self._simulator = Simulator(self.values)
         if self.loop.lockstep:
             self._time = self.publisher(topics.CLOCK, essential=False)
-            self._time_message, self._time_fields = cdr.clock().draft()
+            self._time_message = cdr.clock().draft()
             self.create_timer(REPEAT, self._begin_lockstep)
             for name, answer in (
                 ('pause', self._answer_pause),
@@ -215,9 +216,7 @@ class PlantNode(SuiteNode):
 
     def _publish(self, stamp: int) -> None:
         if self.loop.lockstep:
-            seconds, rest = divmod(stamp, NANOSECONDS)
-            self._time_fields['sec'][0], self._time_fields['nanosec'][0] = seconds, rest
-            self._time.publish(self._time_message.tobytes())
+            self._time.publish(self._time_message.encode(stamp))
         self._commanded = False
         message = self._simulator.message(stamp)
         self._published_at = time.monotonic_ns()
@@ -225,8 +224,9 @@ class PlantNode(SuiteNode):
         self._published += 1
         index = stamp // self.loop.period_ns
         if index % topics.SLOW == 0:
-            pose = self._simulator.state.pose
-            self._poses.publish(pose_messages(stamp, pose[np.newaxis]).tobytes())
+            pose = self._simulator.pose
+            fields = pose_fields(pose[np.newaxis])
+            self._poses.publish(self._pose_message.encode(stamp, **fields))
             if index % topics.MARKERS_EVERY == 0 and self._markers.get_subscription_count():
                 self._markers.publish(self._marker_builder.build(stamp, pose))
 

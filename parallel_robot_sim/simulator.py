@@ -63,7 +63,8 @@ class Simulator:
         self._silent = 0  # steps since the last command
         self._held: np.ndarray = np.zeros(3)
         self.layout = state_layout(loop.joints, parameters.publish_passive)
-        self._message, fields = self.layout.draft()
+        draft = self.layout.draft()
+        self._message = draft.bytes
         start = initial_state(parameters, self.robot)
         self._state = (start.pose, start.rate, start.torque, np.array([start.time]))
         self._core = plant_core(
@@ -74,7 +75,7 @@ class Simulator:
             loop.period,
             *self._state,
             self._message[4:12].view(np.int32),
-            *(fields[name] for name in ('position', 'velocity', 'effort')),
+            *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
         )
 
     @property
@@ -82,6 +83,11 @@ class Simulator:
         """State now."""
         pose, rate, torque, time = (values.copy() for values in self._state)
         return PlantState(pose, rate, torque, float(time[0]))
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Pose now, shape (3,)."""
+        return self._state[0].copy()
 
     def advance(self, command: np.ndarray) -> None:
         """Advance by one period under a command [N m], shape (3,).

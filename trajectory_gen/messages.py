@@ -11,14 +11,17 @@ from parallel_robot_interface import cdr, topics
 from trajectory_gen.trajectory import Reference
 
 
-def pose_messages(stamps: Any, poses: np.ndarray) -> np.ndarray:
-    """geometry_msgs/PoseStamped of planar poses (x, y, phi), shape (N, 3)."""
+def pose_fields(poses: np.ndarray) -> dict[str, Any]:
+    """Fields of geometry_msgs/PoseStamped of planar poses (x, y, phi), shape (N, 3)."""
     # math, not numpy: its result does not depend on where in an array a number stands
     sine = [math.sin(0.5 * phi) for phi in poses[:, 2]]
     cosine = [math.cos(0.5 * phi) for phi in poses[:, 2]]
-    return cdr.pose_stamped(topics.FRAME).records(
-        len(poses), stamps, x=poses[:, 0], y=poses[:, 1], qz=sine, qw=cosine
-    )
+    return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine, 'qw': cosine}
+
+
+def pose_messages(stamps: Any, poses: np.ndarray) -> np.ndarray:
+    """geometry_msgs/PoseStamped of planar poses (x, y, phi), shape (N, 3)."""
+    return cdr.pose_stamped(topics.FRAME).records(len(poses), stamps, **pose_fields(poses))
 
 
 def reference_messages(joints: tuple[str, ...], stamps: Any, reference: Reference) -> np.ndarray:
