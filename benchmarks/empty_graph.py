@@ -3,8 +3,9 @@
 Usage: python benchmarks/empty_graph.py ROLE [--lockstep] [--samples N] [--bag FILE]
 
 Every role is a process of its own with an EventsExecutor, serialised bytes at both ends, and
-/diagnostics once a second. It prints `ready` when all its topics are matched, reads the common
-start [ns] as a line from its standard input, and after SIGTERM prints what it has published.
+/diagnostics once a second; transport and priority are the suite's. It prints `ready` when all its
+topics are matched, reads the common start [ns] as a line from its standard input, and after
+SIGTERM prints what it has published.
 
 - trajectory: constant references at 1 kHz from a deadline thread. In lockstep it counts states and
   keeps the references 100 to 200 samples ahead, in batches.
@@ -36,7 +37,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from parallel_robot_interface import topics
+from parallel_robot_interface import config, realtime, ros_middleware, topics
 from parallel_robot_interface.ros_node import listen, qos_of
 
 AHEAD = 20_000_000  # ns, how long before its stamp a reference is sent
@@ -178,11 +179,14 @@ def main() -> None:
     parser.add_argument(
         '--subscribers', type=json.loads, default={}, help='JSON: topic to how many it waits for'
     )
+    for key in ('middleware', 'realtime'):
+        parser.add_argument(f'--{key}', default=config.default(key), help="as the suite's")
     arguments = parser.parse_args()
     stop: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stop.append(number))
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = ROLES[arguments.role](arguments)
+    with ros_middleware.transport(arguments.middleware):
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        node = ROLES[arguments.role](arguments)
     while not (stop or node.matched()):
         time.sleep(0.02)
     print('ready', flush=True)
@@ -191,6 +195,8 @@ def main() -> None:
     executor.add_node(node)
     gc.collect()
     gc.freeze()
+    if arguments.realtime == 'auto' and not arguments.lockstep:
+        realtime.acquire(realtime.LISTENER if arguments.role == 'recorder' else realtime.LOOP)
     node.begin(stamp)
     never = Future()
     while not stop:

@@ -71,10 +71,12 @@ class Listener:
         self.reports.append(Report(at, int(state), delays))
 
 
-def wall_empty(listener: Listener, seconds: float, directory: Path) -> Figures:
+def wall_empty(
+    listener: Listener, seconds: float, directory: Path, assignments: Sequence[str]
+) -> Figures:
     """The empty twin in wall time."""
     outcome, bag = Outcome(), directory / 'empty.mcap'
-    with twin(False, round(seconds / PERIOD), bag, outcome) as graph:
+    with twin(False, round(seconds / PERIOD), bag, outcome, assignments) as graph:
         figures = _watch(graph, listener, seconds)
     with bag.open('rb') as stream:
         summary = make_reader(stream).get_summary()
@@ -118,10 +120,12 @@ def wall_ours(
     }
 
 
-def lockstep_empty(listener: Listener, seconds: float, directory: Path, recorded: bool) -> Figures:
+def lockstep_empty(
+    listener: Listener, seconds: float, directory: Path, recorded: bool, assignments: Sequence[str]
+) -> Figures:
     """Steps a second of the empty twin."""
     bag = directory / 'empty.mcap' if recorded else None
-    with twin(True, 0, bag, Outcome()) as graph:
+    with twin(True, 0, bag, Outcome(), assignments) as graph:
         figures = _rate(graph, listener, seconds)
     if bag is not None:
         bag.unlink()
@@ -179,14 +183,14 @@ def _watch(graph: Graph, listener: Listener, seconds: float) -> Figures:
 
 def _rate(graph: Graph, listener: Listener, seconds: float) -> Figures:
     """Watch a run in lockstep for some seconds: median over seconds of its rate."""
-    listener.reports.clear()
+    begun = time.time()  # the reports of the graph before may not have been read yet
     deadline = time.monotonic() + PATIENCE
+    running: list[Report] = []
     while graph.running() and time.monotonic() < deadline:
         listener.spin()
-        first = next((report for report in listener.reports if report.state > 0), None)
-        if first is not None and listener.reports[-1].at - first.at >= seconds:
+        running = [r for r in listener.reports if r.state > 0 and r.at >= begun]
+        if running and running[-1].at - running[0].at >= seconds:
             break
-    running = [report for report in listener.reports if report.state > 0]
     rates = [(b.state - a.state) / (b.at - a.at) for a, b in itertools.pairwise(running)]
     return {'steps_per_s': statistics.median(rates) if rates else None}
 

@@ -89,12 +89,20 @@ def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
 
 
 @contextlib.contextmanager
-def twin(lockstep: bool, samples: int, bag: Path | None, outcome: Outcome) -> Iterator[Graph]:
-    """The empty graph, with a recorder if there is a file for it."""
+def twin(
+    lockstep: bool, samples: int, bag: Path | None, outcome: Outcome, assignments: Sequence[str]
+) -> Iterator[Graph]:
+    """The empty graph, with a recorder if there is a file for it.
+
+    It has the transport and the priority of the suite's, as the `assignments` KEY=VALUE say.
+    """
     roles = (*LOOP, 'recorder') if bag else LOOP
     words = ['--subscribers', json.dumps(subscribers(lockstep, bag is not None))]
     words += ['--lockstep'] if lockstep else ['--samples', str(samples)]
     words += ['--bag', str(bag)] if bag else []
+    for pair in assignments:
+        key, _, value = pair.partition('=')
+        words += [f'--{key}', value] if key in ('middleware', 'realtime') else []
     processes: dict[str, subprocess.Popen[str]] = {}
     try:
         for role in roles:

@@ -217,7 +217,7 @@ def main() -> None:
         if 'wall' in parts:
             rounds = alternate(
                 given.pairs,
-                empty=lambda: figures.wall_empty(*common),
+                empty=lambda: figures.wall_empty(*common, given.assignments),
                 ours=lambda: figures.wall_ours(*common, given.assignments),
             )
             print(f'wall time, {title}\n{"":<36}{heads}')
@@ -225,9 +225,9 @@ def main() -> None:
         if 'lockstep' in parts:
             rounds = alternate(
                 given.pairs,
-                empty=lambda: figures.lockstep_empty(*common, False),
+                empty=lambda: figures.lockstep_empty(*common, False, given.assignments),
                 ours=lambda: figures.lockstep_ours(*common, False, given.assignments),
-                empty_recorded=lambda: figures.lockstep_empty(*common, True),
+                empty_recorded=lambda: figures.lockstep_empty(*common, True, given.assignments),
                 ours_recorded=lambda: figures.lockstep_ours(*common, True, given.assignments),
             )
             print(f'lockstep, {title}\n{"":<36}{heads}')

@@ -32,7 +32,7 @@ from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
 from parallel_robot_interface import cdr
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.topics import SLOW
-from parallel_robot_model.kernel import in_memory, inner, kernel
+from parallel_robot_model.kernel import entry_point, in_memory, inner, kernel
 from parallel_robot_model.parameters import RobotParameters
 
 Array = NDArray[np.float64]
@@ -242,12 +242,13 @@ class LawCore:
         with in_memory(run_cycle, _core, _memory, answer) if own else nullcontext():
             self._cycle = cycle_of(law.update, law.gains, robot, limits, state, law.memory)
             self._core = self._made(law.memory)
-            self.answer(wire, b'', 0, 0)
+            self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
             _memory(self._core)
 
     def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         """See :func:`answer`."""
-        return answer(self._core, wire, data, now, monotonic)
+        code: int = self._answer(self._core, wire, data, now, monotonic)
+        return code
 
     @property
     def memory(self) -> Any:

@@ -46,6 +46,7 @@ from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
 from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_model.kernel import entry_point
 from parallel_robot_model.parameters import RobotParameters, validate
 from trajectory_gen.trajectory import Trajectory
 
@@ -146,6 +147,9 @@ class Controller:
         self._states = self._own
         self._reference_wire = wire_of(
             self._reference_layout, REFERENCE_FIELDS, range(len(joints))
+        )
+        self._append = entry_point(
+            append_message, self._references.compiled, self._reference_wire, b''
         )
         self._arrays = answering.shared(self._guess, len(joints))
         self._numbers = self._arrays.numbers
@@ -350,7 +354,7 @@ class Controller:
 
     def read_reference(self, data: bytes) -> bool:
         """Take a reference message; False when it is for :meth:`add_reference` to judge."""
-        return bool(append_message(self._references.compiled, self._reference_wire, data))
+        return bool(self._append(self._references.compiled, self._reference_wire, data))
 
     def add_reference(self, stamp: int, reference: JointReference) -> Sample | None:
         """Take a reference sample that is perhaps not in order; answer a state that waits for it.

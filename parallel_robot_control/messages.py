@@ -69,7 +69,7 @@ def telemetry_layouts(joints: tuple[str, ...]) -> dict[topics.Topic, cdr.Layout]
 def telemetry_fields(telemetry: Telemetry) -> dict[topics.Topic, dict[str, np.ndarray]]:
     """Fields of the telemetry by topic."""
     e, e_dot = telemetry.error, telemetry.error_rate
-    e_s, e_s_dot = synchronisation_error(np.stack([e, e_dot]))
+    e_s, e_s_dot = synchronisation_error(e), synchronisation_error(e_dot)
     return {
         topics.ERROR: {'position': e, 'velocity': e_dot},
         topics.SYNCHRONISATION_ERROR: {'position': e_s, 'velocity': e_s_dot},
@@ -83,10 +83,8 @@ def answers_message(stamps: np.ndarray) -> bytes:
 
     One row a command, in the order of the commands; zero for one that answers no state.
     """
-    draft = cdr.int64_multi_array(stamps.size).draft()
-    if stamps.size:
-        draft.fields['data'][:] = stamps.ravel()
-    return draft.bytes.tobytes()
+    head = cdr.int64_multi_array(stamps.size).template[: -stamps.nbytes or None]
+    return head.tobytes() + stamps.tobytes()
 
 
 def limits_text(acted: int) -> str:

@@ -61,6 +61,18 @@ def in_memory(*kernels: Any) -> Iterator[None]:
             compiled._cache = cache
 
 
+def entry_point(function: Callable[..., Any], *example: Any) -> Callable[..., Any]:
+    """Compile a kernel for the types of the `example` arguments, and give what runs just that.
+
+    A call of the kernel itself looks at the types of its arguments first, which takes longer than
+    handing them over. Arguments of other types are a TypeError at best.
+    """
+    arguments = tuple(numba.typeof(argument) for argument in example)
+    dispatcher = cast(Any, function)
+    dispatcher.compile(arguments)
+    return cast(Callable[..., Any], dispatcher.overloads[arguments].entry_point)
+
+
 def distinguish(*values: Any) -> None:
     """Make the classes of tuples known to Numba's dispatcher by module and name.
 

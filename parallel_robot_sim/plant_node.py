@@ -23,6 +23,7 @@ from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
+from parallel_robot_model.kernel import entry_point
 from parallel_robot_sim.plant_core import read_command
 from parallel_robot_sim.ros_markers import RobotMarkers
 from parallel_robot_sim.simulator import GROUPS, Simulator
@@ -66,7 +67,7 @@ class PlantNode(SuiteNode):
         self.create_service(Trigger, '~/reset', self._answer_reset)
         self._simulator.message(0)  # compiles what the loop will need
         self._simulator.wait(np.zeros(3))
-        read_command(self._commands, b'', self._command)
+        self._read_command = entry_point(read_command, self._commands, b'', self._command)
         self._simulator = Simulator(self.values)
         if self.loop.lockstep:
             self._time = self.publisher(topics.CLOCK, essential=False)
@@ -167,7 +168,7 @@ class PlantNode(SuiteNode):
         return self._start + (self._index or 0) * self.loop.period_ns
 
     def _on_command(self, data: bytes) -> None:
-        if not (read_command(self._commands, data, self._command) or self._read(data)):
+        if not (self._read_command(self._commands, data, self._command) or self._read(data)):
             return
         if not self._commanded:
             self._round_trips.append(time.monotonic_ns() - self._published_at)

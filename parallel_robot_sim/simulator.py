@@ -11,6 +11,7 @@ from parallel_robot_control.safety import SafetyParameters, safe_action, safe_to
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_model.kernel import entry_point
 from parallel_robot_model.parameters import RobotParameters, validate
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
@@ -77,6 +78,8 @@ class Simulator:
             self._message[4:12].view(np.int32),
             *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
         )
+        self._advance = entry_point(advance, self._core, np.zeros(3))
+        self._tell = entry_point(tell, self._core, 0)
 
     @property
     def state(self) -> PlantState:
@@ -95,7 +98,7 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace; it stays where it was.
         """
-        if not advance(self._core, command):
+        if not self._advance(self._core, command):
             raise RunError(
                 'the robot was driven out of its workspace at pose '
                 f'{np.round(self._state[0], 4).tolist()} (m, m, rad)'
@@ -136,6 +139,6 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
-        if not tell(self._core, stamp):
+        if not self._tell(self._core, stamp):
             raise RunError('the robot was driven out of its workspace')
         return self._message.tobytes()
