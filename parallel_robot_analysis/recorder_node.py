@@ -75,7 +75,7 @@ class RecorderNode(SuiteNode):
 
     def close(self) -> None:
         """Complete the bag and report; an end before that of the motion is a failure."""
-        ends = self.loop.samples is not None and self.loop.start_stamp == WAIT
+        ends = self.samples is not None and self.loop.start_stamp == WAIT
         if ends and self.exit_code is None and not self._recorder.complete():
             self.get_logger().fatal('stopped before the end of the motion')
             self.finish(1)

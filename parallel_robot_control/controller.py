@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -36,7 +37,7 @@ from parallel_robot_control.answering import (
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState, initial_state, taking_over
 from parallel_robot_control.faults import FAULT_TEXT
-from parallel_robot_control.laws import PreparedLaw, available, prepare
+from parallel_robot_control.laws import LAWS, PreparedLaw, available, judged, prepare
 from parallel_robot_control.messages import Status, Telemetry, answers_message
 from parallel_robot_control.reference_buffer import ReferenceBuffer, append_message
 from parallel_robot_control.safety import SafetyParameters, limits_of
@@ -46,6 +47,7 @@ from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
 from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_model import kernel_cache
 from parallel_robot_model.kernel import entry_point
 from parallel_robot_model.parameters import RobotParameters, validate
 from trajectory_gen.trajectory import Trajectory
@@ -119,8 +121,12 @@ class Controller:
         code: What became of the last state, as of :func:`answering.answer`.
     """
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Mapping[str, Any], lazy: bool = False) -> None:
         """Prepare robot, laws and first guess from a resolved configuration.
+
+        Args:
+            values: The configuration.
+            lazy: Whether laws that are compiled, but not active, are left to :meth:`load`.
 
         Raises:
             InputError: a value is wrong.
@@ -168,11 +174,27 @@ class Controller:
             self.begin(self._loop.start_stamp)
         elif self._loop.lockstep:
             self.begin(STEP_START)
+        self._loading = threading.Lock()
         active = str(values['law'])
-        self._core = self._compiled(prepare(active, values))
+        self._core = self._compiled(active, values)
+        later = set(LAWS) if lazy and kernel_cache.is_complete() else set()
+        self._unloaded = [name for name in LAWS if name in later and name != active]
         for name in available(values):  # compiled now, not at a switch
-            if name != active:
-                self._compiled(prepare(name, values))
+            judged(name, values)
+            if name not in (active, *later):
+                self._compiled(name, values)
+        if not later:
+            kernel_cache.set_complete()
+
+    def load(self) -> bool:
+        """Load a law that was left out; for a thread beside the loop.
+
+        Returns:
+            Whether there are more.
+        """
+        if self._unloaded:
+            self._compiled(self._unloaded.pop(), self._values)
+        return bool(self._unloaded)
 
     @property
     def law(self) -> PreparedLaw:
@@ -251,10 +273,10 @@ class Controller:
             )
         touched = {key.partition('.')[0] for key in changes} - {'law', 'preset'}
         for name in touched:
-            law = prepare(name, values)
-            keys = [f'{name}.{parameter.key}' for parameter in parameters(type(law.gains))]
-            values |= dict(zip(keys, law.gains, strict=True))  # 12 becomes 12.0
-        return Change(values, self._compiled(prepare(str(values['law']), values)))
+            _, gains, _ = judged(name, values)
+            keys = [f'{name}.{parameter.key}' for parameter in parameters(type(gains))]
+            values |= dict(zip(keys, gains, strict=True))  # 12 becomes 12.0
+        return Change(values, self._compiled(str(values['law']), values))
 
     def apply(self, change: Change) -> None:
         """Make a change at the next state: the torque ramps from the last one to the new law's.
@@ -439,8 +461,10 @@ class Controller:
     def _sample(self) -> Sample:
         return Sample(self._arrays.torques.copy(), self.telemetry, self.status)
 
-    def _compiled(self, law: PreparedLaw) -> LawCore:
-        return LawCore(law, self._robot, self._limits, self._common, self._own)
+    def _compiled(self, name: str, values: Mapping[str, Any]) -> LawCore:
+        with self._loading:
+            law = prepare(name, values)
+            return LawCore(law, self._robot, self._limits, self._common, self._own)
 
     def _store(self, state: CycleState) -> None:
         answering.store(self._arrays, state)

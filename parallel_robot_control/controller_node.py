@@ -7,6 +7,7 @@ a latched fault and a safe action: see docs/safety.md.
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -48,6 +49,7 @@ from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_model.parameters import RobotParameters
 
 LAST_WORD = 0.5  # s, for which the node stays after its zero torque, so that it is read
+LOADING = 0.03  # s, between two laws that are loaded beside the loop
 LOOKS = 4  # at the age of the joint states within the time after which they are stale
 
 
@@ -69,10 +71,11 @@ class ControllerNode(SuiteNode):
         for name, law in laws.items():
             if name not in LAWS:
                 self.declare_group(name, law.Gains)
-        self._controller = Controller(self.values)
+        self._controller = Controller(self.values, lazy=True)
+        self._loader = threading.Thread(target=self._load_laws, name='laws', daemon=True)
+        self._closing = threading.Event()
         self.counts = self._controller.counts
         self._warn(self._controller.law.warnings)
-        self._lockstep = self.loop.lockstep
         joints = self.loop.joints
         self._state_reader = JointReader(
             topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts, 'effort'
@@ -98,8 +101,13 @@ class ControllerNode(SuiteNode):
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = self.values['safety.state_timeout']
         self._state_timeout = round(timeout * cdr.NANOSECONDS)
-        if not self.loop.lockstep:
+        if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
+
+    def begin(self) -> None:
+        """Go on loading laws, beside the loop."""
+        super().begin()
+        self._loader.start()
 
     def is_settable(self, key: str) -> bool:
         """Law, preset and gains."""
@@ -142,7 +150,7 @@ class ControllerNode(SuiteNode):
             'skipped': str(self._controller.skipped),
         }
         ages = self._controller.take_ages()
-        if ages.size and not self.loop.lockstep:
+        if ages.size and not self.lockstep:
             p50, p99, largest = 1e3 * np.percentile(ages, [50, 99, 100])
             figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
         return figures
@@ -165,9 +173,12 @@ class ControllerNode(SuiteNode):
 
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
+        self._closing.set()
         self._send_zero()
         self._log.publish(self._controller.take_log())
         time.sleep(LAST_WORD)  # those who read best effort acknowledge nothing
+        if self._loader.ident:
+            self._loader.join()
 
     def _on_reference(self, data: bytes) -> None:
         if not self._controller.read_reference(data):
@@ -175,7 +186,7 @@ class ControllerNode(SuiteNode):
             if message is not None:
                 stamp, vectors = message
                 self._send(self._controller.add_reference(stamp, JointReference(*vectors)))
-        elif self._lockstep and self._controller.pending:
+        elif self.lockstep and self._controller.pending:
             self._send(self._controller.answer_pending())
 
     def _on_state(self, data: bytes) -> None:
@@ -184,7 +195,7 @@ class ControllerNode(SuiteNode):
             self._commands.publish(self._controller.command)
         elif code > 0:
             self._tell_more(code)
-        elif code not in (EARLY, NO_REFERENCE) or self.loop.lockstep:
+        elif code not in (EARLY, NO_REFERENCE) or self.lockstep:
             self._on_odd_state(code, data)
 
     def _on_odd_state(self, code: int, data: bytes) -> None:
@@ -202,12 +213,17 @@ class ControllerNode(SuiteNode):
         else:
             self._send(self._controller.add_state(stamp, JointSample(*vectors)))
 
+    def _load_laws(self) -> None:
+        """Load what is not active yet, with pauses, so that a switch finds it."""
+        while not self._closing.wait(LOADING) and self._controller.load():
+            pass
+
     def _now(self) -> int:
         """Time by which a state may be too old [ns]; 0: none is.
 
         The earlier of two: stamps go on as before when the system clock is set.
         """
-        if self._lockstep:
+        if self.lockstep:
             return 0
         return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
 
@@ -268,7 +284,7 @@ class ControllerNode(SuiteNode):
 
     def _tell_now(self) -> None:
         """Publish a fault that no state brought about."""
-        stamp = self._controller.stamp if self.loop.lockstep else time.time_ns()
+        stamp = self._controller.stamp if self.lockstep else time.time_ns()
         self._tell(stamp, self._controller.status)
 
     def _answer_emergency_stop(

@@ -111,6 +111,9 @@ class SuiteNode(Node):  # type: ignore[misc]
     Attributes:
         values: The whole configuration, as resolved from scenario and overrides.
         loop: The parameters that all nodes share.
+        lockstep: Whether the plant waits for each command.
+        period_ns: Period [ns].
+        samples: Index of the last state of the motion; None when it has no end.
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
         priority: Real-time priority that the node should have in wall time; 0: none.
@@ -153,6 +156,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         scenario = given.pop('scenario', 'paper_circle')
         self.values = config.resolve(str(scenario), given)
         self.loop = loop.validate(config.group(self.values, loop.LoopParameters, ''))
+        self.lockstep = self.loop.lockstep
+        self.period_ns, self.samples = self.loop.period_ns, self.loop.samples
         for prefix, group in {'': loop.LoopParameters, **groups}.items():
             self.declare_group(prefix, group)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
@@ -197,9 +202,9 @@ class SuiteNode(Node):  # type: ignore[misc]
                 callback(data)
 
         qos = QoSProfile(depth=QUEUE)
-        if not (complete or self.loop.lockstep):
+        if not (complete or self.lockstep):
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        take = take_all if self.loop.lockstep else take_of_one
+        take = take_all if self.lockstep else take_of_one
         self._inputs[topic] = listen(self, topic, qos, take)
 
     def leave_out(self, topic: Topic) -> None:
@@ -241,7 +246,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             tick: What to do; an exception ends the node.
             ahead: How long before its stamp a tick is due [ns].
         """
-        self._thread = DeadlineThread(self.loop.period_ns, tick, self.fail, ahead)
+        self._thread = DeadlineThread(self.period_ns, tick, self.fail, ahead)
 
     def begin(self) -> None:
         """Start what keeps time; nothing slow is to come any more."""
@@ -340,11 +345,11 @@ class SuiteNode(Node):  # type: ignore[misc]
     def _check_start(self, stamp: Any) -> None:
         if self.loop.start_stamp != loop.WAIT or self._started_at is not None:
             raise InputError('the node does not wait for a start')
-        if not isinstance(stamp, int) or stamp <= 0 or stamp % self.loop.period_ns:
+        if not isinstance(stamp, int) or stamp <= 0 or stamp % self.period_ns:
             raise InputError(
                 f'start_stamp must be a whole multiple of the period in ns, not {stamp!r}'
             )
-        if not self.loop.lockstep and stamp <= time.time_ns():
+        if not self.lockstep and stamp <= time.time_ns():
             raise InputError(f'start_stamp {stamp} lies in the past')
 
     def _pass_on_start(self, stamp: int) -> None:

@@ -24,6 +24,7 @@ import numba
 from numba.core.caching import FunctionCache, NullCache
 from numba.core.runtime import rtsys
 
+COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 3  # versions of the same place, this one included
 UNUSED = 21 * 86400.0  # s, after which the code of any place is removed
 NOTICE = 'compiling; after an installation this takes about a minute, once'
@@ -55,6 +56,18 @@ def directory() -> str:
                 prune(root, place)
             return str(found)
     return ''
+
+
+def is_complete() -> bool:
+    """Whether the directory has the machine code of all kernels of the suite."""
+    return bool(_OWN) and (Path(_OWN) / COMPLETE).exists()
+
+
+def set_complete() -> None:
+    """Note that the directory has all of it."""
+    if _OWN:
+        with contextlib.suppress(OSError):
+            (Path(_OWN) / COMPLETE).touch()
 
 
 def prune(root: Path, place: str) -> None:
@@ -129,4 +142,5 @@ def _announce() -> None:
 
 # Not what Numba has read from a .numba_config.yaml in the current directory, where anybody may
 # have put it: the files of a cache are run.
-numba.config.CACHE_DIR = os.environ.get('NUMBA_CACHE_DIR') or directory()
+_OWN = '' if os.environ.get('NUMBA_CACHE_DIR') else directory()
+numba.config.CACHE_DIR = os.environ.get('NUMBA_CACHE_DIR') or _OWN

@@ -69,7 +69,7 @@ class PlantNode(SuiteNode):
         self._simulator.wait(np.zeros(3))
         self._read_command = entry_point(read_command, self._commands, b'', self._command)
         self._simulator = Simulator(self.values)
-        if self.loop.lockstep:
+        if self.lockstep:
             self._time = self.publisher(topics.CLOCK, essential=False)
             self._time_message = cdr.clock().draft()
             self.create_timer(REPEAT, self._begin_lockstep)
@@ -99,7 +99,7 @@ class PlantNode(SuiteNode):
     def set_start(self, stamp: int) -> None:
         """Release the brake with the state of `stamp` [ns]."""
         self._start = stamp
-        if self.loop.lockstep:
+        if self.lockstep:
             self._index = 0
             self._publish(stamp)
 
@@ -115,7 +115,7 @@ class PlantNode(SuiteNode):
                 p50, p99, largest = 1e-6 * np.percentile(values, [50, 99, 100])
                 figures[f'{name} p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
                 values.clear()
-        if not self.loop.lockstep:
+        if not self.lockstep:
             figures['states without a command in time'] = str(self._skipped)
         figures['state'] = 'held' if self._index is None else str(self._index)
         return figures
@@ -137,7 +137,7 @@ class PlantNode(SuiteNode):
             if self._start == stamp:
                 self._index = 0
             elif self._by_command and self._commanded:
-                self._start, self._index = stamp - self.loop.period_ns, 0
+                self._start, self._index = stamp - self.period_ns, 0
                 self._step()
         elif self._finished():
             return
@@ -165,7 +165,7 @@ class PlantNode(SuiteNode):
     @property
     def _stamp(self) -> int:
         """Of the last published state [ns]."""
-        return self._start + (self._index or 0) * self.loop.period_ns
+        return self._start + (self._index or 0) * self.period_ns
 
     def _on_command(self, data: bytes) -> None:
         if not (self._read_command(self._commands, data, self._command) or self._read(data)):
@@ -173,7 +173,7 @@ class PlantNode(SuiteNode):
         if not self._commanded:
             self._round_trips.append(time.monotonic_ns() - self._published_at)
         self._commanded = True
-        if self.loop.lockstep and self._steps_left and self._index is not None:
+        if self.lockstep and self._steps_left and self._index is not None:
             self._go_on()
 
     def _go_on(self) -> None:
@@ -199,7 +199,7 @@ class PlantNode(SuiteNode):
 
     def _step(self) -> None:
         try:
-            if self._commanded or self.loop.lockstep:
+            if self._commanded or self.lockstep:
                 self._simulator.advance(self._command)
             else:
                 self._skipped += 1
@@ -213,17 +213,17 @@ class PlantNode(SuiteNode):
         self._index = (self._index or 0) + 1
 
     def _finished(self) -> bool:
-        return self.loop.samples is not None and (self._index or 0) >= self.loop.samples
+        return self.samples is not None and (self._index or 0) >= self.samples
 
     def _publish(self, stamp: int) -> None:
-        if self.loop.lockstep:
+        if self.lockstep:
             self._time.publish(self._time_message.encode(stamp))
         self._commanded = False
         message = self._simulator.message(stamp)
         self._published_at = time.monotonic_ns()
         self._states.publish(message)
         self._published += 1
-        index = stamp // self.loop.period_ns
+        index = stamp // self.period_ns
         if index % topics.SLOW == 0:
             pose = self._simulator.pose
             fields = pose_fields(pose[np.newaxis])
@@ -237,10 +237,10 @@ class PlantNode(SuiteNode):
         self._reset_requested = self._commanded = False
 
     def _answer_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = not self.loop.lockstep or self.loop.start_stamp == 0
+        response.success = not self.lockstep or self.loop.start_stamp == 0
         if not response.success:
             response.message = 'not in lockstep with a common start: others would not begin again'
-        elif self.loop.lockstep:
+        elif self.lockstep:
             self._put_back()
             response.message = 'the motion begins again'
             self._begin_lockstep()

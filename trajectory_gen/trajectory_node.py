@@ -45,7 +45,7 @@ class TrajectoryNode(SuiteNode):
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
         self.create_service(Trigger, '~/start', self._answer_start)
-        if self.loop.lockstep:
+        if self.lockstep:
             self.subscribe(topics.JOINT_STATES, self._on_state)
             return
         if self.loop.start_stamp == 0:
@@ -70,7 +70,7 @@ class TrajectoryNode(SuiteNode):
         if not self._start and self._start_requested:
             self._start = stamp
         if self._start and stamp >= self._start:
-            self._publish((stamp - self._start) // self.loop.period_ns)
+            self._publish((stamp - self._start) // self.period_ns)
         elif self.loop.start_stamp == 0:
             rest = reference_messages(self.loop.joints, stamp, self._rest)
             self._reference.publish(rest.tobytes())
@@ -90,7 +90,7 @@ class TrajectoryNode(SuiteNode):
         stamp = cdr.header_stamp(data)
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
-        k = (stamp - (self._start or STEP_START)) // self.loop.period_ns
+        k = (stamp - (self._start or STEP_START)) // self.period_ns
         if not self._start or stamp <= self._asked:
             self._start = self._start or STEP_START
             self._sent = k - 1  # begun anew, or the plant asks again: somebody lacks references
@@ -101,13 +101,13 @@ class TrajectoryNode(SuiteNode):
 
     def _publish(self, k: int) -> None:
         """Publish sample `k` of the motion; nothing after its end."""
-        last = self.loop.samples
+        last = self.samples
         if k <= self._sent or (last is not None and k > last):
             return
         first = k // BATCH * BATCH
         if self._batch is None or self._batch[0] != first:
             indices = np.arange(first, first + BATCH)
-            stamps = self._start + indices * self.loop.period_ns
+            stamps = self._start + indices * self.period_ns
             samples = self._trajectory.sample(indices * self.loop.period)
             references = reference_messages(self.loop.joints, stamps, samples)
             self._batch = (first, references, pose_messages(stamps, samples.pose))

@@ -71,8 +71,11 @@ def available(values: Mapping[str, Any]) -> dict[str, Law]:
     return LAWS | own
 
 
-def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLaw:
-    """Take the gains of a law from a resolved configuration and compile the law.
+def judged(name: str, values: Mapping[str, Any]) -> tuple[Law, Any, tuple[str, ...]]:
+    """Take the gains of a law from a resolved configuration; nothing is compiled.
+
+    Returns:
+        The law, its gains, and what its theory has against them, though they run.
 
     Raises:
         UnknownNameError: no such law.
@@ -90,6 +93,18 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
         raise InputError(f'{name}: {error}') from None
     except Exception as error:  # whatever the code of somebody else may raise
         raise InputError(f'{name}: judge: {first_line(error)}') from error
+    return law, gains, warnings
+
+
+def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLaw:
+    """Take the gains of a law from a resolved configuration and compile the law.
+
+    Raises:
+        UnknownNameError: no such law.
+        InputError: a gain is wrong, the theory of the law forbids the set, or its update does not
+            compile.
+    """
+    law, gains, warnings = judged(name, values)
     if not hasattr(law.update, 'py_func'):
         raise InputError(f'{name}: update is not compiled: put @kernel before it')
     try:
