@@ -187,12 +187,18 @@ class SuiteNode(Node):  # type: ignore[misc]
                 the newest counts: it is not held up by older ones that wait, nor by a node that
                 was killed and has not acknowledged.
         """
-        mixed = SinglePublisher().mixed
+        if self.lockstep:
 
-        def take_all(data: bytes, _: int, __: int) -> None:
-            self._heard = self._heard or not self._unheard()
-            if self._heard:
-                callback(data)
+            def take(data: bytes) -> None:
+                self._heard = self._heard or not self._unheard()
+                if self._heard:
+                    callback(data)
+
+            self._inputs[topic] = self.create_subscription(
+                message_class(topic.type), topic.name, take, QoSProfile(depth=QUEUE), raw=True
+            )
+            return
+        mixed = SinglePublisher().mixed
 
         def take_of_one(data: bytes, _: int, number: int) -> None:
             if mixed(number):
@@ -202,10 +208,9 @@ class SuiteNode(Node):  # type: ignore[misc]
                 callback(data)
 
         qos = QoSProfile(depth=QUEUE)
-        if not (complete or self.lockstep):
+        if not complete:
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        take = take_all if self.lockstep else take_of_one
-        self._inputs[topic] = listen(self, topic, qos, take)
+        self._inputs[topic] = listen(self, topic, qos, take_of_one)
 
     def leave_out(self, topic: Topic) -> None:
         """React to a message that is left out because a topic has several publishers."""

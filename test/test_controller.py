@@ -7,6 +7,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_control.faults import FAULT_TEXT, REFERENCE_STALE
 from parallel_robot_interface import config
+from parallel_robot_interface.errors import InputError
 from trajectory_gen.trajectory import Trajectory
 
 MS = 10**6  # ns
@@ -171,3 +172,37 @@ def test_in_lockstep_a_copy_of_a_state_is_not_answered_twice(motion):
     assert core.add_state(START, states[0]) is None
     assert core.add_reference(START, references[0]) is not None
     assert core.add_state(START, states[0]) is None
+
+
+@pytest.fixture
+def lazy():
+    """A controller that has loaded its active law alone, as after `make setup`."""
+    values = config.resolve('paper_circle')
+    Controller(values)  # now everything is compiled
+    return Controller(values, lazy=True)
+
+
+def test_a_law_that_is_not_loaded_yet_can_be_chosen(lazy, motion):
+    eager = controller()
+    for core in (eager, lazy):
+        core.apply(core.judge({'law': 'adaptive_s_fotsmc'}))
+    assert np.array_equal(run(lazy, motion, range(50)), run(eager, motion, range(50)))
+
+
+def test_loading_the_other_laws_changes_nothing(lazy, motion):
+    expected = run(controller(), motion, range(50))
+    first = run(lazy, motion, range(25))
+    assert lazy.load()  # there are laws to load
+    while lazy.load():
+        pass
+    assert not lazy.load()
+    assert np.array_equal([*first, *run(lazy, motion, range(25, 50))], expected)
+
+
+def test_wrong_gains_of_a_law_that_is_not_loaded_are_refused_at_once(lazy):
+    values = config.resolve('paper_circle', {'super_twisting.k2': -1.0})
+    for late in (False, True):
+        with pytest.raises(InputError, match='super_twisting'):
+            Controller(values, lazy=late)
+    with pytest.raises(InputError, match='super_twisting'):
+        lazy.judge({'super_twisting.k2': -1.0})
