@@ -6,7 +6,9 @@ SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resou
   launch/* config/*.yaml config/*/*.* parallel_robot_*/*.py parallel_robot_*/*/*.py \
   parallel_robot_*/*/templates/* trajectory_gen/*.py))
 WARM := from parallel_robot_control.controller import Controller; \
-  from parallel_robot_interface import config; Controller(config.resolve('paper_circle'))
+  from parallel_robot_interface import config; \
+  from parallel_robot_sim.simulator import Simulator; \
+  values = config.resolve('paper_circle'); Controller(values); Simulator(values).warm()
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))

@@ -17,14 +17,11 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from parallel_robot_control.wire import wire_of
 from parallel_robot_interface import cdr, realtime, topics
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT
 from parallel_robot_interface.ros_node import SuiteNode, run_node
-from parallel_robot_model.kernel import entry_point
-from parallel_robot_sim.plant_core import read_command
 from parallel_robot_sim.ros_markers import RobotMarkers
 from parallel_robot_sim.simulator import GROUPS, Simulator
 from trajectory_gen.messages import pose_fields
@@ -57,7 +54,6 @@ class PlantNode(SuiteNode):
         self._round_trips: list[int] = []  # ns
         self._delays: list[int] = []  # ns, publication after its stamp (wall time)
         self._skipped = 0  # states without a command in time (wall time)
-        self._commands = wire_of(cdr.float64_multi_array(3), ('data',), range(3))
         self._states = self.publisher(topics.JOINT_STATES)
         self._poses = self.publisher(topics.POSE, essential=False)
         self._pose_message = cdr.pose_stamped(topics.FRAME).draft()
@@ -65,9 +61,7 @@ class PlantNode(SuiteNode):
         self._marker_builder = RobotMarkers(self._simulator.robot)
         self.subscribe(topics.COMMANDS, self._on_command, complete=False)
         self.create_service(Trigger, '~/reset', self._answer_reset)
-        self._simulator.message(0)  # compiles what the loop will need
-        self._simulator.wait(np.zeros(3))
-        self._read_command = entry_point(read_command, self._commands, b'', self._command)
+        self._simulator.warm()
         self._simulator = Simulator(self.values)
         if self.lockstep:
             self._time = self.publisher(topics.CLOCK, essential=False)
@@ -168,7 +162,7 @@ class PlantNode(SuiteNode):
         return self._start + (self._index or 0) * self.period_ns
 
     def _on_command(self, data: bytes) -> None:
-        if not (self._read_command(self._commands, data, self._command) or self._read(data)):
+        if not (self._simulator.read(data, self._command) or self._read(data)):
             return
         if not self._commanded:
             self._round_trips.append(time.monotonic_ns() - self._published_at)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_control.safety import SafetyParameters, safe_action, safe_torque
-from parallel_robot_interface import config
+from parallel_robot_control.wire import wire_of
+from parallel_robot_interface import cdr, config
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_model.kernel import entry_point
@@ -24,7 +25,7 @@ from parallel_robot_sim.plant import (
     measure,
     stepping,
 )
-from parallel_robot_sim.plant_core import advance, plant_core, tell
+from parallel_robot_sim.plant_core import advance, plant_core, read_command, tell
 
 GROUPS = {
     'true_robot': RobotParameters,
@@ -78,6 +79,8 @@ class Simulator:
             self._message[4:12].view(np.int32),
             *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
         )
+        self._wire = wire_of(cdr.float64_multi_array(3), ('data',), range(3))
+        self._read = entry_point(read_command, self._wire, b'', np.zeros(3))
         self._advance = entry_point(advance, self._core, np.zeros(3))
         self._tell = entry_point(tell, self._core, 0)
 
@@ -91,6 +94,19 @@ class Simulator:
     def pose(self) -> np.ndarray:
         """Pose now, shape (3,)."""
         return self._state[0].copy()
+
+    def warm(self) -> None:
+        """Compile what has not been; the robot moves on by a period without torque."""
+        self.wait(np.zeros(3))
+
+    def read(self, data: bytes, command: np.ndarray) -> bool:
+        """Read a command message into `command` [N m], shape (3,).
+
+        Returns:
+            Whether it is one as the suite writes it, of finite torques; else nothing is read.
+        """
+        understood: bool = self._read(self._wire, data, command)
+        return understood
 
     def advance(self, command: np.ndarray) -> None:
         """Advance by one period under a command [N m], shape (3,).
