@@ -40,6 +40,7 @@ ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller says to a stat
 DRAIN = 0.05  # s, between two rounds of writing
 FLUSH = 1.0  # s, after which a chunk is finished although it is not full
 STRAGGLERS = 4.0  # s, how long a finished motion waits for what is missing; Fast DDS repairs in 3
+ANSWERS_AFTER = 1.0  # s, the same where nothing but answers is missing: states may be skipped
 
 
 class Stream:
@@ -239,11 +240,14 @@ class Recorder:
         """Whether the motion is over and all its messages are here, or will not come any more."""
         if not self._over:
             return False
-        silent = time.monotonic() - self._last_heard > STRAGGLERS
-        return silent or all(
-            stream.received >= (self.expected(topic) or 0)
+        missing = [
+            topic
             for topic, stream in self._streams.items()
-        )
+            if stream.received < (self.expected(topic) or 0)
+        ]
+        lost = [topic for topic in missing if self._lockstep or topic not in ANSWERS]
+        patience = STRAGGLERS if lost else ANSWERS_AFTER
+        return not missing or time.monotonic() - self._last_heard > patience
 
     def close(self) -> list[str]:
         """Write what is left and complete the bag.

@@ -165,7 +165,7 @@ class Controller:
         self._ages_taken = 0
         self._lost = False  # whether the joint states were found stale, and none came since
         self._fault_seen = faults.NONE  # the fault that was counted last
-        self._changed = False  # whether the law is new since the last answer
+        self._changed = False  # whether law or fault are new since the last answer
         self.command = b''
         self.code = 0
         if self._loop.start_stamp == WAIT:
@@ -301,6 +301,7 @@ class Controller:
             state = self.state
             self._store(state._replace(fault=fault, held=state.last.position))
             self._count_fault()
+            self._changed = True
 
     def clear_fault(self) -> str:
         """Leave the fault, if its cause is gone, with an empty memory and ramped torque.

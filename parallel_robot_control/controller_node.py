@@ -243,7 +243,7 @@ class ControllerNode(SuiteNode):
         """Publish the last answer and what there is to tell with it, by the bits of its code."""
         self._commands.publish(self._controller.command)
         stamp = self._controller.stamp
-        if code & STATUS or self._status is None:
+        if (code & STATUS or self._status is None) and self._controller.status != self._status:
             self._tell(stamp, self._controller.status)
         if code & TELEMETRY:
             for topic, fields in telemetry_fields(self._controller.telemetry).items():

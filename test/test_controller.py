@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from parallel_robot_control.answering import STATUS
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
-from parallel_robot_control.faults import FAULT_TEXT, REFERENCE_STALE
+from parallel_robot_control.faults import EMERGENCY_STOP, FAULT_TEXT, REFERENCE_STALE
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError
 from trajectory_gen.trajectory import Trajectory
@@ -206,3 +207,23 @@ def test_wrong_gains_of_a_law_that_is_not_loaded_are_refused_at_once(lazy):
             Controller(values, lazy=late)
     with pytest.raises(InputError, match='super_twisting'):
         lazy.judge({'super_twisting.k2': -1.0})
+
+
+@pytest.mark.parametrize('mode', ['wall', 'lockstep'])
+@pytest.mark.parametrize('kind', ['states', 'references', 'trip'])
+def test_a_fault_that_no_answer_brought_about_is_told_with_the_next(kind, mode, motion):
+    references, states = motion
+    core = controller(mode)
+    run(core, motion, range(10))
+    assert not core.code & STATUS
+    if kind == 'states':
+        assert core.add_state(START + 9 * MS, states[0]) is None
+    elif kind == 'references' and mode == 'wall':
+        core.add_reference(START + 9 * MS, references[0])
+    else:
+        core.trip(EMERGENCY_STOP)
+    assert core.fault
+    run(core, motion, [10])
+    assert core.code & STATUS and core.status.fault == core.fault
+    run(core, motion, [11])
+    assert not core.code & STATUS
