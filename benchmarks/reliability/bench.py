@@ -145,7 +145,7 @@ class Bench:
         Raises:
             RunError: a node has ended, or the loop does not recover in time.
         """
-        last = 0.0
+        last, begun = 0.0, time.time_ns()
 
         def well() -> bool:
             nonlocal last
@@ -160,7 +160,8 @@ class Bench:
             stamps, distance = self._distances(RECENT)
             age = (time.time_ns() - stamps) / NANOSECONDS
             fresh = bool(age.size) and age[-1] < FRESH
-            return fresh and not self.watch.fault and is_well(-age, distance)
+            since = stamps > begun  # what a fault does shows a little later
+            return fresh and not self.watch.fault and is_well(-age[since], distance[since])
 
         self._until(well, PATIENCE)
 
