@@ -3,13 +3,11 @@
 import resource
 import signal
 import time
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
-from domain_coordinator import domain_id
-from mcap.reader import make_reader
+from bags import content
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from ros_fixtures import SLOW_LOOP
@@ -19,18 +17,12 @@ from parallel_robot_analysis.bags import history, replayed, run_log
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_interface import topics
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 COMMAND_LINE = 'parallel_robot_analysis.command_line'
-FULL = ('/joint_states', '/reference', '/effort_controller/commands')
-SLOW = (
-    '/pose', '/pose_reference', '/controller/error', '/controller/synchronisation_error',
-    '/controller/cross_coupling_error', '/controller/sliding_variable',
-    '/controller/answered',
-)  # fmt: skip
-LATCHED = ('/controller/active_law', '/controller/status')
 
 
 @pytest.fixture
@@ -52,57 +44,6 @@ def begin(start):
     return lambda out, seconds=60.0: start(out, seconds, *words)
 
 
-def streams(bag):
-    """(log time, payload) of every message, by topic, as stock readers order them."""
-    found = {}
-    with next(bag.glob('*.mcap')).open('rb') as file:
-        for _, channel, message in make_reader(file).iter_messages():
-            found.setdefault(channel.topic, []).append((message.log_time, message.data))
-    return found
-
-
-def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
-    words = ('paper_circle', '--duration', '1.5', '--out')
-    with ExitStack() as stack:
-        processes = []
-        for name in ('first', 'second'):  # at once: what one does to the other's load is no matter
-            environment = {
-                'ROS_DOMAIN_ID': str(stack.enter_context(domain_id())),
-                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            }
-            process = launch(COMMAND_LINE, 'run', *words, name, '--time-mode', 'lockstep',
-                             **environment)  # fmt: skip
-            processes.append(process)
-        processes.append(launch(COMMAND_LINE, 'simulate', *words, 'third'))
-        for process in processes:
-            assert process.wait() == 0, process.stderr
-    first, second, third = (streams(tmp_path / name) for name in ('first', 'second', 'third'))
-    counts = {topic: len(stream) for topic, stream in first.items()}
-    assert counts == {
-        **dict.fromkeys(FULL, 1501), **dict.fromkeys(SLOW, 151), **dict.fromkeys(LATCHED, 1)
-    }  # fmt: skip
-    for topic in first:
-        assert first[topic] == second[topic] == third[topic]
-    assert main(['replay', str(tmp_path / 'first')]) == 0
-
-
-def test_two_robots_share_a_domain(start, tmp_path, capsys):
-    runs = {
-        name: start(name, 0.2, '--time-mode', 'lockstep', '--namespace', space)
-        for name, space in {'first': 'left', 'second': 'cell/right'}.items()
-    }
-    for process in runs.values():
-        assert process.wait() == 0, process.stderr
-    bags = [tmp_path / name for name in ('simulated', *runs)]
-    assert main(['simulate', 'paper_circle', '--duration', '0.2', '--out', str(bags[0])]) == 0
-    first, second, third = map(streams, bags)
-    assert first == second == third and len(first['/joint_states']) == 201
-    past = history.read(tmp_path / 'second')
-    assert {node.rpartition('/')[0] for node in past.parameters} == {'/cell/right'}
-    for words in ('analyze',), ('replay',), ('report', '--out', str(tmp_path / 'report')):
-        assert main([*words[:1], str(tmp_path / 'second'), *words[1:]]) == 0
-
-
 def test_a_run_in_real_time_is_complete(begin, tmp_path):
     process = begin('bag', 1.5)
     assert process.wait() == 0, process.stderr
@@ -121,14 +62,16 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
     counts = {f'/{name}': topic.count for name, topic in log.messages.items()}
     assert counts.pop('/controller/status') >= 1  # one more for each fault and limit
     answered = int((~np.isnan(log.answer).any(axis=1)).sum())
-    of_controller = [counts.pop(name) for name in SLOW if name.startswith('/controller')]
+    of_controller = [
+        counts.pop(f'/{topic.name}') for topic in (*topics.TELEMETRY, topics.ANSWERED)
+    ]
     assert min(of_controller) > 0 and max(of_controller) <= 32  # fewer where states were skipped
     assert 0 < answered <= counts.pop('/effort_controller/commands')
     assert counts == {
         '/joint_states': 301, '/reference': 301, '/pose': 31, '/pose_reference': 31,
         '/controller/active_law': 1,
     }  # fmt: skip
-    for stream in streams(tmp_path / 'bag').values():
+    for stream in content(tmp_path / 'bag' / 'bag_0.mcap').values():
         times = [time for time, _ in stream]
         assert times == sorted(times) and times[0] >= log.start_stamp
     assert main(['replay', str(tmp_path / 'bag')]) == 0

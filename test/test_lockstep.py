@@ -1,0 +1,68 @@
+"""Real nodes in lockstep: nothing hurries, and the bytes are those of the simulation."""
+
+from contextlib import ExitStack
+
+from bags import content
+from domain_coordinator import domain_id
+
+from parallel_robot_analysis.bags import history
+from parallel_robot_analysis.command_line import main
+
+pytest_plugins = ['ros_fixtures']
+
+COMMAND_LINE = 'parallel_robot_analysis.command_line'
+FULL = ('joint_states', 'reference', 'effort_controller/commands')
+SLOW = (
+    'pose', 'pose_reference', 'controller/error', 'controller/synchronisation_error',
+    'controller/cross_coupling_error', 'controller/sliding_variable', 'controller/answered',
+)  # fmt: skip
+LATCHED = ('controller/active_law', 'controller/status')
+
+
+def streams(bag):
+    """(log time, payload) of every message, by topic."""
+    (file,) = bag.glob('*.mcap')
+    return content(file)
+
+
+def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
+    words = ('paper_circle', '--duration', '1.5', '--out')
+    with ExitStack() as stack:
+        processes = []
+        for name in ('first', 'second'):  # at once: what one does to the other's load is no matter
+            environment = {
+                'ROS_DOMAIN_ID': str(stack.enter_context(domain_id())),
+                'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            }
+            process = launch(COMMAND_LINE, 'run', *words, name, '--time-mode', 'lockstep',
+                             **environment)  # fmt: skip
+            processes.append(process)
+        processes.append(launch(COMMAND_LINE, 'simulate', *words, 'third'))
+        for process in processes:
+            assert process.wait() == 0, process.stderr
+    first, second, third = (streams(tmp_path / name) for name in ('first', 'second', 'third'))
+    counts = {topic: len(stream) for topic, stream in first.items()}
+    assert counts == {
+        **dict.fromkeys(FULL, 1501), **dict.fromkeys(SLOW, 151), **dict.fromkeys(LATCHED, 1)
+    }  # fmt: skip
+    for topic in first:
+        assert first[topic] == second[topic] == third[topic]
+    assert main(['replay', str(tmp_path / 'first')]) == 0
+
+
+def test_two_robots_share_a_domain(launch, domain, tmp_path):
+    runs = {
+        name: launch(COMMAND_LINE, 'run', 'paper_circle', '--duration', 0.2, '--out', name,
+                     '--time-mode', 'lockstep', '--namespace', space)
+        for name, space in {'first': 'left', 'second': 'cell/right'}.items()
+    }  # fmt: skip
+    for process in runs.values():
+        assert process.wait() == 0, process.stderr
+    bags = [tmp_path / name for name in ('simulated', *runs)]
+    assert main(['simulate', 'paper_circle', '--duration', '0.2', '--out', str(bags[0])]) == 0
+    first, second, third = map(streams, bags)
+    assert first == second == third and len(first['joint_states']) == 201
+    past = history.read(tmp_path / 'second')
+    assert {node.rpartition('/')[0] for node in past.parameters} == {'/cell/right'}
+    for words in ('analyze',), ('replay',), ('report', '--out', str(tmp_path / 'report')):
+        assert main([*words[:1], str(tmp_path / 'second'), *words[1:]]) == 0
