@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -105,9 +106,12 @@ class Bench:
         counts = self._counts()
         self.watch.forget()
         began = time.time_ns()
-        note = inject(self)
+        note, failures = '', []
+        try:
+            note = inject(self)
+        except subprocess.SubprocessError as error:  # the other rows are still of interest
+            failures.append(str(error))
         over = time.time_ns()
-        failures = []
         try:
             self.recover()
             time.sleep(REPORT)
