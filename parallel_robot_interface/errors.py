@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+NEAR = 0.6  # similarity of names, from 0 to 1, from which one may stand for the other
 DRIVEN_OUT = 'the robot was driven out of its workspace'  # begin of the plant's alarm, too
 
 
@@ -29,7 +30,7 @@ class UnknownNameError(InputError):
         self.kind = kind
         self.name = name
         self.choices = sorted(choices)
-        near = difflib.get_close_matches(name, self.choices, n=1, cutoff=0.0)
+        near = difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
         shown = ', '.join(self.choices) if len(self.choices) <= 12 else ''
         hint = f'; did you mean {near[0]!r}?' if near else ''
         super().__init__(

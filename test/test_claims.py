@@ -67,6 +67,13 @@ def test_compare_shows_what_was_measured(tmp_path, capsys):
         assert f'{1e6 * rms:.4g}' in row.split()
 
 
+@pytest.mark.parametrize('given', [['smc,pid'], ['smc,', 'pid'], ['smc', ',', 'pid']])
+def test_compare_tells_of_the_space_between_laws(given, capsys):
+    assert main(['compare', 'paper_circle', '--laws', *given]) == 2
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1 and 'with spaces between them, smc pid, not smc' in error
+
+
 def test_compare_refuses_an_unknown_law(capsys):
     assert main(['compare', 'paper_circle', '--laws', 'pidd']) == 2
     assert "did you mean 'pid'" in capsys.readouterr().err

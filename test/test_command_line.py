@@ -5,9 +5,13 @@ import json
 import pytest
 from bags import full_disk
 
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import history, run_log, simulation_bag
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import run
+from parallel_robot_analysis.commands import recover, rerun, run
+from parallel_robot_analysis.report import figures, runs
+from parallel_robot_interface import config
+from parallel_robot_sim import simulation
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 
@@ -107,10 +111,18 @@ def bag(tmp_path_factory):
     return directory
 
 
-@pytest.mark.parametrize('path', ['nothing', 'file', 'file/bag', '.'])
-def test_a_bag_that_is_none(path, tmp_path, capsys):
+@pytest.mark.parametrize(
+    ('path', 'reason'),
+    [
+        ('nothing', 'nothing does not exist'),
+        ('file', 'nothing in it is MCAP'),
+        ('file/bag', 'file/bag does not exist'),
+        ('.', 'is not a bag: no MCAP file there'),
+    ],
+)
+def test_a_bag_that_is_none(path, reason, tmp_path, capsys):
     (tmp_path / 'file').write_text('mine')
-    refused(['analyze', tmp_path / path], capsys)
+    assert reason in refused(['analyze', tmp_path / path], capsys)
     assert list(tmp_path.iterdir()) == [tmp_path / 'file']
 
 
@@ -158,6 +170,19 @@ def test_simulate_and_analyze(tmp_path, capsys):
         assert f'{name:<32}{count["count"]:>8}' in out
 
 
+def test_a_path_may_be_a_text(bag, tmp_path):
+    copy, picture = str(tmp_path / 'copy'), str(tmp_path / 'run.png')
+    recover.recover(str(bag), copy)
+    log = run_log.read(copy)
+    assert history.read(copy).facts == history.read(bag).facts
+    assert rerun.compare(str(bag), copy) == (rerun.compare(bag, tmp_path / 'copy')[0], '')
+    figures.draw_run(log, metrics.poses(log), picture)
+    values = config.resolve('paper_circle', {'duration': 0.01})
+    simulation_bag.write(str(tmp_path / 'new'), values, simulation.simulate(values))
+    assert {path.name for path in tmp_path.iterdir()} == {'copy', 'new', 'run.png'}
+    assert list(runs.read_runs([copy])) == ['paper_circle']
+
+
 def test_settings_are_used_and_recorded(bag, tmp_path):
     other = tmp_path / 'bag'
     words = [
@@ -172,6 +197,21 @@ def test_settings_are_used_and_recorded(bag, tmp_path):
     log = run_log.read(other)
     assert log.config['friction.coulomb'] == [0, 0.5, 1] and log.config['s_fotsmc.G'] == 10.0
     assert not (log.position == run_log.read(bag).position).all()
+
+
+@pytest.mark.parametrize(
+    ('word', 'hint'),
+    [
+        ('anlyze', "'anlyze'; did you mean 'analyze'? (known: a"),
+        ('replai', "'replai'; did you mean 'replay'? (known: a"),
+        ('nope', "'nope' (known: a"),
+    ],
+)
+def test_an_unknown_command_names_the_nearest(word, hint, capsys):
+    assert main([word, '--out', 'x']) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.startswith(f'parallel_robot: unknown command {hint}')
+    assert err.count('\n') == 1
 
 
 def test_help_names_every_command(capsys):

@@ -40,6 +40,10 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     known = available(config.resolve(arguments.scenario, simulate.overrides(arguments)))
     laws = arguments.laws or list(known)
+    given = ' '.join(laws)
+    if ',' in given:
+        names = ' '.join(given.replace(',', ' ').split())
+        raise InputError(f'--laws takes names with spaces between them, {names}, not {given}')
     for law in laws:
         if law not in known:
             raise UnknownNameError('law', law, known)
