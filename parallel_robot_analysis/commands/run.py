@@ -154,6 +154,8 @@ def _supervise(
                     session.start(name, start)
                 with Progress(loop.duration, 's') as progress:
                     follow(processes, session, loop.samples or 0, loop.duration, progress)
+                for name in session.silent(filter(processes.running, MODULES)):
+                    print(f'warning: {name} does not answer any more', file=sys.stderr)
                 return session.driven_out
     finally:
         for number, handler in handlers.items():
@@ -182,7 +184,7 @@ def follow(
     """Wait until the recorder has all of the motion, or the robot has left its workspace.
 
     Raises:
-        RunError: the plant stands still.
+        RunError: the motion stands still.
     """
     seen, since = session.state, time.monotonic()
     while processes.running('recorder'):
@@ -193,5 +195,7 @@ def follow(
             seen, since = session.state, time.monotonic()
             progress.show(round(duration * min(1.0, seen / samples), 1))
         elif time.monotonic() - since > STANDSTILL:
-            raise RunError(f'the plant stands still at state {seen} of {samples}')
+            where = f'the motion stands still at state {seen} of {samples}'
+            silent = ' and '.join(session.silent(MODULES))
+            raise RunError(where + (f': no answer of {silent}' if silent else ''))
     processes.check()
