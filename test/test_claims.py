@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from parallel_robot_analysis import claims
+from parallel_robot_analysis import claims, figures_of_merit
+from parallel_robot_analysis.bags.counts import TopicCount
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.metrics import Errors, Metrics, Torque, Transient
 
@@ -50,6 +51,13 @@ def test_claims_about_laws_without_results_are_left_out():
     assert [
         v.claim.better for v in claims.judge({k: AS_CLAIMED[k] for k in ('smc', 's_smc')})
     ] == ['s_smc']
+
+
+def test_missing_messages_stand_beside_the_figures():
+    counts = {'reference': TopicCount(99, 2), 'pose': TopicCount(10, 0), 'clock': TopicCount(5, 7)}
+    lines = figures_of_merit.brief(figures(1e-6, 1.0, 0.5), counts)
+    assert len(lines) == 4 and lines[3] == '  messages missing: reference 2, clock 7'
+    assert lines[0].startswith('  platform error, rms 1.000 um; ')
 
 
 def test_compare_shows_what_was_measured(tmp_path, capsys):

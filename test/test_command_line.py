@@ -1,6 +1,10 @@
 """The command line: one clear line for bad input, and the figures that were asked for."""
 
 import json
+import re
+import shlex
+import subprocess
+import sys
 
 import pytest
 from bags import full_disk
@@ -9,6 +13,7 @@ from parallel_robot_analysis import metrics
 from parallel_robot_analysis.bags import history, run_log, simulation_bag
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import recover, rerun, run
+from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
 from parallel_robot_interface import config
 from parallel_robot_sim import simulation
@@ -141,6 +146,35 @@ def test_results_that_cannot_be_written(words, bag, tmp_path, capsys, monkeypatc
     monkeypatch.chdir(tmp_path)
     refused(['analyze', bag, *words], capsys)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('words', [[], ['--set', 'true_robot.l1=0.4001']])
+def test_simulate_ends_with_the_figures_of_analyze(words, tmp_path, capsys):
+    out = tmp_path / 'a bag'
+    assert main(['simulate', 'paper_circle', '--duration', '1', *words, '--out', str(out)]) == 0
+    _, head, *brief, place, following = capsys.readouterr().out.splitlines()
+    assert len(brief) == 3 and place == f'bag     {out}'
+    assert following == f"next    parallel_robot analyze '{out}'"
+    assert main(shlex.split(following)[2:]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert head == first
+    merits = [re.sub(r'  +', ' ', line.strip()) for line in lines[: len(STEADY + TORQUE)]]
+    assert '; '.join(line.strip() for line in brief) == '; '.join(merits)
+
+
+def test_a_bag_is_good_though_its_figures_fail(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(metrics, 'evaluate', lambda *_: 1 / 0)
+    assert main(['simulate', *CIRCLE, '--out', str(tmp_path / 'bag')]) == 0
+    out, err = capsys.readouterr()
+    assert not err and 'no figures: ZeroDivisionError: division by zero\nbag ' in out
+    assert not run_log.read(tmp_path / 'bag').warnings
+
+
+def test_simulate_does_not_wait_for_what_it_does_not_use():
+    code = 'import sys, parallel_robot_analysis.commands.simulate; print(*sys.modules)'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    slow = {'scipy.ndimage', 'matplotlib', 'plotly', 'rclpy', 'pandas'}
+    assert not slow & {*done.stdout.split()}
 
 
 def test_simulate_and_analyze(tmp_path, capsys):
