@@ -73,7 +73,8 @@ def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
 
 
 def shown(value: float | None) -> str:
-    """Four significant digits, or a word for what never came."""
+    """Four significant digits, zeros too, or a word for what never came."""
     if value is None or math.isinf(value):
         return 'never'
-    return f'{value:.0f}' if 1e4 <= abs(value) < 1e7 else f'{value:.4g}'
+    text = f'{value:#.4g}'.removesuffix('.')
+    return f'{float(text):.0f}' if 1e4 <= abs(float(text)) < 1e7 else text

@@ -44,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
         made = simulation.simulate(values)
         results[law] = evaluate(made)
         notes += simulate.remarks(made)
-    verdicts = claims.judge(results)
+    verdicts = claims.judge(arguments.scenario, results)
     if arguments.json:
         try:
             with json_draft(arguments.json, as_data(arguments.scenario, results, verdicts)):
