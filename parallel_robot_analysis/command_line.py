@@ -15,6 +15,7 @@ from parallel_robot_interface.errors import InputError, ParallelRobotError, Unkn
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
     'simulate': 'run the same closed loop without ROS and record it',
+    'node': 'one node in this process, as ros2 run starts it',
     'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
     'analyze': 'figures of merit and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
@@ -61,7 +62,8 @@ def main(words: Sequence[str] | None = None) -> int:
             raise UnknownNameError('command', words[0], COMMANDS)
         arguments = build_parser(words).parse_args(words)
         name = f'{name} {arguments.command}'
-        if sys.stderr.isatty():  # says what takes long; a pipe gets results and errors alone
+        # Says what takes long; a pipe gets results and errors alone, and a node has its own log.
+        if sys.stderr.isatty() and arguments.command != 'node':
             logging.basicConfig(format=f'{name}: %(message)s')
             logging.getLogger('parallel_robot').setLevel(logging.INFO)
         code: int = module_of(arguments.command).execute(arguments)
