@@ -10,11 +10,12 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
-from parallel_robot_interface.errors import InputError, ParallelRobotError
+from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
     'simulate': 'run the same closed loop without ROS and record it',
+    'node': 'one node in this process, as ros2 run starts it',
     'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
     'analyze': 'figures of merit and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
@@ -55,14 +56,19 @@ def main(words: Sequence[str] | None = None) -> int:
         0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
     """
     words = sys.argv[1:] if words is None else words
-    arguments = build_parser(words).parse_args(words)
-    if sys.stderr.isatty():  # says what takes long; a pipe gets results and errors alone
-        logging.basicConfig(format=f'parallel_robot {arguments.command}: %(message)s')
-        logging.getLogger('parallel_robot').setLevel(logging.INFO)
+    name = 'parallel_robot'
     try:
+        if words and not words[0].startswith('-') and words[0] not in COMMANDS:
+            raise UnknownNameError('command', words[0], COMMANDS)
+        arguments = build_parser(words).parse_args(words)
+        name = f'{name} {arguments.command}'
+        # Says what takes long; a pipe gets results and errors alone, and a node has its own log.
+        if sys.stderr.isatty() and arguments.command != 'node':
+            logging.basicConfig(format=f'{name}: %(message)s')
+            logging.getLogger('parallel_robot').setLevel(logging.INFO)
         code: int = module_of(arguments.command).execute(arguments)
     except ParallelRobotError as error:
-        print(f'parallel_robot {arguments.command}: {error}', file=sys.stderr)
+        print(f'{name}: {error}', file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except KeyboardInterrupt:
         return 130

@@ -101,11 +101,14 @@ class NodeProcesses:
 
         Raises:
             RunError: one has ended with an error, or although it should run on; with its reason.
+                Of several it is the one that was killed: others may have ended for want of it.
         """
-        for name, process in self._processes.items():
-            code = process.poll()
-            if code is None or (code == 0 and name == 'recorder'):
-                continue
+        codes = {name: process.poll() for name, process in self._processes.items()}
+        if codes.get('recorder') == 0:
+            del codes['recorder']
+        ended = [(code, name) for name, code in codes.items() if code is not None]
+        if ended:
+            code, name = min(ended)
             how = f'signal {signal.Signals(-code).name}' if code < 0 else f'exit code {code}'
             reason = self._last_line(name)
             raise RunError(f'{name} ended with {how}' + (f': {reason}' if reason else ''))
@@ -115,7 +118,8 @@ class NodeProcesses:
         for names in STOP_ORDER:
             processes = [self._processes[name] for name in names if name in self._processes]
             for process in processes:
-                process.send_signal(signal.SIGINT)  # to none that has ended
+                for number in (signal.SIGINT, signal.SIGCONT):  # even if it was stopped
+                    process.send_signal(number)  # to none that has ended
             for process in processes:
                 try:
                     process.wait(GRACE)

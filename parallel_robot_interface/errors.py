@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Iterable
 
 LONGEST = 200  # characters of a text of somebody else's in a line of ours
+NEAR = 0.6  # similarity of names, from 0 to 1, from which one may stand for the other
 DRIVEN_OUT = 'the robot was driven out of its workspace'  # begin of the plant's alarm, too
 
 
@@ -31,7 +32,7 @@ class UnknownNameError(InputError):
         self.name = name
         self.choices = sorted(choices)
         name = shortened(name)
-        near = difflib.get_close_matches(name, self.choices, n=1, cutoff=0.0)
+        near = difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
         shown = ', '.join(self.choices) if len(self.choices) <= 12 else ''
         hint = f'; did you mean {near[0]!r}?' if near else ''
         super().__init__(

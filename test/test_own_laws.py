@@ -159,6 +159,8 @@ def test_judge_of_a_law_of_ones_own_may_refuse_or_fail(write):
 
 
 RETURN = 'ControlOutput(torque, e, e, Memory(memory.integral + dt * e))'
+HELPER = '@kernel\ndef twice(x):\n    return x.foo\n\n\n@kernel'
+MIXED = 'd = {}\n    d["a"] = reference\n    d[1] = 2\n    torque = '  # Numba warns of it, too
 WRONG = {
     'syntax': ([('def update(', 'def update((')], 'SyntaxError'),
     'no_update': ([('def update(', 'def upgrade(')], 'no_update.py has no update'),
@@ -173,7 +175,14 @@ WRONG = {
     'not_a_number': ([(' = 90.0', " = float('nan')")], 'not_a_number.Kd must be finite'),
     'plain': ([('@kernel\n', '')], 'plain: update is not compiled: put @kernel before it'),
     'unknown': ([('gains.Kp * e', 'gains.Kq * e')], "does not compile: Unknown attribute 'Kq'"),
-    'short': ([('feedback, memory, dt)', 'feedback)')], 'short: update does not compile: '),
+    'place': ([('gains.Kp * e', 'gains.Kq * e')], '(place.py:29)'),
+    'in_helper': ([('@kernel', HELPER), ('gains.Kp * e', 'twice(dt) * e')], '(in_helper.py:27)'),
+    'undefined': ([('gains.Kp * e', 'Kp * e')], "name 'Kp' is not defined (undefined.py:29)"),
+    'format': ([('torque = ', 'f"{dt:.3f}"\n    torque = ')], 'not supported yet (format.py:'),
+    'bytecode': ([('torque = ', 'with dt:\n        pass\n    torque = ')], '(bytecode.py:2'),
+    'signature': ([('e_dot\n', 'e_dot @ "a"\n')], 'for signature: >>> matmul(array(float64, 1d, '),
+    'mixed': ([('torque = ', MIXED)], 'mixed: update does not compile: No implementation'),
+    'short': ([('feedback, memory, dt)', 'feedback)')], '(short.py:25)'),
     'scalar': ([(RETURN, RETURN.replace('torque', '1.0'))], 'scalar: update must return Control'),
     'tuple_alone': ([(RETURN, '(torque, e, e, memory)')], 'tuple_alone: update must return Contr'),
     'other_memory': (
@@ -187,6 +196,7 @@ WRONG = {
         [('class Gains', 'raise OSError("a\\nb")\n\n\nclass Gains')],
         'wordy.py: OSError: a',
     ),
+    'plant': ([], 'own_laws: plant is a group of parameters; rename the file'),
     'smc': ([], 'own_laws: smc.py: there is already a law smc; rename the file'),
 }
 
@@ -231,12 +241,26 @@ def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypat
         monkeypatch.setattr(trial, '_try', None)  # now it is known
 
 
-@pytest.mark.parametrize('given', ['missing.py', '.', 'a-b.py', 'mine.txt'])
-def test_a_file_that_is_none_costs_one_line(given, write, tmp_path, capsys):
+NO_LAW = 'is not a Python file whose name can name a law'
+
+
+@pytest.mark.parametrize(
+    ('given', 'reason'),
+    [
+        ('missing.py', 'does not exist'),
+        ('missing/a-b.txt', 'does not exist'),
+        (300 * 'x' + '.py', 'does not exist'),
+        ('~nobody_of_this_name/law.py', 'does not exist'),
+        ('.', NO_LAW),
+        ('a-b.py', NO_LAW),
+        ('mine.txt', NO_LAW),
+    ],
+)
+def test_a_file_that_is_none_costs_one_line(given, reason, write, tmp_path, capsys):
     (tmp_path / 'a-b.py').write_text(LAW), (tmp_path / 'mine.txt').write_text(LAW)
     assert main(['compare', 'paper_circle', '--set', f'own_laws=[{given}]']) == 2
     err = capsys.readouterr().err
-    assert err.count('\n') == 1 and f'own_laws: {given} is not a Python file' in err
+    assert err.count('\n') == 1 and f'own_laws: {given} {reason}' in err
 
 
 def test_two_files_of_one_name_are_not_confused(write, capsys):

@@ -49,6 +49,36 @@ def test_the_end_of_a_node_is_reported_with_its_reason(name, tmp_path, monkeypat
     assert str(caught.value) == TEXTS[name]
 
 
+def test_of_several_that_ended_the_one_that_was_killed_is_named(tmp_path, monkeypatch):
+    for name in ('fails', 'dies', 'ends'):
+        (tmp_path / f'{name}.py').write_text(SCRIPTS[name])
+        monkeypatch.setitem(processes.MODULES, name, name)
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    monkeypatch.setattr(processes, 'STOP_ORDER', (('fails', 'dies', 'ends'),))
+    with processes.NodeProcesses({'fails': {}, 'ends': {}, 'dies': {}}) as running:
+        for process in running._processes.values():
+            process.wait(20.0)
+        with pytest.raises(RunError, match=r'^dies ended with signal SIGKILL$'):
+            running.check()
+
+
+def test_a_node_that_was_stopped_ends_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / 'stopped.py').write_text(
+        'import os, signal, sys\n'
+        'signal.signal(signal.SIGINT, lambda *_: sys.exit(7))\n'
+        'os.kill(os.getpid(), signal.SIGSTOP)\n'
+        'signal.pause()\n'
+    )
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    monkeypatch.setitem(processes.MODULES, 'node', 'stopped')
+    monkeypatch.setattr(processes, 'STOP_ORDER', (('node',),))
+    with processes.NodeProcesses({'node': {}}) as running:
+        process = running._processes['node']
+        state = Path(f'/proc/{process.pid}/stat')
+        until(lambda: state.read_text().rpartition(')')[2].split()[0] == 'T')
+    assert process.returncode == 7  # not killed
+
+
 def test_a_node_that_compiles_is_known_and_goes_on_with_its_log(tmp_path, monkeypatch):
     (tmp_path / 'a_node.py').write_text(f"""
 import pathlib, sys, time

@@ -68,7 +68,7 @@ class Bag(Generic[Part]):
 
 
 def read(
-    bag: Path, topics: Iterable[Topic], condense: Callable[[Topic, Messages], Part]
+    bag: str | Path, topics: Iterable[Topic], condense: Callable[[Topic, Messages], Part]
 ) -> Bag[Part]:
     """Read some topics of a bag, some megabytes at a time.
 
@@ -80,6 +80,7 @@ def read(
     Raises:
         BagError: nothing there is an MCAP file.
     """
+    bag = Path(bag)
     streams: dict[str, list[Part]] = {}
     facts: dict[str, str] = {}
     notes: dict[str, list[dict[str, str]]] = {}
@@ -128,12 +129,15 @@ def files(bag: Path) -> list[Path]:
     try:
         names = {path.name for path in bag.iterdir()} if bag.is_dir() else set()
         there = bag.is_file()
+        exists = bag.exists()
     except OSError as error:
         raise BagError(f'{bag} cannot be read: {error.strerror}') from None
     packed = {name for name in names if name.endswith('.mcap.zstd') and name[:-5] not in names}
     unpacked = {name for name in names if name.endswith('.mcap')}
     paths = [bag / name for name in sorted(packed | unpacked, key=_numbers_by_value)]
     paths = [bag] if there else paths
+    if not exists:
+        raise BagError(f'{bag} does not exist')
     if not paths:
         raise BagError(f'{bag} is not a bag: no MCAP file there')
     return paths

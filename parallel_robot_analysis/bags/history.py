@@ -78,7 +78,7 @@ class History(NamedTuple):
         return files
 
 
-def read(bag: Path) -> History:
+def read(bag: str | Path) -> History:
     """Read what a bag says; what is not there or not understood is left out.
 
     Raises:

@@ -67,7 +67,7 @@ class BagReader:
         end: Log time of the last message [ns].
     """
 
-    def __init__(self, bag: Path) -> None:
+    def __init__(self, bag: str | Path) -> None:
         """Read the index.
 
         Args:
@@ -80,7 +80,7 @@ class BagReader:
         self.counts: Counter[str] = Counter()
         self._streams: list[IO[bytes]] = []
         chunks: list[_Chunk] = []
-        for file in files(bag):
+        for file in files(Path(bag)):
             chunks += self._index(file, len(chunks))
         self._chunks = sorted(chunks)
         self.start = min((chunk.first for chunk in chunks), default=0)

@@ -72,7 +72,7 @@ class RunLog(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def read(bag: Path) -> RunLog:
+def read(bag: str | Path) -> RunLog:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
 
     What is damaged is left out, and said in `warnings`.
@@ -83,6 +83,7 @@ def read(bag: Path) -> RunLog:
     Raises:
         BagError: not a bag, or a topic that the log needs is not in it.
     """
+    bag = Path(bag)
     found = bag_reader.read(bag, RECORDED, decoder(bag))
     streams = _streams(bag, found.streams)
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):

@@ -79,7 +79,7 @@ class Recovery:
         return lines
 
 
-def recover(bag: Path, out: Path) -> Recovery:
+def recover(bag: str | Path, out: str | Path) -> Recovery:
     """Write all that is intact in a bag as a new bag; leave nothing when that fails.
 
     Args:
@@ -90,6 +90,7 @@ def recover(bag: Path, out: Path) -> Recovery:
         BagError: nothing is intact, or `out` exists or cannot be created.
         RunError: the disk is full.
     """
+    bag, out = Path(bag), Path(out)
     files = bag_reader.files(bag)
     check(out)
     recovery = Recovery()

@@ -93,7 +93,7 @@ class _Difference(NamedTuple):
     what: str
 
 
-def compare(bag: Path, other: Path) -> tuple[int, str]:
+def compare(bag: str | Path, other: str | Path) -> tuple[int, str]:
     """Compare two bags topic by topic, message by message.
 
     Args:
@@ -132,7 +132,7 @@ def compare(bag: Path, other: Path) -> tuple[int, str]:
     )
 
 
-def _streams(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
+def _streams(bag: str | Path) -> dict[str, list[tuple[int, bytes]]]:
     """Time and bytes of all messages by topic."""
     reader = BagReader(bag)
     streams: dict[str, list[tuple[int, bytes]]] = {}
