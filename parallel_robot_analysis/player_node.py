@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -23,7 +22,7 @@ from parallel_robot_analysis.bags.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_analysis.player import Player, PlayerOptions
 from parallel_robot_interface import cdr, fields, topics
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
-from parallel_robot_interface.ros_node import SuiteNode, message_class, run_node
+from parallel_robot_interface.ros_node import SuiteNode, describe, message_class, run_node
 
 WINDOW = 400  # messages of a topic that may be unanswered when playing fast
 ASK_EVERY = 100  # messages between two looks for the answer
@@ -31,6 +30,10 @@ ANSWER = 0.01  # s, in which it mostly comes
 LAST_WORD = 4.0  # s, for receivers at the end; Fast DDS asks them every 3 s
 CLOCK_RATE = 100.0  # Hz, of a bare --clock
 CLOCK = '/clock'
+SETTABLE = {  # parameters that can change while a bag is played
+    'position': fields.Field('s', 'moment to go on from, since the start of the bag', 0.0),
+    'rate': next(p.field for p in fields.parameters(PlayerOptions) if p.key == 'rate'),
+}
 
 
 class PlayerNode(SuiteNode):
@@ -62,8 +65,8 @@ class PlayerNode(SuiteNode):
             ('step', self._answer_step),
         ):
             self.create_service(Trigger, f'~/{name}', answer)
-        text = 'moment to go on from, since the start of the bag [s]'
-        self.declare_parameter('position', options.start, ParameterDescriptor(description=text))
+        for key, value in (('position', options.start), ('rate', options.rate)):
+            self.declare_parameter(key, value, describe(SETTABLE[key], value))
         self._playing = threading.Thread(target=self._play, name='player', daemon=True)
         count = sum(self._bag.counts[name] for name in self._publishers_of)
         self.get_logger().info(f'playing {options.bag}: {count} messages')
@@ -156,14 +159,25 @@ class PlayerNode(SuiteNode):
         return response
 
     def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
-        """Seek; all other parameters are fixed."""
-        others = {key: value for key, value in changes.items() if key != 'position'}
+        """Seek and set the rate; all other parameters are fixed."""
+        others = {key: value for key, value in changes.items() if key not in SETTABLE}
         if others:
             return super().judge(others)
-        field = fields.Field('s', '', 0.0)
-        position = fields.check('position', float, field, changes['position'])
-        self._player.seek(position)
-        return {'position': position}, lambda: None
+        values = {
+            key: fields.check(key, float, SETTABLE[key], value) for key, value in changes.items()
+        }
+        if 'rate' in values and self._fast:
+            raise InputError('a player with --fast keeps no time; it has no rate')
+        if 'position' in values:
+            self._player.check(values['position'])
+
+        def apply() -> None:
+            if 'rate' in values:
+                self._player.set_rate(values['rate'])
+            if 'position' in values:
+                self._player.seek(values['position'])
+
+        return values, apply
 
 
 class _Parser(argparse.ArgumentParser):

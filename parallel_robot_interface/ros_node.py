@@ -299,7 +299,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             if self.has_parameter(key):
                 self.undeclare_parameter(key)  # it may be an integer where a float is meant
             plain = list(value) if isinstance(value, tuple) else value
-            descriptor = _descriptor(parameter.field, plain)
+            descriptor = describe(parameter.field, plain)
             descriptor.read_only = not self.is_settable(key)
             self.declare_parameter(key, plain, descriptor, ignore_override=True)
 
@@ -409,7 +409,7 @@ class _Use(NamedTuple):
     samples: int
 
 
-def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
+def describe(field: Field, value: Any) -> ParameterDescriptor:
     """Description of a parameter whose value may be `value`."""
     text = field.description + (f' [{field.unit}]' if field.unit else '')
     descriptor = ParameterDescriptor(
