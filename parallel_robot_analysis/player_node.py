@@ -7,14 +7,13 @@ import math
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
@@ -39,13 +38,15 @@ SETTABLE = {  # parameters that can change while a bag is played
 class PlayerNode(SuiteNode):
     """Publishes what a bag holds, byte by byte, from a thread of its own."""
 
-    def __init__(self, words: Sequence[str]) -> None:
+    example = 'runs/exact --rate 0.5 --ros-args -r __ns:=/left'
+
+    def __init__(self, **words: Any) -> None:
         """Open the bag and begin.
 
         Args:
-            words: The command line without its ROS arguments.
+            words: See PlayerOptions.
         """
-        options = parse(words)
+        options = fields.build(PlayerOptions, words, '--')
         super().__init__('player', {})
         self._bag = BagReader(Path(options.bag))
         self._fast = options.fast
@@ -180,21 +181,9 @@ class PlayerNode(SuiteNode):
         return values, apply
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(message)
-
-
-def parse(words: Sequence[str]) -> PlayerOptions:
-    """Read the command line of the player.
-
-    Raises:
-        InputError: with the word that is wrong.
-    """
-    parser = _Parser(
-        prog='player', description='Play a bag.', epilog='--ros-args as for every node.'
-    )
-    parser.add_argument('bag', metavar='BAG')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the player's command line."""
+    parser.add_argument('bag', metavar='BAG', help='directory of the bag, or its MCAP file')
     for parameter in fields.parameters(PlayerOptions):
         key, field = parameter.key, parameter.field
         if key == 'bag':
@@ -209,13 +198,11 @@ def parse(words: Sequence[str]) -> PlayerOptions:
             more |= {'nargs': '?', 'const': CLOCK_RATE}
         default = PlayerOptions._field_defaults[key]
         parser.add_argument(f'--{key}', default=default, help=text, **more)
-    return fields.build(PlayerOptions, vars(parser.parse_args(words)), '--')
 
 
 def main() -> int:
     """Run the node."""
-    words = remove_ros_args(sys.argv)[1:]
-    return run_node(lambda: PlayerNode(words))
+    return run_node(PlayerNode, add_arguments)
 
 
 if __name__ == '__main__':

@@ -25,6 +25,7 @@ class RecorderNode(SuiteNode):
     """Records from its start, or the common one, to the end of the motion or of the node."""
 
     priority = realtime.LISTENER
+    example = '--ros-args -p recorder.out:=my_bag'
 
     def __init__(self) -> None:
         """Subscribe to everything; without a common start, begin at once."""

@@ -37,7 +37,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import config, loop, realtime, ros_middleware
+from parallel_robot_interface import config, loop, realtime, ros_arguments, ros_middleware
 from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_interface.fields import Field, parameters
@@ -117,9 +117,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
         priority: Real-time priority that the node should have in wall time; 0: none.
+        example: What may follow its name on a command line, for its help.
     """
 
     priority = 0
+    example = '--ros-args -p scenario:=paper_line'
 
     def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
         """Resolve the configuration and declare the node's parameters.
@@ -427,11 +429,18 @@ def describe(field: Field, value: Any) -> ParameterDescriptor:
     return descriptor
 
 
-def run_node(make: Callable[[], SuiteNode]) -> int:
+def run_node(
+    make: Callable[..., SuiteNode], add_arguments: ros_arguments.AddArguments | None = None
+) -> int:
     """Run a node to its end: Ctrl-C, SIGTERM, or its own.
 
+    Args:
+        make: Its class.
+        add_arguments: Declares words of its own on the command line; `make` gets them by name.
+
     Returns:
-        0; 1 when the node failed; 2 when a parameter is wrong, after one line that says so.
+        0; 1 when the node failed; 2 when a parameter or a word is wrong, after one line that says
+        so.
     """
     stop: list[int] = []  # not an Event: setting it in a handler that interrupts itself deadlocks
     making = True
@@ -447,10 +456,11 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     logger.setLevel(logging.INFO)
     logger.addHandler(_ToRos())
     try:
+        words = ros_arguments.read(make, sys.argv, add_arguments)
         middleware = ros_middleware.asked(sys.argv)
         with ros_middleware.transport(middleware) as transport:
             _initialise()
-            node = make()
+            node = make(**words)
         making = False
         ros_middleware.check(node.loop.middleware, middleware)
     except ParallelRobotError as error:
