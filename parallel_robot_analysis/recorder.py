@@ -6,7 +6,7 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,14 +23,18 @@ from parallel_robot_analysis.bags.bag_writer import (
     channel_of,
 )
 from parallel_robot_analysis.bags.experiment import describe, software, sources
+from parallel_robot_analysis.bags.history import STORE, said_in
+from parallel_robot_analysis.switch_times import SwitchTimes
 from parallel_robot_interface.cdr import header_stamp, last_state
 from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
 from parallel_robot_interface.topics import (
+    ACTIVE_LAW,
     ANSWERED,
     COMMANDS,
     JOINT_STATES,
     RECORDED,
+    STATUS,
     TELEMETRY,
     UNSTAMPED,
     Topic,
@@ -57,9 +61,10 @@ class Stream:
     """
 
     def __init__(self, topic: Topic, channel: Channel) -> None:
-        self.topic, self.channel, self.every = topic, channel, topic.every
+        self.topic, self.channel = topic, channel
         self.of_suite = topic in RECORDED
         self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
+        self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
         stamped = self.of_suite and topic.type not in UNSTAMPED
         self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
         self.received = 0
@@ -87,8 +92,9 @@ class Recorder:
     """Writes what it is given, from the start stamp to the end of the motion.
 
     In lockstep the log time is the time of the simulation: the stamp of a message, or for types
-    without one the stamp of the state that the k-th message answers. In wall time it is the time
-    of reception. Topics that are not the suite's have the time of the newest message that is.
+    without one the stamp of the state that the k-th message answers, or at which the law of that
+    name became active. In wall time it is the time of reception. Topics that are not the suite's
+    have the time of the newest message that is.
     """
 
     def __init__(
@@ -122,6 +128,7 @@ class Recorder:
         self._streams = {topic: Stream(topic, channel_of(topic)) for topic in self._suite}
         self._laws = sources(values)  # as they are at the start
         self._newest = 0  # ns, largest stamp of the suite
+        self._switches = SwitchTimes(0)
         self._queue: queue.SimpleQueue[tuple[Stream, int, bytes]] = queue.SimpleQueue()
         self._notes: queue.SimpleQueue[tuple[str, dict[str, str]]] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -137,6 +144,7 @@ class Recorder:
             RunError: the disk is full.
         """
         self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
+        self._switches = SwitchTimes(self._start)
         if self._loop.samples is not None and start_stamp:
             self._end = start_stamp + self._loop.samples * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
@@ -201,10 +209,10 @@ class Recorder:
                 return
             if stream.is_log:  # of commands that answer no state: as if of the newest
                 stamp = stamp or max(newest, start)
-            late = self._end is not None and stamp > self._end and stream.every
+            late = self._end is not None and stamp > self._end and stream.topic.every
             if stamp < start or late:  # what is latched may be of a controller that lags
                 return
-        elif stream.of_suite:
+        elif stream.of_suite and not stream.is_law:
             stamp = start + stream.received * self._loop.period_ns
         else:
             stamp = max(newest, start)
@@ -215,7 +223,20 @@ class Recorder:
             self._over = True
         log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
-        self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_law and STATUS in self._streams:
+            self._switches.add_name(_law_in(data), data)
+        else:
+            self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_status:
+            said = said_in(data)
+            if said is not None:
+                self._switches.add_status(said.law, said.stamp)
+        if stream.is_law or stream.is_status:
+            self._put_laws(self._switches.dated())
+
+    def _put_laws(self, dated: Iterable[tuple[int, bytes]]) -> None:
+        for log_time, data in dated:
+            self._queue.put((self._streams[ACTIVE_LAW], log_time, data))
 
     def several(self, topic: Topic) -> None:
         """Say that a topic has several publishers: their numbers cannot be told apart."""
@@ -255,6 +276,7 @@ class Recorder:
         Returns:
             The report: one line a topic with received, written and lost messages.
         """
+        self._put_laws(self._switches.rest())
         self._stop.set()
         if self._writer is None:
             return []
@@ -298,3 +320,11 @@ class Recorder:
 
 def _text(parameters: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(parameters), sort_keys=True)
+
+
+def _law_in(data: bytes) -> str:
+    """The name in a message of the active law; empty in one that is broken."""
+    try:
+        return str(STORE.deserialize_cdr(data, ACTIVE_LAW.type).data)  # type: ignore[attr-defined]
+    except Exception:  # of broken bytes
+        return ''
