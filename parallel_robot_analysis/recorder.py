@@ -23,7 +23,6 @@ from parallel_robot_analysis.bags.bag_writer import (
     channel_of,
 )
 from parallel_robot_analysis.bags.experiment import describe, software, sources
-from parallel_robot_analysis.bags.history import STORE, said_in
 from parallel_robot_analysis.switch_times import SwitchTimes
 from parallel_robot_interface.cdr import header_stamp, last_state
 from parallel_robot_interface.errors import RunError
@@ -224,13 +223,11 @@ class Recorder:
         log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
         if self._lockstep and stream.is_law and STATUS in self._streams:
-            self._switches.add_name(_law_in(data), data)
+            self._switches.add_name(data)
         else:
             self._queue.put((stream, log_time, data))
         if self._lockstep and stream.is_status:
-            said = said_in(data)
-            if said is not None:
-                self._switches.add_status(said.law, said.stamp)
+            self._switches.add_status(data)
         if stream.is_law or stream.is_status:
             self._put_laws(self._switches.dated())
 
@@ -320,11 +317,3 @@ class Recorder:
 
 def _text(parameters: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(parameters), sort_keys=True)
-
-
-def _law_in(data: bytes) -> str:
-    """The name in a message of the active law; empty in one that is broken."""
-    try:
-        return str(STORE.deserialize_cdr(data, ACTIVE_LAW.type).data)  # type: ignore[attr-defined]
-    except Exception:  # of broken bytes
-        return ''

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from typing import Any
+
+from rosbags.typesys import Stores, get_typestore
+
+from parallel_robot_interface.cdr import header_stamp
+from parallel_robot_interface.topics import ACTIVE_LAW, STATUS
+
+MOST = 100  # names, and statuses, that wait for each other
+STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
 
 
 class SwitchTimes:
@@ -17,18 +26,21 @@ class SwitchTimes:
         """Begin at a stamp [ns], that of names without a status."""
         self._time = start
         self._law = ''  # of the newest status
-        self._switches: deque[tuple[str, int]] = deque()  # law and stamp, that no name has yet
+        self._switches: deque[tuple[str, int]] = deque(
+            maxlen=MOST
+        )  # law and stamp, that no name has yet
         self._names: deque[tuple[str, bytes]] = deque()  # law and message, that have no time yet
 
-    def add_status(self, law: str, stamp: int) -> None:
-        """Take a status: its law and its stamp [ns]."""
-        if law != self._law:
+    def add_status(self, message: bytes) -> None:
+        """Take a message on ``controller/status``."""
+        law, stamp = _law_of_status(message), header_stamp(message)
+        if law not in ('', self._law) and stamp is not None:
             self._law = law
             self._switches.append((law, stamp))
 
-    def add_name(self, law: str, message: bytes) -> None:
-        """Take the name of the active law, and the message that it came in."""
-        self._names.append((law, message))
+    def add_name(self, message: bytes) -> None:
+        """Take a message on ``controller/active_law``."""
+        self._names.append((_law_of_name(message), message))
 
     def dated(self) -> Iterator[tuple[int, bytes]]:
         """Messages whose time is known by now [ns], in their order, each once."""
@@ -38,6 +50,8 @@ class SwitchTimes:
                 yield self._time, self._names.popleft()[1]
             for _ in range(switch + 1):
                 self._time = self._switches.popleft()[1]
+            yield self._time, self._names.popleft()[1]
+        while len(self._names) > MOST:
             yield self._time, self._names.popleft()[1]
 
     def rest(self) -> Iterator[tuple[int, bytes]]:
@@ -52,3 +66,20 @@ class SwitchTimes:
             if law in laws:
                 return place, laws.index(law)
         return None
+
+
+def _law_of_status(message: bytes) -> str:
+    """Name of the law in a status; empty in one that is broken, or somebody else's."""
+    try:
+        status: Any = STORE.deserialize_cdr(message, STATUS.type)
+        return str(next(item.value for item in status.status[0].values if item.key == 'law'))
+    except Exception:  # in broken bytes, any length or string can be wrong
+        return ''
+
+
+def _law_of_name(message: bytes) -> str:
+    try:
+        name: Any = STORE.deserialize_cdr(message, ACTIVE_LAW.type)
+        return str(name.data)
+    except Exception:  # in broken bytes, any length or string can be wrong
+        return ''

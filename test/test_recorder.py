@@ -131,6 +131,18 @@ def test_names_of_laws_that_no_status_knows_are_kept(make, tmp_path):
     assert recorded(tmp_path)['controller/active_law'] == expected
 
 
+def test_names_of_laws_do_not_wait_in_numbers(make, tmp_path):
+    """Somebody else publishes on the topic, or the statuses are lost."""
+    recorder = make()
+    recorder.open(START)
+    for k in range(3000):
+        recorder.take(topics.ACTIVE_LAW, cdr.text_message(f'law {k}'))
+        recorder.take(topics.STATUS, status_message(START + k * MS, Status(f'status {k}', 0, 0)))
+    assert len(recorder._switches._names) <= 100 and len(recorder._switches._switches) <= 100
+    recorder.close()
+    assert len(recorded(tmp_path)['controller/active_law']) == 3000
+
+
 def test_the_name_of_a_law_without_statuses_is_written_at_once(tmp_path):
     values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
     loop = config.group(values, LoopParameters, '')

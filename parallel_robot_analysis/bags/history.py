@@ -147,20 +147,17 @@ def remark_lines(limits: str, fault: tuple[float, str] | None) -> list[str]:
     return lines
 
 
-def said_in(data: bytes) -> Said | None:
-    """What a message on ``controller/status`` says; None when it is broken, or somebody else's."""
-    try:
-        message: Any = STORE.deserialize_cdr(data, STATUS.type)
-        values = {item.key: item.value for item in message.status[0].values}
-        stamp = message.header.stamp.sec * cdr.NANOSECONDS + message.header.stamp.nanosec
-        return Said(stamp, values['law'], values['fault'], values['limits that acted'])
-    except Exception:  # in broken bytes, any length or string can be wrong
-        return None
-
-
 def _statuses(_: Topic, messages: Messages) -> list[Said]:
-    found = (said_in(row.tobytes()) for row in messages.payloads)
-    return [said for said in found if said is not None]
+    found = []
+    for row in messages.payloads:
+        try:
+            message: Any = STORE.deserialize_cdr(row.tobytes(), STATUS.type)
+            values = {item.key: item.value for item in message.status[0].values}
+            stamp = message.header.stamp.sec * cdr.NANOSECONDS + message.header.stamp.nanosec
+            found.append(Said(stamp, values['law'], values['fault'], values['limits that acted']))
+        except Exception:  # broken, or somebody else's topic of the same name
+            continue
+    return found
 
 
 def _mapping(text: str) -> dict[str, Any]:
