@@ -29,7 +29,7 @@ class SwitchTimes:
         self._switches: deque[tuple[str, int]] = deque(
             maxlen=MOST
         )  # law and stamp, that no name has yet
-        self._names: deque[tuple[str, bytes]] = deque()  # law and message, that have no time yet
+        self._names: deque[tuple[str, bytes]] = deque()  # law and message
 
     def add_status(self, message: bytes) -> None:
         """Take a message on ``controller/status``."""
