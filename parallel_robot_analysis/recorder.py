@@ -16,16 +16,17 @@ import yaml
 from parallel_robot_analysis.bags.bag_writer import (
     CHANGES,
     LAWS,
+    MISSING_LAWS,
     PARAMETERS,
     BagWriter,
     Channel,
     certify,
     channel_of,
 )
-from parallel_robot_analysis.bags.experiment import describe, software, sources
+from parallel_robot_analysis.bags.experiment import describe, law_source, software
 from parallel_robot_analysis.switch_times import SwitchTimes
 from parallel_robot_interface.cdr import header_stamp, last_state
-from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
 from parallel_robot_interface.topics import (
     ACTIVE_LAW,
@@ -125,15 +126,17 @@ class Recorder:
         self._lockstep = loop.lockstep
         self._suite = RECORDED if suite else ()
         self._streams = {topic: Stream(topic, channel_of(topic)) for topic in self._suite}
-        self._laws = sources(values)  # as they are at the start
+        self._laws: dict[str, bytes] = {}  # sources that are attached, or will be
         self._newest = 0  # ns, largest stamp of the suite
         self._switches = SwitchTimes(0)
         self._queue: queue.SimpleQueue[tuple[Stream, int, bytes]] = queue.SimpleQueue()
-        self._notes: queue.SimpleQueue[tuple[str, dict[str, str]]] = queue.SimpleQueue()
+        self._notes: queue.SimpleQueue[Callable[[BagWriter], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         software()  # looked up now, not at the start of the motion
+        for path in values['own_laws']:
+            self._attach(path)
 
     def open(self, start_stamp: int = 0) -> None:
         """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
@@ -149,8 +152,6 @@ class Recorder:
         metadata = describe(self._loop, self._values, start_stamp)
         try:
             self._writer = BagWriter(self._directory, self._suite, metadata)
-            for name, source in self._laws.items():
-                self._writer.attach(LAWS + name, source)
         except OSError as error:
             raise self._broken(error) from None
         self._thread.start()
@@ -171,15 +172,42 @@ class Recorder:
         """How many messages are known to be missing by the numbers that publishers gave them."""
         return sum(stream.gaps or 0 for stream in self._streams.values())
 
-    def found(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Note the parameters of a node at the start."""
-        self._notes.put((PARAMETERS, {node: _text(parameters)}))
+    def found(self, node: str, parameters: Mapping[str, Any]) -> list[str]:
+        """Note the parameters of a node at the start; the laws of a controller are attached.
+
+        Returns:
+            Why laws cannot be attached, one line each.
+        """
+        self._note(PARAMETERS, {node: _text(parameters)})
+        laws = parameters.get('own_laws') if node.endswith('/controller') else None
+        troubles = []
+        for path in laws or ():
+            try:
+                self._attach(str(path))
+            except InputError as error:
+                troubles.append(str(error))
+                self._note(MISSING_LAWS, {str(path): str(error)})
+        return troubles
 
     def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Note a change of parameters of a node."""
         stamp = max(self._newest, self._start)
         facts = {'stamp': str(stamp), 'node': node, 'values': _text(parameters)}
-        self._notes.put((CHANGES, facts))
+        self._note(CHANGES, facts)
+
+    def _note(self, name: str, facts: dict[str, str]) -> None:
+        self._notes.put(lambda writer: writer.note(name, facts))
+
+    def _attach(self, path: str) -> None:
+        """Attach a law file as it is now, once.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        name, source = law_source(path)
+        if self._laws.get(name) != source:
+            self._laws[name] = source
+            self._notes.put(lambda writer: writer.attach(LAWS + name, source))
 
     def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
         """Take one serialised message.
@@ -298,7 +326,7 @@ class Recorder:
             while True:
                 last = self._stop.wait(DRAIN)
                 while not self._notes.empty():
-                    self._writer.note(*self._notes.get())
+                    self._notes.get()(self._writer)
                 while not self._queue.empty():
                     stream, log_time, data = self._queue.get()
                     name = stream.topic.name

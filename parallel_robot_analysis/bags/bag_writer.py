@@ -29,6 +29,7 @@ MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost
 PARAMETERS = 'parallel_robot_parameters'  # of records with the parameters of nodes at the start
 CHANGES = 'parallel_robot_changes'  # of records with a later change of parameters
 LAWS = 'own_laws/'  # begin of the names of attachments with the source of a law of one's own
+MISSING_LAWS = 'parallel_robot_missing_laws'  # of records with why a law is not attached, by file
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 

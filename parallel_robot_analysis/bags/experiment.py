@@ -14,12 +14,18 @@ from typing import Any
 
 import yaml
 
-from parallel_robot_interface import plugins
 from parallel_robot_interface.config import PACKAGE
+from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.loop import LoopParameters
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 SIMULATION, NODES = 'simulation', 'nodes'  # who moved the robot
+LARGEST_LAW = 1_000_000  # bytes
+OWNERS = {  # nodes whose parameters count, the later before the earlier; and their common ones
+    'trajectory': ('scenario',),
+    'plant': ('joints', 'period', 'duration', 'time_mode'),
+    'controller': ('law', 'preset', 'own_laws'),
+}
 GIT = ('git', 'describe', '--always', '--dirty')
 GIT_PATIENCE = 2.0  # s
 
@@ -68,9 +74,49 @@ def command_line() -> str:
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
-def sources(values: Mapping[str, Any]) -> dict[str, bytes]:
-    """Name to source of the laws of one's own in a configuration."""
-    return {plugins.load(path)[0]: Path(path).read_bytes() for path in values['own_laws']}
+def law_source(path: str) -> tuple[str, bytes]:
+    """Name and source of a custom law, as its file is now; nothing of it is run.
+
+    Args:
+        path: The file, absolute: a node may have another current directory.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, or it is too large.
+    """
+    file = Path(path)
+    try:
+        if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
+            raise InputError(f'the law file {path} is not on this machine')
+        with file.open('rb') as stream:
+            source = stream.read(LARGEST_LAW + 1)
+    except (OSError, ValueError) as error:
+        raise InputError(f'the law file {path} cannot be read: {error}') from None
+    if len(source) > LARGEST_LAW:
+        raise InputError(f'the law file {path} has more than {LARGEST_LAW} bytes')
+    return file.stem, source
+
+
+def of_nodes(
+    values: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Configuration of a run whose nodes may have been started by hand, each with its own.
+
+    Args:
+        values: Configuration of who recorded.
+        parameters: Full name of a node to its parameters at the start.
+    """
+    merged = dict(values)
+    for name, own in OWNERS.items():
+        for node, found in parameters.items():
+            if node.rpartition('/')[2] == name:
+                laws = {Path(str(path)).stem for path in found.get('own_laws') or ()}
+                merged |= {
+                    key: value
+                    for key, value in found.items()
+                    if key in own
+                    or ('.' in key and (key in values or key.partition('.')[0] in laws))
+                }
+    return merged
 
 
 def _version(name: str) -> str:

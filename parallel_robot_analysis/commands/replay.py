@@ -54,7 +54,8 @@ def execute(arguments: argparse.Namespace) -> int:
         values = configuration(log, past, Path(directory), changes)
         law = str(values['law'])
         if law not in available(values) and not changes:
-            raise BagError(f'{bag} does not say which law ran; --law tries one')
+            what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
+            raise BagError(f'{bag} does not {what}; --law tries one')
         figure = arguments.figure
         if changes and figure is None:
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{law}.png'

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot_analysis.bags import history, recorded_controller, run_log
-from parallel_robot_analysis.bags.experiment import SIMULATION, software
+from parallel_robot_analysis.bags.experiment import SIMULATION, of_nodes, software
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.commands import run, simulate
@@ -25,6 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='new bag; must not exist; default: BAG_rerun'
     )
+    parser.add_argument(
+        '--duration', type=float, metavar='S', help='seconds of motion, default: as recorded'
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -34,23 +37,37 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past = run_log.read(bag), history.read(bag)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
-    lockstep = past.facts['time_mode'] == 'lockstep'
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
         if past.laws:
             print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
         own_laws = past.own_laws(Path(directory)) or log.config['own_laws']
-        values = {**log.config, 'own_laws': own_laws}
+        values = of_nodes(log.config, past.parameters) | {'own_laws': own_laws}
+        recorded = values['duration'] or length(log)
+        values['duration'] = recorded if arguments.duration is None else arguments.duration
         for text in (*log.warnings, *doubts(values, past)):
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if simulated else run.record
-        code = record(past.facts['scenario'], changes(values), out)
-    if not (simulated or lockstep):
-        print('a run in real time: bytes cannot be compared')
+        code = record(values['scenario'], changes(values), out)
+    unlike = ''
+    if not simulated and values['time_mode'] != 'lockstep':
+        unlike = 'a run in real time'
+    elif past.facts.get('start_stamp', '0') == '0':
+        unlike = 'nodes that were started by hand'
+    elif values['duration'] != recorded:
+        unlike = f'a bag of {recorded:g} s'
+    if unlike:
+        print(f'{unlike}: bytes cannot be compared')
         return code
     count, difference = compare(bag, out)
     print(f'differs: {difference}' if difference else f'identical: {count} messages')
     return code or int(bool(difference))
+
+
+def length(log: run_log.RunLog) -> float:
+    """Length of the motion that a bag holds, in whole periods [s]."""
+    period = log.config['period']
+    return float(round(round(log.time[-1] / period) * period, 9))
 
 
 def changes(values: dict[str, Any]) -> dict[str, Any]:
