@@ -11,8 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from parallel_robot_analysis.bags import plain_data
 from parallel_robot_analysis.bags.bag_writer import (
     CHANGES,
     LAWS,
@@ -166,12 +165,12 @@ class Recorder:
 
     def found(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Note the parameters of a node at the start."""
-        self._notes.put((PARAMETERS, {node: _text(parameters)}))
+        self._notes.put((PARAMETERS, {node: plain_data.dump(parameters)}))
 
     def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Note a change of parameters of a node."""
         stamp = max(self._newest, self._start)
-        facts = {'stamp': str(stamp), 'node': node, 'values': _text(parameters)}
+        facts = {'stamp': str(stamp), 'node': node, 'values': plain_data.dump(parameters)}
         self._notes.put((CHANGES, facts))
 
     def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
@@ -294,7 +293,3 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RunError:
         return RunError(f'cannot write {self._directory}: {error.strerror}')
-
-
-def _text(parameters: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(dict(parameters), sort_keys=True)
