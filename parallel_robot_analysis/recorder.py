@@ -11,8 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from parallel_robot_analysis.bags import plain_data
 from parallel_robot_analysis.bags.bag_writer import (
     CHANGES,
     LAWS,
@@ -178,7 +177,7 @@ class Recorder:
         Returns:
             Why laws cannot be attached, one line each.
         """
-        self._note(PARAMETERS, {node: _text(parameters)})
+        self._note(PARAMETERS, {node: plain_data.dump(parameters)})
         laws = parameters.get('own_laws') if node.endswith('/controller') else None
         troubles = []
         for path in laws or ():
@@ -192,7 +191,7 @@ class Recorder:
     def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Note a change of parameters of a node."""
         stamp = max(self._newest, self._start)
-        facts = {'stamp': str(stamp), 'node': node, 'values': _text(parameters)}
+        facts = {'stamp': str(stamp), 'node': node, 'values': plain_data.dump(parameters)}
         self._note(CHANGES, facts)
 
     def _note(self, name: str, facts: dict[str, str]) -> None:
@@ -341,7 +340,3 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RunError:
         return RunError(f'cannot write {self._directory}: {error.strerror}')
-
-
-def _text(parameters: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(dict(parameters), sort_keys=True)

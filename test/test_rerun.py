@@ -9,7 +9,7 @@ from bags import content
 from mcap.reader import make_reader
 from test_replay import live, switch
 
-from parallel_robot_analysis.bags import experiment, history, run_log
+from parallel_robot_analysis.bags import experiment, history, limits, run_log
 from parallel_robot_analysis.bags.bag_writer import MISSING_LAWS, BagWriter
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import rerun, run
@@ -90,14 +90,14 @@ def test_a_bag_recorded_by_hand_holds_the_law_of_its_controller(law, tmp_path, c
 
 def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
     bag, odd = simulated(tmp_path / 'bag'), law.with_name('odd.py')
-    law.write_bytes(bytes(experiment.LARGEST_LAW + 1))
+    law.write_bytes(bytes(limits.LAW + 1))
     odd.mkdir()
     os.mkfifo(law.with_name('waits.py'))
     files = ['my_law.py', str(law), str(law.with_name('gone.py')), str(odd), str(EXAMPLE),
              str(law.with_name('waits.py')), '/etc/passwd', '\0.py', 7]  # fmt: skip
     lines = by_hand(tmp_path / 'hand', bag, controller={'own_laws': files})
     assert len(lines) == len(files) - 1 and not any('\n' in line for line in lines)
-    assert f'{law} has more than 1000000 bytes' in lines[1]
+    assert f'{law} has more than 1048576 bytes' in lines[1]
     assert all('is not on this machine' in line for line in (lines[0], *lines[2:]))
     assert history.read(tmp_path / 'hand').laws == {'example_law': EXAMPLE.read_bytes()}
     with (tmp_path / 'hand' / 'hand_0.mcap').open('rb') as stream:

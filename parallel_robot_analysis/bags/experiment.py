@@ -12,15 +12,15 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from parallel_robot_analysis.bags import plain_data
+from parallel_robot_analysis.bags.limits import LAW, NAME
+from parallel_robot_interface import config
 from parallel_robot_interface.config import PACKAGE
-from parallel_robot_interface.errors import InputError
-from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_interface.errors import BagError, InputError
+from parallel_robot_interface.loop import LoopParameters, validate
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 SIMULATION, NODES = 'simulation', 'nodes'  # who moved the robot
-LARGEST_LAW = 1_000_000  # bytes
 OWNERS = {  # nodes whose parameters count, the later before the earlier; and their common ones
     'trajectory': ('scenario',),
     'plant': ('joints', 'period', 'duration', 'time_mode'),
@@ -51,8 +51,65 @@ def describe(
         'command_line': str(values['recorder.command_line']) or command_line(),
         'randomness': 'none',  # so there is no seed
         **software(),
-        'config': yaml.safe_dump(dict(values), sort_keys=True),
+        'config': plain_data.dump(values),
     }
+
+
+def configuration(
+    bag: Path, facts: Mapping[str, str]
+) -> tuple[dict[str, Any], LoopParameters, int]:
+    """Configuration of the run over the defaults, so that bags of older versions stay readable.
+
+    Args:
+        bag: For messages.
+        facts: What the bag says, see :func:`describe`; empty when another recorded it.
+
+    Returns:
+        All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
+
+    Raises:
+        BagError: it says nothing of the kind.
+    """
+    values = config.resolve('paper_circle')
+    try:
+        stored = {'scenario': 'unknown', 'law': 'unknown'}
+        if facts:
+            stored = _checked(values, plain_data.load(facts['config']))
+        loop = validate(config.group(values | stored, LoopParameters, ''))
+        names = (loop.scenario, loop.law, *loop.joints)
+        if not all(name.isprintable() and len(name) <= NAME for name in names):
+            raise ValueError('a name in it is too long or cannot be printed')
+    except (KeyError, ValueError, InputError) as error:
+        raise BagError(f'{bag}: its metadata hold no usable config: {error}') from None
+    return values | stored, loop, int(facts.get('start_stamp', 0))
+
+
+def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
+    """A stored configuration whose values are of the types of those that are known.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if not isinstance(stored, dict):
+        raise ValueError('no keys and values')
+    for key, value in stored.items():
+        if not (plain_data.flat(value) and is_like(known.get(key, value), value)):
+            raise ValueError(f'{key} cannot be {value!r}')
+    return stored
+
+
+def is_like(example: Any, value: Any) -> bool:
+    """Whether a plain value is of the kind of another: its type, its length where it is fixed."""
+    if isinstance(example, list):
+        if not isinstance(value, list):
+            return False
+        if not example or isinstance(example[0], str):
+            return all(isinstance(item, str) for item in value)
+        return len(value) == len(example) and all(map(is_like, example, value))
+    if isinstance(example, str):
+        return isinstance(value, str) or value is False  # YAML takes an unquoted off for false
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, bool) if isinstance(example, bool) else number
 
 
 @functools.cache
@@ -88,11 +145,11 @@ def law_source(path: str) -> tuple[str, bytes]:
         if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
             raise InputError(f'the law file {path} is not on this machine')
         with file.open('rb') as stream:
-            source = stream.read(LARGEST_LAW + 1)
+            source = stream.read(LAW + 1)
     except (OSError, ValueError) as error:
         raise InputError(f'the law file {path} cannot be read: {error}') from None
-    if len(source) > LARGEST_LAW:
-        raise InputError(f'the law file {path} has more than {LARGEST_LAW} bytes')
+    if len(source) > LAW:
+        raise InputError(f'the law file {path} has more than {LAW} bytes')
     return file.stem, source
 
 
