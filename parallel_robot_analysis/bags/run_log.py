@@ -14,7 +14,7 @@ from parallel_robot_analysis.bags.counts import TopicCount, count
 from parallel_robot_analysis.bags.limits import MEMORY
 from parallel_robot_analysis.bags.samples import Samples, decoder, physical, whole
 from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.errors import BagError, InputError
+from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import RECORDED, Topic
 
 NOTHING = np.zeros((0, 0))
@@ -138,37 +138,6 @@ def head(log: RunLog, count: int) -> RunLog:
         if name not in ('command', 'command_states') and isinstance(value, np.ndarray)
     }
     return log._replace(**rows, used=None if log.used is None else log.used.head(count))
-
-
-def columns(log: RunLog) -> dict[str, np.ndarray]:
-    """A run as columns, one row a state: name with unit to numbers, shape (N,)."""
-    quantities = {
-        'position_rad': log.position,
-        'velocity_rad_per_s': log.velocity,
-        'effort_nm': log.effort,
-        'reference_position_rad': log.reference_position,
-        'reference_velocity_rad_per_s': log.reference_velocity,
-        'reference_acceleration_rad_per_s2': log.reference_acceleration,
-        'command_nm': log.answer,
-    }
-    return {'time_s': log.time, 'stamp_ns': log.stamps} | {
-        f'{joint}_{quantity}': numbers[:, k]
-        for quantity, numbers in quantities.items()
-        for k, joint in enumerate(log.joints)
-    }
-
-
-def to_frame(log: RunLog) -> Any:
-    """A run as a pandas DataFrame, see :func:`columns`.
-
-    Raises:
-        InputError: pandas is not installed.
-    """
-    try:
-        import pandas  # optional
-    except ImportError:
-        raise InputError('pandas is not installed; pip install pandas') from None
-    return pandas.DataFrame(columns(log))
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:

@@ -13,15 +13,14 @@ from typing import IO
 
 import numpy as np
 
-from parallel_robot_analysis import new_files
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis import new_files, table
 from parallel_robot_analysis.bags.limits import add_memory_argument
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_interface.errors import InputError, RunError, UnknownNameError
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-Table = Mapping[str, np.ndarray]
+Columns = Mapping[str, np.ndarray]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,28 +42,27 @@ def execute(arguments: argparse.Namespace) -> int:
     if out.suffix not in FORMATS:
         raise UnknownNameError('table format', out.suffix, FORMATS)
     new_files.check(out, '--out')
-    log = run_log.read(arguments.bag, arguments.max_memory)
-    for warning in log.warnings:
+    found, warnings = table.read(arguments.bag, arguments.max_memory)
+    for warning in warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    table = run_log.columns(log)
     content = io.BytesIO()
-    FORMATS[out.suffix](table, content)
+    FORMATS[out.suffix](found, content)
     try:
         new_files.write(out, content.getbuffer())
     except OSError as error:
         kind = RunError if error.errno in FULL else InputError
         raise kind(f'cannot write {out}: {error.strerror}') from None
-    print(f'table   {out}, {len(log.time)} rows, {len(table)} columns')
+    print(f'table   {out}, {len(found["time_s"])} rows, {len(found)} columns')
     return 0
 
 
-def write_csv(table: Table, stream: IO[bytes]) -> None:
+def write_csv(columns: Columns, stream: IO[bytes]) -> None:
     """Write comma-separated values; numbers as short as reads back the same."""
     text = io.TextIOWrapper(stream, newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(map(harmless, table))
-    rows = zip(*(column.tolist() for column in table.values()), strict=True)
-    count = len(next(iter(table.values())))
+    writer.writerow(map(harmless, columns))
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    count = len(next(iter(columns.values())))
     writer.writerows(tracked(rows, count, 'rows'))
     text.detach()
 
@@ -74,7 +72,7 @@ def harmless(text: str) -> str:
     return f"'{text}" if text.startswith(FORMULA) else text
 
 
-def write_parquet(table: Table, stream: IO[bytes]) -> None:
+def write_parquet(columns: Columns, stream: IO[bytes]) -> None:
     """Write Apache Parquet.
 
     Raises:
@@ -87,11 +85,11 @@ def write_parquet(table: Table, stream: IO[bytes]) -> None:
         raise InputError(
             'pyarrow is not installed; pip install pyarrow, or export to .csv'
         ) from None
-    arrays = {name: np.ascontiguousarray(column) for name, column in table.items()}
+    arrays = {name: np.ascontiguousarray(column) for name, column in columns.items()}
     pyarrow.parquet.write_table(pyarrow.table(arrays), stream)
 
 
-FORMATS: dict[str, Callable[[Table, IO[bytes]], None]] = {
+FORMATS: dict[str, Callable[[Columns, IO[bytes]], None]] = {
     '.csv': write_csv,
     '.parquet': write_parquet,
 }

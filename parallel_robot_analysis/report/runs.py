@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics, timing
-from parallel_robot_analysis.bags import bag_reader, history, run_log
+from parallel_robot_analysis.bags import history, run_log, telemetry
 from parallel_robot_analysis.bags.limits import MEMORY
-from parallel_robot_analysis.bags.samples import decoder, error_layout, physical, whole
+from parallel_robot_analysis.bags.samples import physical
 from parallel_robot_analysis.printable import printable
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.timing import Timing
@@ -121,12 +121,8 @@ def _labels(members: list[tuple[Path, str]]) -> list[str]:
 
 def cross_coupling(bag: Path, log: run_log.RunLog, memory: int = MEMORY) -> Series | None:
     """Cross-coupling errors of a bag that `log` was read from; None when it has none for it."""
-    topic = CROSS_COUPLING_ERROR
-    try:
-        streams = bag_reader.read(bag, (topic,), decoder(bag, {topic: error_layout}), memory)
-        found = run_log.streams_of(bag, streams.streams, topic)
-        errors = whole(bag, topic, found[topic], log.joints)
-    except (BagError, KeyError):  # somebody else's topic of the same name
+    errors = telemetry.read(bag, log, CROSS_COUPLING_ERROR, memory)
+    if errors is None:
         return None
     used = physical(errors) & (errors.stamps >= log.start_stamp)
     if not used.any():
