@@ -21,7 +21,14 @@ from parallel_robot_analysis.player import Player, PlayerOptions
 from parallel_robot_interface.errors import ParallelRobotError, RunError
 
 WORDS = {
-    'analyze': lambda bag, out: ['analyze', bag, '--figure', f'{out}.png', '--json', f'{out}.json'],
+    'analyze': lambda bag, out: [
+        'analyze',
+        bag,
+        '--figure',
+        f'{out}.png',
+        '--json',
+        f'{out}.json',
+    ],
     'report': lambda bag, out: ['report', bag, '--out', out],
     'export': lambda bag, out: ['export', bag, '--out', f'{out}.csv'],
     'recover': lambda bag, out: ['recover', bag, '--out', out],
