@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import lz4.frame
-import numpy as np
 import zstandard
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from parallel_robot_interface import cdr, topics
+from parallel_robot_analysis.bags import bag_writer, simulation_bag
+from parallel_robot_interface import cdr, config, topics
+from parallel_robot_sim.simulation import simulate
 
 MAGIC = b'\x89MCAP0\r\n'
 HUGE = 2**63
@@ -33,6 +34,17 @@ class Good(NamedTuple):
     data: bytes
     facts: dict[str, str]
     messages: list[tuple[str, int, bytes]]  # topic without slash, time, payload
+
+
+def make(bag: Path) -> Good:
+    """A good bag of many small chunks, to be made hostile."""
+    values = config.resolve('paper_circle', {'duration': 0.06, 'time_mode': 'lockstep'})
+    size, bag_writer.CHUNK_SIZE = bag_writer.CHUNK_SIZE, 8000
+    try:
+        simulation_bag.write(bag, values, simulate(values))
+    finally:
+        bag_writer.CHUNK_SIZE = size
+    return read(bag)
 
 
 def read(bag: Path) -> Good:
@@ -189,19 +201,16 @@ LAYOUTS = {
 
 def edited(good, name, edit, layout=None):
     """With other messages on a topic: `edit` gets a record and its index, and changes it."""
-    messages = []
-    k = 0
+    messages, k = [], 0
     for topic, time, payload in good.messages:
         if topic == name:
-            found = LAYOUTS[name].decode(payload).copy()
-            if layout is not None:
-                other = layout.records(1)
-                for field in other.dtype.names:
-                    if field in found.dtype.names and other[field].shape == found[field].shape:
-                        other[field] = found[field]
-                found = other
-            edit(found, k)
-            payload, k = found.tobytes(), k + 1
+            found = LAYOUTS[name].decode(payload)
+            changed = (layout or LAYOUTS[name]).records(1)
+            for key in changed.dtype.names:
+                if changed[key].shape == found[key].shape:
+                    changed[key] = found[key]
+            edit(changed, k)
+            payload, k = changed.tobytes(), k + 1
         messages.append((topic, time, payload))
     return bag(good, messages=messages)
 
@@ -343,7 +352,9 @@ VALUES = {
     'made_up': ([[1]], {'a': {'b': 1}}, ESCAPE, 'x' * LONG),
     ESCAPE: (1,),
 }  # fmt: skip
-STAMPS = ('²', '9' * 5000, '-' + '1' + '0' * 40, 'nan', '', ' 5', '5.0', '1e9', '-1', '0x10', '１')
+STAMPS = (
+    '²', '9' * 5000, '-' + '1' + '0' * 40, 'nan', '', ' 5', '5.0', '1e9', '-1', '0x10', '\uff11',
+)  # fmt: skip
 CHANGES = {
     'date': {'stamp': '1200000000', 'node': '/controller', 'values': '{law: 2001-01-01}'},
     'list': {'stamp': '1200000000', 'node': '/controller', 'values': '{law: [1]}'},

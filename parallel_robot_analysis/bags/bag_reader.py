@@ -24,14 +24,15 @@ from parallel_robot_analysis.bags.bag_writer import LAWS, METADATA
 from parallel_robot_analysis.bags.limits import (
     CHANNELS,
     CHUNK,
-    DESCRIPTION,
     LAW,
     LENGTHS,
     MEMORY,
     NAME,
     RATIO,
+    YAML,
     Allowance,
 )
+from parallel_robot_analysis.bags.limits import LAWS as MOST_LAWS
 from parallel_robot_analysis.bags.mcap_records import (
     HEAD,
     MESSAGE_HEAD,
@@ -138,6 +139,8 @@ def read(
                 if law.isidentifier() and len(law.encode()) <= NAME and len(record.data) <= LAW:
                     held.hold(len(record.data))
                     laws[law] = record.data
+                if len(laws) > MOST_LAWS:
+                    raise BagError(f'{file} holds more than {MOST_LAWS} laws')
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):
@@ -212,8 +215,8 @@ def custom_data(bag: Path) -> dict[str, str]:
     directory = bag if bag.is_dir() else bag.parent
     try:
         with _regular(directory / 'metadata.yaml') as stream:
-            text = stream.read(DESCRIPTION + 1).decode()
-        found = plain_data.load(text, DESCRIPTION)
+            text = stream.read(YAML + 1).decode()
+        found = plain_data.load(text, YAML)
         facts = found['rosbag2_bagfile_information']['custom_data']
         return {key: str(value) for key, value in facts.items()} if 'config' in facts else {}
     except Exception:  # in a broken file, anything can stand anywhere

@@ -11,9 +11,9 @@ MEMORY = 2 << 30  # bytes that a command may take for what is in bags
 COPIES = 4  # of what is read, that are in memory at once while it is evaluated
 RATIO = 200  # bytes that one byte of a file may unpack to, where that is more than the memory
 RECORDS = 250_000  # records of a small file; a larger one has at most one in RECORD bytes
-RECORD = 8  # bytes; the shortest record has nine, and the index of a message sixteen
-DESCRIPTIONS = 100_000  # schemas, channels, attachments and metadata records of a file
-DESCRIPTION = 4 << 20  # bytes of one of them
+RECORD = 16  # bytes; the index of a message alone has as many
+DESCRIPTIONS = 20_000  # schemas, channels, attachments and metadata records of a file
+DESCRIPTION = 1 << 20  # bytes of one of them
 ATTACHMENT = 1 << 28  # bytes of an attachment
 CHUNK = 1 << 28  # bytes that a chunk unpacks to
 MESSAGE = 1 << 16  # bytes of a message that is decoded; that of a hundred joints has five thousand
@@ -22,6 +22,8 @@ LENGTHS = 1000  # different lengths of the messages of a channel, among a few me
 CHANNELS = 1000  # channels that are read of a file
 STATUSES = 10_000  # statuses of the controller, which it sends when something changes
 LAW = 1 << 20  # bytes of the source of a law
+LAWS = 100  # laws of one's own
+YAML = 4 << 20  # bytes of metadata.yaml
 NAME = 200  # characters of the name of a joint, a law, a scenario or a node
 
 
@@ -65,6 +67,11 @@ class Allowance:
         self._unpacked = max(memory, RATIO * size)
         self._records = max(RECORDS, size // RECORD)
         self._descriptions = DESCRIPTIONS
+
+    @property
+    def records(self) -> int:
+        """How many records may still be walked."""
+        return self._records
 
     def unpack(self, size: int) -> None:
         """Pay for bytes that are unpacked.

@@ -25,6 +25,7 @@ HEAD = 9  # bytes before the content of a record: opcode and length
 MESSAGE_HEAD = 22  # bytes of a message's content before its payload
 FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
 TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
+PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes among which the next chunk is looked for
 BATCH = 1 << 16  # messages outside chunks that make one block
 MESSAGE = np.dtype(
     {
@@ -271,10 +272,15 @@ def _end(data: memoryview, offset: int, stop: int) -> int | None:
 
 def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
     """Where the next chunk begins whose lengths fit together; `stop` when there is none."""
-    while match := CHUNK_BEGIN.search(data, offset, stop):
-        if _end(data, match.start(), stop) is not None:
-            return match.start()
-        offset = match.start() + 1
+    raw = np.frombuffer(data, np.uint8)
+    size = PIECE
+    while offset < stop:
+        found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == Opcode.CHUNK)
+        found = found[found + HEAD <= stop]
+        for start in found[raw[found + HEAD - 1] == 0].tolist():
+            if CHUNK_BEGIN.match(data, start, stop) and _end(data, start, stop) is not None:
+                return int(start)
+        offset, size = offset + size, min(2 * size, LARGEST_PIECE)
     return stop
 
 
@@ -349,11 +355,10 @@ def _filling(content: memoryview, allowance: Allowance) -> np.ndarray | None:
     if not len(content):
         return np.empty(0, np.int64)
     raw = np.frombuffer(content, np.uint8)
-    starts, end = _starts(raw, 0, len(raw), 0, len(raw) // HEAD)
-    if end != len(raw):
-        return None
+    most = min(len(raw) // HEAD, allowance.records + 1)
+    starts, end = _starts(raw, 0, len(raw), 0, most)
     allowance.walk(len(starts))
-    return starts
+    return starts if end == len(raw) else None
 
 
 def _opcodes(content: memoryview, starts: np.ndarray) -> np.ndarray:

@@ -128,6 +128,6 @@ def _check(value: Any, depth: int) -> None:
         if value.bit_length() > 64:
             raise ValueError('a number of more than 64 bits')
     elif not (value is None or isinstance(value, (bool, float, str))):
-        raise ValueError(f'a {type(value).__name__}')
+        raise ValueError(f'{type(value).__name__} is no plain value')
     elif isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f'{value}')
