@@ -38,7 +38,7 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import config, loop, realtime, ros_middleware
+from parallel_robot_interface import config, loop, realtime, ros_arguments, ros_middleware
 from parallel_robot_interface.deadline import DeadlineThread
 from parallel_robot_interface.errors import (
     InputError,
@@ -106,9 +106,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
         priority: Real-time priority that the node should have in wall time; 0: none.
+        example: What may follow its name on a command line, for its help.
     """
 
     priority = 0
+    example = '--ros-args -p scenario:=paper_line'
 
     def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
         """Resolve the configuration and declare the node's parameters.
@@ -326,7 +328,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             if self.has_parameter(key):
                 self.undeclare_parameter(key)  # it may be an integer where a float is meant
             plain = list(value) if isinstance(value, tuple) else value
-            descriptor = _descriptor(parameter.field, plain)
+            descriptor = describe(parameter.field, plain)
             descriptor.read_only = not self.is_settable(key)
             self.declare_parameter(key, plain, descriptor, ignore_override=True)
 
@@ -444,7 +446,7 @@ class _Use(NamedTuple):
     samples: int
 
 
-def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
+def describe(field: Field, value: Any) -> ParameterDescriptor:
     """Description of a parameter whose value may be `value`."""
     text = field.description + (f' [{field.unit}]' if field.unit else '')
     descriptor = ParameterDescriptor(
@@ -462,11 +464,18 @@ def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
     return descriptor
 
 
-def run_node(make: Callable[[], SuiteNode]) -> int:
+def run_node(
+    make: Callable[..., SuiteNode], add_arguments: ros_arguments.AddArguments | None = None
+) -> int:
     """Run a node to its end: Ctrl-C, SIGTERM, or its own.
 
+    Args:
+        make: Its class.
+        add_arguments: Declares words of its own on the command line; `make` gets them by name.
+
     Returns:
-        0; 1 when the node failed; 2 when a parameter is wrong, after one line that says so.
+        0; 1 when the node failed; 2 when a parameter or a word is wrong, after one line that says
+        so.
     """
     stop: list[int] = []  # not an Event: setting it in a handler that interrupts itself deadlocks
     making = True
@@ -482,10 +491,11 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     logger.setLevel(logging.INFO)
     logger.addHandler(_ToRos())
     try:
+        words = ros_arguments.read(make, sys.argv, add_arguments)
         middleware = ros_middleware.asked(sys.argv)
         with ros_middleware.transport(middleware) as transport:
             _initialise()
-            node = make()
+            node = make(**words)
         making = False
         ros_middleware.check(node.loop.middleware, middleware)
     except ParallelRobotError as error:

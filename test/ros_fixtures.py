@@ -1,9 +1,11 @@
 """Nodes in processes of their own or in the test's, in a ROS domain that no other test has."""
 
+import gc
 import os
 import select
 import signal
 import subprocess
+import sys
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -253,3 +255,16 @@ def node(request, domain):
         one.close()
         one.destroy_node()
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def handlers(monkeypatch):
+    """What this process does at signals, as it was, after the test; no words for the node."""
+    monkeypatch.setattr(sys, 'argv', ['node'])
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    gc.unfreeze()
+    yield
+    gc.unfreeze()
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)

@@ -2,7 +2,6 @@
 
 import functools
 import gc
-import signal
 import subprocess
 import sys
 from collections import Counter
@@ -42,18 +41,6 @@ def test_the_first_line_of_a_log_looks_at_no_module(before, least, most):
     told = subprocess.run(words, capture_output=True, text=True, check=True)
     assert 'a line' in told.stderr
     assert least <= int(told.stdout) <= most
-
-
-@pytest.fixture
-def handlers():
-    """What this process does at signals, as it was, after the test."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.getsignal(number) for number in numbers]
-    gc.unfreeze()
-    yield
-    gc.unfreeze()
-    for number, handler in zip(numbers, before, strict=True):
-        signal.signal(number, handler)
 
 
 def test_what_keeps_time_begins_when_all_is_prepared(domain, handlers):
