@@ -268,7 +268,8 @@ class ControllerNode(SuiteNode):
             else:
                 self.get_logger().info('fault cleared')
         elif status.acted and status.acted != (before.acted if before else 0):
-            self.get_logger().warning(f'limits acted: {limits_text(status.acted)}')
+            text = f'limits acted: {limits_text(status.acted)}'
+            self.get_logger().warning(text, throttle_duration_sec=1.0)
 
     def _watch(self) -> None:
         """Take the torque away when the joint states are stale."""

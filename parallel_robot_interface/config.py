@@ -187,6 +187,8 @@ def _scenario(name: str) -> dict[str, Any]:
     if name not in scenarios():
         raise UnknownNameError('scenario', name, scenarios())
     values = _flatten(_read(path))
+    if 'own_laws' in values:
+        raise InputError(f'{path}: own_laws is given on a command line alone: it is code')
     base = values.pop('base', None)
     return {**(_scenario(base) if base else {}), **values}
 

@@ -41,6 +41,11 @@ def load(path: str) -> tuple[str, ModuleType]:
     return file.stem, _module(file)
 
 
+def source_of(law: ModuleType) -> bytes:
+    """Source of a law that was loaded; its file may have gone."""
+    return next(source for (_, source), module in _loaded.items() if module is law)
+
+
 @functools.cache
 def _module(file: Path) -> ModuleType:
     """The module of a file; a copy of a file that is known is the same law."""

@@ -158,6 +158,12 @@ def test_an_unknown_key_in_a_scenario_is_refused(files):
         config.resolve('typo')
 
 
+def test_a_scenario_brings_no_code(files):
+    (files / 'scenarios' / 'coded.yaml').write_text('own_laws: [law.py]\n')
+    with pytest.raises(InputError, match=r'coded\.yaml: own_laws is given on a command line'):
+        config.resolve('coded')
+
+
 @pytest.mark.parametrize('content', ['a: [', '', '- 1\n- 2\n'])
 def test_a_broken_file_is_named(files, content):
     (files / 'scenarios' / 'broken.yaml').write_text(content)

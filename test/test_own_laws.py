@@ -6,6 +6,7 @@ import timeit
 
 import numpy as np
 import pytest
+from own_law import LAW, RETURN
 from rig import Rig
 
 from parallel_robot_analysis.command_line import main
@@ -17,39 +18,6 @@ from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']
-
-# PID with other gains, whose classes have the names and the fields of the suite's own PID.
-LAW = """
-from typing import Annotated, NamedTuple
-
-import numpy as np
-
-from parallel_robot_control.contract import ControlOutput
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.kernel import kernel
-
-
-class Gains(NamedTuple):
-    Kp: Annotated[float, Field('N m/rad', 'proportional gain', 0.0)] = 1350
-    Ki: Annotated[float, Field('N m/(rad s)', 'integral gain', 0.0)] = 6000.0
-    Kd: Annotated[float, Field('N m s/rad', 'derivative gain', 0.0)] = 90.0
-
-
-class Memory(NamedTuple):
-    integral: np.ndarray
-
-
-def initial_memory(joints):
-    return Memory(np.zeros(joints))
-
-
-@kernel
-def update(gains, model, reference, feedback, memory, dt):
-    e = reference.position - feedback.position
-    e_dot = reference.velocity - feedback.velocity
-    torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot
-    return ControlOutput(torque, e, e, Memory(memory.integral + dt * e))
-"""
 
 
 @pytest.fixture
@@ -158,7 +126,6 @@ def test_judge_of_a_law_of_ones_own_may_refuse_or_fail(write):
         prepare('judging', values_of(path, **{'judging.Kp': 2.0}))
 
 
-RETURN = 'ControlOutput(torque, e, e, Memory(memory.integral + dt * e))'
 HELPER = '@kernel\ndef twice(x):\n    return x.foo\n\n\n@kernel'
 MIXED = 'd = {}\n    d["a"] = reference\n    d[1] = 2\n    torque = '  # Numba warns of it, too
 WRONG = {

@@ -51,7 +51,7 @@ def again(bag):
 @pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'nftsmc', 'adaptive_s_fotsmc'])
 def test_a_simulation_is_replayed_bit_for_bit(law, simulated, capsys):
     bag = simulated(law=law)
-    assert main(['replay', str(bag)]) == 0
+    assert main(['replay', str(bag), '--trust']) == 0
     assert 'identical: 301 commands' in capsys.readouterr().out
 
 
@@ -271,7 +271,7 @@ def test_a_law_of_ones_own_is_replayed_and_tried(simulated, tmp_path, capsys):
     words = ['--set', f'own_laws=[{EXAMPLE}]', '--law', 'example_law']
     words += ['--figure', str(tmp_path / 'own.pdf')]
     bag = simulated(own_laws=[str(EXAMPLE)], law='example_law')
-    assert main(['replay', str(bag)]) == 0
+    assert main(['replay', str(bag), '--trust']) == 0
     assert 'identical: 301 commands' in capsys.readouterr().out
     assert main(['replay', str(bag), *words]) == 0
     assert (tmp_path / 'own.pdf').read_bytes().startswith(b'%PDF')

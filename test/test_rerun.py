@@ -42,8 +42,8 @@ def test_a_law_of_ones_own_comes_from_the_bag(law, tmp_path, capsys):
     bag = simulated(tmp_path / 'bag', *words)
     assert history.read(bag).laws == {'my_law': EXAMPLE.read_bytes()}
     law.unlink()
-    assert main(['rerun', str(bag), '--out', str(tmp_path / 'again')]) == 0
-    assert main(['replay', str(bag)]) == 0
+    assert main(['rerun', str(bag), '--trust', '--out', str(tmp_path / 'again')]) == 0
+    assert main(['replay', str(bag), '--trust']) == 0
     out, err = capsys.readouterr()
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of my_law' in err
@@ -84,7 +84,7 @@ def test_a_bag_recorded_by_hand_holds_the_law_of_its_controller(law, tmp_path, c
         )
     law.unlink()
     assert history.read(tmp_path / 'first').laws == {'my_law': EXAMPLE.read_bytes()}
-    assert main(['replay', str(tmp_path / 'first')]) == 0
+    assert main(['replay', str(tmp_path / 'first'), '--trust']) == 0
     assert 'identical: 101 commands' in capsys.readouterr().out
 
 
@@ -134,8 +134,8 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
     by_hand(tmp_path / 'hand', bag, **nodes)
     runs = []
     monkeypatch.setattr(run, 'record', lambda *words: runs.append(words) or 0)
-    assert main(['rerun', str(tmp_path / 'hand')]) == 0
-    assert main(['rerun', str(tmp_path / 'hand'), '--duration', '7']) == 0
+    assert main(['rerun', str(tmp_path / 'hand'), '--trust']) == 0
+    assert main(['rerun', str(tmp_path / 'hand'), '--trust', '--duration', '7']) == 0
     (scenario, changed, out), (_, other, _) = runs
     assert scenario == 'paper_line' and out == tmp_path / 'hand_rerun'
     (source,) = changed.pop('own_laws')

@@ -71,15 +71,6 @@ class History(NamedTuple):
     laws: dict[str, bytes]
     lost: dict[str, int]
 
-    def own_laws(self, directory: Path) -> list[str]:
-        """Write the sources of the laws of one's own into a directory; returns the files."""
-        files = []
-        for name, source in self.laws.items():
-            file = directory / f'{Path(name).name}.py'
-            file.write_bytes(source)
-            files.append(str(file))
-        return files
-
 
 def read(bag: str | Path, memory: int = MEMORY) -> History:
     """Read what a bag says; what is not there or not understood is left out.

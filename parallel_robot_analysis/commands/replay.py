@@ -15,9 +15,10 @@ from parallel_robot_analysis.bags import history, replayed, run_log
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.limits import add_memory_argument
 from parallel_robot_analysis.bags.run_log import RunLog
+from parallel_robot_analysis.bags.trust import add_trust_argument, own_laws
 from parallel_robot_analysis.commands.simulate import add_set_argument
 from parallel_robot_analysis.report import figures
-from parallel_robot_control.laws import available
+from parallel_robot_control.laws import LAWS, available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import BagError, InputError
 
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='picture of both torques; with --law or --set: default BAG/replay_LAW.png',
     )
+    add_trust_argument(parser)
     add_memory_argument(parser)
 
 
@@ -55,11 +57,16 @@ def execute(arguments: argparse.Namespace) -> int:
     if np.isnan(log.answer).all():
         raise BagError(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:
-        values = configuration(log, past, Path(directory), changes)
+        laws = changes.get('own_laws', [])
+        if 'own_laws' not in changes and changes.get('law') not in LAWS:
+            laws = own_laws(bag, past.laws, Path(directory), arguments.trust)
+        values = configuration(log, past, laws, changes)
         law = str(values['law'])
         if law not in available(values) and not changes:
             what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
-            raise BagError(f'{bag} does not {what}; --law tries one')
+            raise BagError(
+                f'{bag} does not {what}; --law tries one, --set own_laws=[FILE] adds one'
+            )
         figure = arguments.figure
         if changes and figure is None:
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{law}.png'
@@ -79,26 +86,20 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def configuration(
-    log: RunLog, past: History, directory: Path, changes: dict[str, Any]
+    log: RunLog, past: History, laws: list[str], changes: dict[str, Any]
 ) -> dict[str, Any]:
     """Configuration of a bag's controller at the first state, with changes.
 
     Args:
         log: The run.
         past: What happened beside the motion.
-        directory: Where the laws of one's own that the bag holds are written.
+        laws: Files of laws of one's own; those that the bag only names are not loaded.
         changes: Key to value.
 
     Raises:
         InputError: a key does not exist, is not one of the controller, or its value is wrong.
     """
-    values = log.config
-    laws = past.own_laws(directory)
-    if laws and 'own_laws' not in changes:
-        print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
-        values = config.changed(values, {'own_laws': laws})
-    elif 'own_laws' in changes:
-        values = config.changed(values, {'own_laws': changes['own_laws']})
+    values = config.changed(log.config | {'own_laws': []}, {'own_laws': laws})
     for node, parameters in past.parameters.items():
         if node.endswith('/controller'):
             values |= {

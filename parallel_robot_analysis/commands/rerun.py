@@ -14,8 +14,10 @@ from parallel_robot_analysis.bags.experiment import SIMULATION, of_nodes, softwa
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.bags.limits import MEMORY, Allowance, add_memory_argument
+from parallel_robot_analysis.bags.trust import add_trust_argument, own_laws
 from parallel_robot_analysis.commands import run, simulate
 from parallel_robot_analysis.printable import printable
+from parallel_robot_control.laws import available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import BagError
 
@@ -32,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--duration', type=float, metavar='S', help='seconds of motion, default: as recorded'
     )
+    add_trust_argument(parser)
     add_memory_argument(parser)
 
 
@@ -44,10 +47,10 @@ def execute(arguments: argparse.Namespace) -> int:
         raise BagError(f'{bag} does not say what experiment made it')
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
-        if past.laws:
-            print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
-        own_laws = past.own_laws(Path(directory)) or log.config['own_laws']
-        values = of_nodes(log.config, past.parameters) | {'own_laws': own_laws}
+        laws = own_laws(bag, past.laws, Path(directory), arguments.trust)
+        values = of_nodes(log.config, past.parameters) | {'own_laws': laws}
+        if values['law'] not in available(values):
+            raise BagError(f'{bag} does not hold the law {values["law"]}')
         recorded = values['duration'] or length(log)
         values['duration'] = recorded if arguments.duration is None else arguments.duration
         for text in (*log.warnings, *doubts(values, past)):
