@@ -14,9 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_interface import config
-from parallel_robot_interface.errors import RunError
 from parallel_robot_sim.plant_node import PlantNode
-from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
@@ -175,18 +173,17 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
 
 
 def test_no_message_stops_the_plant_or_spoils_its_state(node):
-    """But for commands that drive the robot out of its workspace: then it says so, and ends."""
+    """Commands that drive the robot out of its workspace hold it there."""
     plant, states = node(PlantNode, '_states')
     if plant.loop.lockstep:
         plant.set_start(SECOND)
 
     def take(data, tick):
-        try:
-            plant._on_command(data)
-            if not plant.loop.lockstep:
-                plant._tick(tick * MS)
-        except RunError:
-            plant._simulator = Simulator(plant.values)
+        plant._on_command(data)
+        if not plant.loop.lockstep:
+            plant._tick(tick * MS)
+        if plant.alarm():
+            plant._put_back()
 
     @settings(max_examples=100)
     @given(st.lists(MESSAGE, min_size=BATCH, max_size=BATCH))
