@@ -132,6 +132,9 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
         },
     }  # fmt: skip
     by_hand(tmp_path / 'hand', bag, **nodes)
+    log = run_log.read(tmp_path / 'hand')
+    assert (log.scenario, log.law) == ('paper_line', 'my_law')
+    assert (log.config['robot.m1'], log.config['own_laws']) == (5.0, [])
     runs = []
     monkeypatch.setattr(run, 'record', lambda *words: runs.append(words) or 0)
     assert main(['rerun', str(tmp_path / 'hand')]) == 0

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot_analysis.bags import history, recorded_controller, run_log
-from parallel_robot_analysis.bags.experiment import SIMULATION, of_nodes, software
+from parallel_robot_analysis.bags.experiment import SIMULATION, software
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.bags.limits import MEMORY, Allowance, add_memory_argument
@@ -47,13 +47,13 @@ def execute(arguments: argparse.Namespace) -> int:
         if past.laws:
             print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
         own_laws = past.own_laws(Path(directory)) or log.config['own_laws']
-        values = of_nodes(log.config, past.parameters) | {'own_laws': own_laws}
+        values = {**log.config, 'own_laws': own_laws}
         recorded = values['duration'] or length(log)
         values['duration'] = recorded if arguments.duration is None else arguments.duration
         for text in (*log.warnings, *doubts(values, past)):
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if simulated else run.record
-        code = record(values['scenario'], changes(values), out)
+        code = record(log.scenario, changes(values), out)
     unlike = ''
     if not simulated and values['time_mode'] != 'lockstep':
         unlike = 'a run in real time'
