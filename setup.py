@@ -52,7 +52,7 @@ setup(
         # Where `ros2 run` looks; pip puts console scripts only in bin/.
         (f'lib/{NAME}', glob('scripts/*')),
     ],
-    entry_points={'console_scripts': [f'{NAME} = parallel_robot_analysis.command_line:main']},
+    entry_points={'console_scripts': [f'{NAME} = parallel_robot_analysis.__main__:main']},
     zip_safe=True,
     python_requires='>=3.10,<3.14',
     install_requires=[

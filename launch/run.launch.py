@@ -1,40 +1,78 @@
 """Start a run: trajectory, plant, controller, and a recorder and a monitor if asked."""
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+import os
+import time
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
-ARGUMENTS = {
-    'scenario': ('paper_circle', 'a file of config/scenarios'),
-    'law': ('s_fotsmc', 'a file of config/laws'),
-    'time_mode': ('wall', 'wall or lockstep'),
+PARAMETERS = {  # of all nodes, where they are given
+    'scenario': ('a file of config/scenarios, else paper_circle', str),
+    'law': ('a file of config/laws, else that of the scenario', str),
+    'time_mode': ('wall or lockstep, else wall', str),
+    'use_sim_time': ('true: take the time from /clock, else false', bool),
+}
+OTHERS = {
+    'params_file': ('', 'parameters of the nodes; the arguments win over them'),
     'namespace': ('', 'of the nodes, so that several robots share a domain'),
     'record': ('false', 'true: write a bag'),
+    'out': (
+        '',
+        'the bag, which is then written anyway; else ROS_HOME/parallel_robot/<run>_<date>',
+    ),
     'monitor': ('false', 'true: publish figures of merit'),
 }
 
 
-def generate_launch_description() -> LaunchDescription:
-    """Describe the nodes of one run; `--show-args` lists the arguments."""
-    arguments = [
-        DeclareLaunchArgument(name, default_value=default, description=description)
-        for name, (default, description) in ARGUMENTS.items()
-    ]
-    parameters = {name: LaunchConfiguration(name) for name in ('scenario', 'law', 'time_mode')}
-    optional = {'recorder': 'record', 'monitor': 'monitor'}
-    nodes = [
+def nodes(context: LaunchContext) -> list[Node]:
+    """Make the nodes, with the parameters that the arguments give them."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in (*PARAMETERS, *OTHERS)}
+    parameters = {
+        name: ParameterValue(given[name], value_type=kind)
+        for name, (_, kind) in PARAMETERS.items()
+        if given[name]
+    }
+    out = {'recorder.out': ParameterValue(given['out'] or default_bag(given), value_type=str)}
+    sources = [parameters | out] if given['out'] else [out, parameters]  # later ones win
+    if given['params_file']:
+        if not Path(given['params_file']).is_file():
+            raise RuntimeError(f'params_file: {given["params_file"]} is not a file')
+        sources.insert(-1, given['params_file'])
+    optional = {
+        'recorder': None if given['out'] else IfCondition(LaunchConfiguration('record')),
+        'monitor': IfCondition(LaunchConfiguration('monitor')),
+    }
+    return [
         Node(
             package='parallel_robot',
             executable=executable,
             namespace=LaunchConfiguration('namespace'),
-            parameters=[parameters],
+            parameters=sources,
             output='screen',
-            condition=IfCondition(LaunchConfiguration(optional[executable]))
-            if executable in optional
-            else None,
+            condition=optional.get(executable),
         )
         for executable in ('recorder', 'monitor', 'plant', 'controller', 'trajectory')
     ]
-    return LaunchDescription([*arguments, *nodes])
+
+
+def default_bag(given: dict[str, str]) -> str:
+    """Place of a bag that was given none: beside the logs of ROS, not wherever one stands."""
+    home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros')
+    words = [*given['namespace'].split('/'), given['scenario'] or 'run']
+    name = '_'.join([*filter(None, words), time.strftime('%Y_%m_%d-%H_%M_%S')])
+    return str(home.absolute() / 'parallel_robot' / name)
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the nodes of one run; `--show-args` lists the arguments."""
+    described = {name: ('', text) for name, (text, _) in PARAMETERS.items()} | OTHERS
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in described.items()
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])

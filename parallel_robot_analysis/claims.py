@@ -10,6 +10,8 @@ from parallel_robot_analysis.metrics import Metrics
 
 Figure = Callable[[Metrics], float]
 
+SCENARIOS = ('paper_circle', 'paper_line')  # the paper's
+
 
 class Claim(NamedTuple):
     """A law is said to be better than others in one figure.
@@ -109,14 +111,15 @@ CLAIMS = (
 )
 
 
-def judge(results: Mapping[str, Metrics]) -> list[Verdict]:
-    """Judge the claims whose laws have results.
+def judge(scenario: str, results: Mapping[str, Metrics]) -> list[Verdict]:
+    """Judge the claims whose laws have results; of scenarios that are not the paper's, none.
 
     Args:
-        results: Law to its figures, all of one scenario.
+        scenario: Its name.
+        results: Law to its figures.
     """
     verdicts = []
-    for claim in CLAIMS:
+    for claim in CLAIMS if scenario in SCENARIOS else ():
         laws = (claim.better, *claim.others)
         if all(law in results for law in laws):
             figures = {law: claim.scale * claim.figure(results[law]) for law in laws}

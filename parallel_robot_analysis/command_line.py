@@ -12,11 +12,12 @@ from importlib import import_module
 from types import ModuleType
 
 from parallel_robot_analysis.printable import LONGEST_LINE, printable, printable_output
-from parallel_robot_interface.errors import InputError, ParallelRobotError
+from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
     'simulate': 'run the same closed loop without ROS and record it',
+    'node': 'one node in this process, as ros2 run starts it',
     'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
     'analyze': 'figures of merit and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
@@ -57,20 +58,26 @@ def main(words: Sequence[str] | None = None) -> int:
         0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
     """
     words = sys.argv[1:] if words is None else words
-    arguments = build_parser(words).parse_args(words)
-    if sys.stderr.isatty():  # says what takes long; a pipe gets results and errors alone
-        logging.basicConfig(format=f'parallel_robot {arguments.command}: %(message)s')
-        logging.getLogger('parallel_robot').setLevel(logging.INFO)
-    raw = arguments.command == 'top'  # draws a screen, and cleans what it writes on it
+    name = 'parallel_robot'
     try:
+        if words and not words[0].startswith('-') and words[0] not in COMMANDS:
+            raise UnknownNameError('command', words[0], COMMANDS)
+        arguments = build_parser(words).parse_args(words)
+        name = f'{name} {arguments.command}'
+        # Says what takes long; a pipe gets results and errors alone, and a node has its own log.
+        if sys.stderr.isatty() and arguments.command != 'node':
+            logging.basicConfig(format=f'{name}: %(message)s')
+            logging.getLogger('parallel_robot').setLevel(logging.INFO)
+        # `top` draws a screen, and cleans what it writes on it; a node writes a log.
+        raw = arguments.command in ('top', 'node')
         with contextlib.nullcontext() if raw else printable_output():
             code: int = module_of(arguments.command).execute(arguments)
     except ParallelRobotError as error:
         text = printable(str(error).replace('\n', ' '), LONGEST_LINE)
-        print(f'parallel_robot {arguments.command}: {text}', file=sys.stderr)
+        print(f'{name}: {text}', file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except MemoryError:
-        print(f'parallel_robot {arguments.command}: out of memory', file=sys.stderr)
+        print(f'{name}: out of memory', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+from parallel_robot_analysis.bags.counts import TopicCount
 from parallel_robot_analysis.metrics import Metrics
 
 
@@ -48,8 +49,32 @@ TORQUE = (
 MERITS = (*TRANSIENT, *STEADY, *TORQUE)
 
 
+def head(scenario: str, law: str, duration: float, planned: float) -> str:
+    """What the figures are of, in a line.
+
+    Args:
+        scenario: Its name.
+        law: Its name.
+        duration: Of the motion [s].
+        planned: How long it was to be [s]; 0: not known.
+    """
+    short = f' of {planned:g} s' if duration < planned - 1e-9 else ''
+    return f'{scenario}, {law}, {duration:g} s{short}; errors over the second half'
+
+
+def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
+    """The figures and what is missing of the messages, in three lines or four."""
+    lines = [
+        '  ' + '; '.join(f'{merit.name} {merit.value(found):.3f} {merit.unit}' for merit in merits)
+        for merits in (STEADY[:2], STEADY[2:], TORQUE)
+    ]
+    missing = [f'{name} {count.missing}' for name, count in messages.items() if count.missing]
+    return [*lines, f'  messages missing: {", ".join(missing)}'] if missing else lines
+
+
 def shown(value: float | None) -> str:
-    """Four significant digits, or a word for what never came."""
+    """Four significant digits, zeros too, or a word for what never came."""
     if value is None or math.isinf(value):
         return 'never'
-    return f'{value:.0f}' if 1e4 <= abs(value) < 1e7 else f'{value:.4g}'
+    text = f'{value:#.4g}'.removesuffix('.')
+    return f'{float(text):.0f}' if 1e4 <= abs(float(text)) < 1e7 else text

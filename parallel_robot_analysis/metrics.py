@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from parallel_robot_analysis.bags.run_log import RunLog, head
 from parallel_robot_control.controller import first_guess
@@ -103,10 +103,15 @@ def poses(log: RunLog) -> Poses:
     Raises:
         KinematicsError: a sample has no pose on the assembly mode of the scenario.
     """
-    robot = config.group(log.config, RobotParameters, 'robot')
-    guess = np.array(first_guess(log.config))
-    reference = pose_of(robot, log.reference_position, guess)
-    return Poses(pose_of(robot, log.position, reference[0]), reference)
+    return poses_of(log.config, log)
+
+
+def poses_of(values: Mapping[str, Any], motion: Motion) -> Poses:
+    """Poses of a motion on the nominal robot of a resolved configuration, see :func:`poses`."""
+    robot = config.group(values, RobotParameters, 'robot')
+    guess = np.array(first_guess(values))
+    reference = pose_of(robot, motion.reference_position, guess)
+    return Poses(pose_of(robot, motion.position, reference[0]), reference)
 
 
 def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
@@ -196,9 +201,10 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
 def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
     """Torque less its moving mean over SMOOTH, shape (N, n)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
-    window = max(1, 2 * round(0.5 * SMOOTH / step) + 1)  # odd: the mean is centred
-    mean = uniform_filter1d(torque, window, axis=0, mode='nearest')
-    return torque - mean
+    half = max(0, round(0.5 * SMOOTH / step))
+    share = np.full(2 * half + 1, 1.0 / (2 * half + 1))
+    longer = np.pad(torque, ((half, half), (0, 0)), mode='edge')
+    return torque - np.apply_along_axis(np.convolve, 0, longer, share, 'valid')
 
 
 def _rms(values: np.ndarray) -> float:

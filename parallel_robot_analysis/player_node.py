@@ -21,7 +21,8 @@ from parallel_robot_analysis.bags.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_analysis.player import Player, PlayerOptions
 from parallel_robot_interface import cdr, fields, topics
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
-from parallel_robot_interface.ros_node import SuiteNode, describe, message_class, run_node
+from parallel_robot_interface.ros_node import SuiteNode, describe, run_node
+from parallel_robot_interface.ros_types import message_class
 
 WINDOW = 400  # messages of a topic that may be unanswered when playing fast
 ASK_EVERY = 100  # messages between two looks for the answer
@@ -102,8 +103,8 @@ class PlayerNode(SuiteNode):
     def _offer(self, topic: RecordedTopic) -> None:
         try:
             kind = message_class(topic.type)
-        except (ImportError, AttributeError, ValueError):
-            self.get_logger().warning(f'{topic.name} is left out: no {topic.type} is installed')
+        except InputError as error:
+            self.get_logger().warning(f'{topic.name} is left out: {error}')
             return
         self._windows[topic.name] = topic.latched or WINDOW
         qos = QoSProfile(depth=topic.latched or (WINDOW if self._fast else topics.DEPTH))

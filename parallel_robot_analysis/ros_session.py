@@ -22,6 +22,7 @@ PATIENCE = 0.2  # s, for the answer to a question that can be asked again
 LOOK = 2.0  # s, between two looks at how busy the nodes are
 BUSY = 0.05  # share of a core; waiting for messages takes less
 START_PATIENCE = 10.0  # s, for the answer to a start
+SILENT = 'it does not answer'
 PLANT = 'plant: loop'  # end of the name of the plant's status, which may be in a namespace
 
 
@@ -101,7 +102,7 @@ class Session:
         Raises:
             RunError: one is not ready in time, or another suite runs on the same ROS domain.
         """
-        waiting = dict.fromkeys(self._names, 'it does not answer')
+        waiting = dict.fromkeys(self._names, SILENT)
         used = dict.fromkeys(self._names, 0.0)
         deadline = looked = time.monotonic()
         deadline += seconds
@@ -123,7 +124,8 @@ class Session:
                     deadline = now + seconds
                 looked, used = now, {name: work(name) for name in waiting}
             if waiting and now > deadline:
-                name, reason = next(iter(waiting.items()))
+                silent = {name: says for name, says in waiting.items() if says == SILENT}
+                name, reason = next(iter((silent or waiting).items()))  # others wait for it
                 raise RunError(f'{name} is not ready after {seconds:g} s: {reason}')
         for topic in (JOINT_STATES, REFERENCE, COMMANDS):
             count = self._node.count_publishers(topic.name)
@@ -132,6 +134,12 @@ class Session:
                     f'{topic.name} has {count} publishers: another suite runs on this ROS domain; '
                     'set ROS_DOMAIN_ID to a number of your own or choose another --namespace'
                 )
+
+    def silent(self, names: Iterable[str]) -> list[str]:
+        """Those of some nodes that do not answer."""
+        return [
+            name for name in names if not self._call(self._ready[name], Trigger.Request(), LOOK)
+        ]
 
     def start(self, name: str, stamp: int) -> None:
         """Give a node the stamp of t = 0 [ns].
@@ -143,7 +151,7 @@ class Session:
         request = SetParameters.Request(parameters=[parameter])
         answer = self._call(self._set[name], request, START_PATIENCE)
         if answer is None or not answer.results[0].successful:
-            reason = answer.results[0].reason if answer else 'it does not answer'
+            reason = answer.results[0].reason if answer else SILENT
             raise RunError(f'{name} does not start: {reason}')
 
     def _call(self, client: Any, request: Any, seconds: float = PATIENCE) -> Any:

@@ -11,7 +11,7 @@ import yaml
 
 from parallel_robot_interface import plugins
 from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_interface.fields import build, defaults, parameters
+from parallel_robot_interface.fields import build, defaults, parameters, plain
 
 Group = TypeVar('Group')
 
@@ -56,10 +56,10 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
 
     Args:
         scenario: Name of a file in ``config/scenarios``.
-        overrides: Dotted key to value.
+        overrides: Dotted key to value; NumPy's numbers and arrays are as good as Python's.
 
     Returns:
-        Every key of the suite with its value.
+        Every key of the suite with its value, plain numbers, texts and lists.
 
     Raises:
         UnknownNameError: no such scenario, or a key that the defaults do not have.
@@ -70,11 +70,14 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
     config: dict[str, Any] = {}
     for path in (root / 'defaults.yaml', root / 'robot.yaml'):
         config.update(_flatten(_read(path)))
-    changed = dict(overrides or {})
+    changed = _plain(overrides or {})
     if changed.pop('scenario', scenario) != scenario:
         raise InputError(f'the scenario is {scenario}; it cannot be changed by a parameter')
     of_scenario = _scenario(scenario)
     gains = preset({**config, **of_scenario, **changed}['own_laws'])
+    taken = {key.partition('.')[0] for key in gains} & {key.partition('.')[0] for key in config}
+    if taken:
+        raise InputError(f'own_laws: {min(taken)} is a group of parameters; rename the file')
     config.update(gains)
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
     for values in (of_scenario, {'scenario': scenario}, changed):
@@ -101,12 +104,13 @@ def changed(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
         UnknownNameError: a key that it does not have.
         InputError: a law of one's own cannot be loaded.
     """
+    changes = _plain(changes)
     gains = preset(changes['own_laws']) if 'own_laws' in changes else {}
     known = gains | dict(values)
     for key in changes:
         if key not in known:
             raise UnknownNameError('parameter', key, known)
-    merged = known | dict(changes)
+    merged = known | changes
     same = all(merged[key] == value for key, value in preset(merged['own_laws']).items())
     return merged | {'preset': PRESET if same else 'custom'}
 
@@ -162,6 +166,10 @@ def parse_overrides(assignments: list[str]) -> dict[str, Any]:
         except yaml.YAMLError:
             raise InputError(f'--set {key}: {value!r} is not a YAML value') from None
     return overrides
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: plain(value) for key, value in values.items()}
 
 
 def _number(value: Any) -> Any:

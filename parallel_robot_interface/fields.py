@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from typing import (
     Annotated,
@@ -14,6 +15,8 @@ from typing import (
     get_origin,
     get_type_hints,
 )
+
+import numpy as np
 
 from parallel_robot_interface.errors import InputError, UnknownNameError
 
@@ -60,7 +63,7 @@ def defaults(group: type, prefix: str) -> dict[str, Any]:
     for parameter in parameters(group):
         if parameter.key not in values:
             raise InputError(f'{prefix}{parameter.key} has no default')
-    return {f'{prefix}{key}': value for key, value in values.items()}
+    return {f'{prefix}{key}': plain(value) for key, value in values.items()}
 
 
 def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Group:
@@ -72,7 +75,8 @@ def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Gr
         prefix: What stands before the key in messages, e.g. ``'friction.'``.
 
     Returns:
-        The group; integers given for floats are converted, lists become tuples.
+        The group; integers given for floats and NumPy's numbers are converted, lists and arrays
+        become tuples.
 
     Raises:
         UnknownNameError: a key that the group does not have.
@@ -89,8 +93,20 @@ def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Gr
     return group(*(check(prefix + p.key, p.type, p.field, values[p.key]) for p in known))
 
 
+def plain(value: Any) -> Any:
+    """A value as the files have it: numbers, texts and lists, nothing of NumPy, no paths."""
+    if isinstance(value, np.floating):  # those of other precisions stay of NumPy in lists
+        return float(value)
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
 def check(name: str, kind: Any, field: Field, value: Any) -> Any:
     """Return `value` as `kind`, or raise InputError with a line that names both."""
+    value = plain(value)
     if get_origin(kind) is tuple:
         items = get_args(kind)
         length = None if items[-1] is Ellipsis else len(items)

@@ -29,8 +29,14 @@ def load(path: str) -> tuple[str, ModuleType]:
     Raises:
         InputError: the file does not exist, cannot be imported or is not a law.
     """
-    file = Path(path).expanduser().resolve()
-    if file.suffix != '.py' or not file.stem.isidentifier() or not file.is_file():
+    try:
+        file = Path(path).expanduser().resolve()
+        exists, is_file = file.exists(), file.is_file()
+    except (OSError, RuntimeError, ValueError):  # too long, of nobody's home, not of text
+        exists = is_file = False
+    if not exists:
+        raise InputError(f'own_laws: {path} does not exist')
+    if file.suffix != '.py' or not file.stem.isidentifier() or not is_file:
         raise InputError(f'own_laws: {path} is not a Python file whose name can name a law')
     return file.stem, _module(file)
 

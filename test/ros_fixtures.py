@@ -21,7 +21,8 @@ from rclpy.executors import SingleThreadedExecutor
 from parallel_robot_analysis.processes import children, command
 from parallel_robot_control.controller import Controller
 from parallel_robot_interface import config
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
@@ -90,6 +91,12 @@ class Process:
     def stderr(self):
         self._errors.seek(0)
         return self._errors.read().decode()
+
+    @property
+    def memory(self):
+        """What it has in memory [bytes]."""
+        pages = Path(f'/proc/{self._popen.pid}/statm').read_text().split()[1]
+        return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
     def wait(self):
         return self._popen.wait(PATIENCE)

@@ -1,13 +1,17 @@
 """Claims are judged by the figures they name, and `compare` shows table and verdicts."""
 
 import json
+import math
 import re
 
 import pytest
 
-from parallel_robot_analysis import claims
+from parallel_robot_analysis import claims, figures_of_merit
+from parallel_robot_analysis.bags.counts import TopicCount
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.figures_of_merit import shown
 from parallel_robot_analysis.metrics import Errors, Metrics, Torque, Transient
+from parallel_robot_interface import config
 
 
 def figures(error, settled, chattering):
@@ -28,7 +32,7 @@ AS_CLAIMED = {
 
 
 def test_all_claims_hold_for_figures_as_claimed():
-    verdicts = claims.judge(AS_CLAIMED)
+    verdicts = claims.judge('paper_line', AS_CLAIMED)
     assert [v.claim for v in verdicts] == list(claims.CLAIMS)
     assert all(v.reproduced for v in verdicts)
 
@@ -36,20 +40,47 @@ def test_all_claims_hold_for_figures_as_claimed():
 @pytest.mark.parametrize('claim', claims.CLAIMS, ids=lambda claim: claim.text)
 def test_each_claim_falls_when_its_law_is_not_ahead(claim):
     results = AS_CLAIMED | {claim.better: figures(9.0, None, 9.0)}
-    verdict = next(v for v in claims.judge(results) if v.claim == claim)
+    verdict = next(v for v in claims.judge('paper_line', results) if v.claim == claim)
     assert not verdict.reproduced
     assert set(verdict.figures) == {claim.better, *claim.others}
 
 
 def test_a_tie_is_no_lead():
     results = dict.fromkeys(AS_CLAIMED, figures(1.0, 1.0, 1.0))
-    assert not any(v.reproduced for v in claims.judge(results))
+    assert not any(v.reproduced for v in claims.judge('paper_line', results))
+
+
+@pytest.mark.parametrize('scenario', ['circle_pi12', 'disturbed_circle', 'heavy_circle', ''])
+def test_the_paper_claims_nothing_of_other_scenarios(scenario):
+    assert claims.judge(scenario, AS_CLAIMED) == []
+    assert set(claims.SCENARIOS) <= set(config.scenarios())
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'),
+    [
+        (0.0, '0.000'), (2.98, '2.980'), (84.0, '84.00'), (1.0 / 3.0, '0.3333'),
+        (1108.2, '1108'), (9999.6, '10000'), (12345.6, '12350'), (1.5e7, '1.500e+07'),
+        (0.04, '0.04000'), (2e-6, '2.000e-06'), (-3.5, '-3.500'),
+        (None, 'never'), (math.inf, 'never'),
+    ],
+)  # fmt: skip
+def test_all_figures_have_four_digits(value, text):
+    assert figures_of_merit.shown(value) == text
 
 
 def test_claims_about_laws_without_results_are_left_out():
     assert [
-        v.claim.better for v in claims.judge({k: AS_CLAIMED[k] for k in ('smc', 's_smc')})
+        v.claim.better
+        for v in claims.judge('paper_line', {k: AS_CLAIMED[k] for k in ('smc', 's_smc')})
     ] == ['s_smc']
+
+
+def test_missing_messages_stand_beside_the_figures():
+    counts = {'reference': TopicCount(99, 2), 'pose': TopicCount(10, 0), 'clock': TopicCount(5, 7)}
+    lines = figures_of_merit.brief(figures(1e-6, 1.0, 0.5), counts)
+    assert len(lines) == 4 and lines[3] == '  messages missing: reference 2, clock 7'
+    assert lines[0].startswith('  platform error, rms 1.000 um; ')
 
 
 def test_compare_shows_what_was_measured(tmp_path, capsys):
@@ -64,7 +95,15 @@ def test_compare_shows_what_was_measured(tmp_path, capsys):
     for law in laws:
         (row,) = re.findall(rf'^{law} .*$', captured.out, re.MULTILINE)
         rms = data['laws'][law]['steady']['xy_rms_m']
-        assert f'{1e6 * rms:.4g}' in row.split()
+        assert shown(1e6 * rms) in row.split()
+        assert {len(re.sub(r'^[0.]*|[.]', '', cell)) for cell in row.split()[1:]} <= {4, 5}
+
+
+@pytest.mark.parametrize('given', [['smc,pid'], ['smc,', 'pid'], ['smc', ',', 'pid']])
+def test_compare_tells_of_the_space_between_laws(given, capsys):
+    assert main(['compare', 'paper_circle', '--laws', *given]) == 2
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1 and 'with spaces between them, smc pid, not smc' in error
 
 
 def test_compare_refuses_an_unknown_law(capsys):

@@ -1,13 +1,22 @@
 """The command line: one clear line for bad input, and the figures that were asked for."""
 
 import json
+import re
+import shlex
+import subprocess
+import sys
 
 import pytest
 from bags import full_disk
 
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.bags import history, run_log, simulation_bag
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import run
+from parallel_robot_analysis.commands import recover, rerun, run
+from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
+from parallel_robot_analysis.report import figures, runs
+from parallel_robot_interface import config
+from parallel_robot_sim import simulation
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 
@@ -107,10 +116,18 @@ def bag(tmp_path_factory):
     return directory
 
 
-@pytest.mark.parametrize('path', ['nothing', 'file', 'file/bag', '.'])
-def test_a_bag_that_is_none(path, tmp_path, capsys):
+@pytest.mark.parametrize(
+    ('path', 'reason'),
+    [
+        ('nothing', 'nothing does not exist'),
+        ('file', 'nothing in it is MCAP'),
+        ('file/bag', 'file/bag does not exist'),
+        ('.', 'is not a bag: no MCAP file there'),
+    ],
+)
+def test_a_bag_that_is_none(path, reason, tmp_path, capsys):
     (tmp_path / 'file').write_text('mine')
-    refused(['analyze', tmp_path / path], capsys)
+    assert reason in refused(['analyze', tmp_path / path], capsys)
     assert list(tmp_path.iterdir()) == [tmp_path / 'file']
 
 
@@ -129,6 +146,35 @@ def test_results_that_cannot_be_written(words, bag, tmp_path, capsys, monkeypatc
     monkeypatch.chdir(tmp_path)
     refused(['analyze', bag, *words], capsys)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('words', [[], ['--set', 'true_robot.l1=0.4001']])
+def test_simulate_ends_with_the_figures_of_analyze(words, tmp_path, capsys):
+    out = tmp_path / 'a bag'
+    assert main(['simulate', 'paper_circle', '--duration', '1', *words, '--out', str(out)]) == 0
+    _, head, *brief, place, following = capsys.readouterr().out.splitlines()
+    assert len(brief) == 3 and place == f'bag     {out}'
+    assert following == f"next    parallel_robot analyze '{out}'"
+    assert main(shlex.split(following)[2:]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert head == first
+    merits = [re.sub(r'  +', ' ', line.strip()) for line in lines[: len(STEADY + TORQUE)]]
+    assert '; '.join(line.strip() for line in brief) == '; '.join(merits)
+
+
+def test_a_bag_is_good_though_its_figures_fail(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(metrics, 'evaluate', lambda *_: 1 / 0)
+    assert main(['simulate', *CIRCLE, '--out', str(tmp_path / 'bag')]) == 0
+    out, err = capsys.readouterr()
+    assert not err and 'no figures: ZeroDivisionError: division by zero\nbag ' in out
+    assert not run_log.read(tmp_path / 'bag').warnings
+
+
+def test_simulate_does_not_wait_for_what_it_does_not_use():
+    code = 'import sys, parallel_robot_analysis.commands.simulate; print(*sys.modules)'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    slow = {'scipy.ndimage', 'matplotlib', 'plotly', 'rclpy', 'pandas'}
+    assert not slow & {*done.stdout.split()}
 
 
 def test_simulate_and_analyze(tmp_path, capsys):
@@ -158,6 +204,19 @@ def test_simulate_and_analyze(tmp_path, capsys):
         assert f'{name:<32}{count["count"]:>8}' in out
 
 
+def test_a_path_may_be_a_text(bag, tmp_path):
+    copy, picture = str(tmp_path / 'copy'), str(tmp_path / 'run.png')
+    recover.recover(str(bag), copy)
+    log = run_log.read(copy)
+    assert history.read(copy).facts == history.read(bag).facts
+    assert rerun.compare(str(bag), copy) == (rerun.compare(bag, tmp_path / 'copy')[0], '')
+    figures.draw_run(log, metrics.poses(log), picture)
+    values = config.resolve('paper_circle', {'duration': 0.01})
+    simulation_bag.write(str(tmp_path / 'new'), values, simulation.simulate(values))
+    assert {path.name for path in tmp_path.iterdir()} == {'copy', 'new', 'run.png'}
+    assert list(runs.read_runs([copy])) == ['paper_circle']
+
+
 def test_settings_are_used_and_recorded(bag, tmp_path):
     other = tmp_path / 'bag'
     words = [
@@ -172,6 +231,21 @@ def test_settings_are_used_and_recorded(bag, tmp_path):
     log = run_log.read(other)
     assert log.config['friction.coulomb'] == [0, 0.5, 1] and log.config['s_fotsmc.G'] == 10.0
     assert not (log.position == run_log.read(bag).position).all()
+
+
+@pytest.mark.parametrize(
+    ('word', 'hint'),
+    [
+        ('anlyze', "'anlyze'; did you mean 'analyze'? (known: a"),
+        ('replai', "'replai'; did you mean 'replay'? (known: a"),
+        ('nope', "'nope' (known: a"),
+    ],
+)
+def test_an_unknown_command_names_the_nearest(word, hint, capsys):
+    assert main([word, '--out', 'x']) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.startswith(f'parallel_robot: unknown command {hint}')
+    assert err.count('\n') == 1
 
 
 def test_help_names_every_command(capsys):

@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -103,6 +104,31 @@ def test_the_true_robot_follows_the_robot_unless_set():
     assert (values['robot.m2'], values['true_robot.m2']) == (7.39, 8.0)
 
 
+@pytest.mark.parametrize('change', ['resolve', 'changed'])
+def test_numbers_of_numpy_become_plain(change):
+    numbers = {
+        'true_robot.m1': np.float64(5.13),
+        'friction.coulomb': np.array([0.0, 0.5, 1.0]),
+        'plant.publish_passive': np.bool_(False),
+        'joints': tuple(np.array(['a', 'b', 'c'])),
+    }
+    base = config.resolve('paper_circle')
+    values = (
+        config.resolve('paper_circle', numbers)
+        if change == 'resolve'
+        else config.changed(base, numbers)
+    )
+    text = yaml.safe_dump(values)  # which refuses NumPy's
+    assert yaml.safe_load(text) == base | {
+        'true_robot.m1': 5.13,
+        'friction.coulomb': [0.0, 0.5, 1.0],
+        'plant.publish_passive': False,
+        'joints': ['a', 'b', 'c'],
+    }
+    same = config.resolve('paper_circle', {'s_fotsmc.G': np.int64(10)})
+    assert same['preset'] == 'paper'
+
+
 def test_an_unknown_scenario_names_the_nearest():
     with pytest.raises(UnknownNameError, match="did you mean 'paper_circle'"):
         config.resolve('paper_cirle')
@@ -115,6 +141,15 @@ def test_an_unknown_scenario_names_the_nearest():
 def test_an_unknown_override_names_the_nearest(key, nearest):
     with pytest.raises(UnknownNameError, match=f"did you mean '{nearest}"):
         config.resolve('paper_circle', {key: 1.0})
+
+
+@pytest.mark.parametrize('name', ['nope', '3.0', 'zzz'])
+def test_what_is_near_to_nothing_has_no_hint(name):
+    with pytest.raises(UnknownNameError) as caught:
+        config.resolve(name)
+    assert 'did you mean' not in str(caught.value) and 'paper_circle' in str(caught.value)
+    for choices in (LAWS, config.resolve('paper_circle')):
+        assert 'did you mean' not in str(UnknownNameError('law', name, choices))
 
 
 def test_an_unknown_key_in_a_scenario_is_refused(files):

@@ -107,8 +107,23 @@ def test_run_keeps_the_bag_and_says_when(driven_out, tmp_path, monkeypatch, caps
     assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 1
     out, err = capsys.readouterr()
     assert f'{DRIVEN_OUT} at t = 0.230 s' in err.splitlines()[-1]
-    assert 'up to t = 0.2' in out and 'platform error, rms' in out and f'bag     {bag}' in out
+    assert ' s of 0.4 s; errors' in out and 'platform error, rms' in out
+    assert f'bag     {bag}\nnext    parallel_robot analyze {bag}\n' in out
     assert len(run_log.read(bag).time) == END + 30
+
+
+def test_run_ends_with_the_figures_of_analyze(tmp_path, monkeypatch, capsys):
+    bag = tmp_path / 'bag'
+    monkeypatch.setattr(run, '_supervise', lambda *_: live(bag, {}) and False)
+    assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert out[-2:] == [f'bag     {bag}', f'next    parallel_robot analyze {bag}']
+    assert main(['analyze', str(bag)]) == 0
+    table = capsys.readouterr().out.splitlines()
+    assert out[-6] in table  # what the figures are of
+    figures = [' '.join(line.split()) for line in table]
+    for merit in '; '.join(out[-5:-2]).split('; '):
+        assert merit.strip() in figures
 
 
 def test_a_report_evaluates_up_to_there(driven_out, tmp_path):

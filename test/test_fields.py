@@ -1,14 +1,16 @@
 """Parameters are converted or refused one by one, with a line that names the key."""
 
 import math
+from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_interface.fields import Field, build, parameters
+from parallel_robot_interface.fields import Field, build, defaults, parameters
 
 
 class Sample(NamedTuple):
@@ -47,6 +49,44 @@ def test_floats_in_range_pass_unchanged(value):
     assert build(Sample, {**GOOD, 'speed': value}).speed == value
 
 
+def type_of(value):
+    return tuple(map(type, value)) if isinstance(value, tuple) else type(value)
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'expected'),
+    [
+        ('speed', np.float64(0.5), 0.5),
+        ('speed', np.float32(0.5), 0.5),
+        ('speed', np.longdouble(0.5), 0.5),
+        ('speed', np.int8(1), 1.0),
+        ('speed', np.array(0.5), 0.5),
+        ('count', np.int64(7), 7),
+        ('count', np.uint8(7), 7),
+        ('name', np.str_('b'), 'b'),
+        ('loud', np.bool_(False), False),
+        ('mode', np.str_('slow'), 'slow'),
+        ('point', np.array([1, 2]), (1.0, 2.0)),
+        ('point', np.array([1.0, 2.0], np.longdouble), (1.0, 2.0)),
+        ('point', [np.float64(1.0), np.int64(2)], (1.0, 2.0)),
+        ('names', np.array(['c', 'd']), ('c', 'd')),
+        ('names', [Path('c'), 'd'], ('c', 'd')),
+    ],
+)
+def test_what_numpy_gives_is_as_good_as_what_python_has(key, value, expected):
+    found = getattr(build(Sample, {**GOOD, key: value}), key)
+    assert found == expected and type_of(found) == type_of(expected)
+
+
+def test_defaults_of_numpy_are_plain():
+    class Gains(NamedTuple):
+        K: Annotated[float, Field('', 'a gain')] = np.float64(2.0)
+        k: Annotated[tuple[float, ...], Field('', 'some')] = np.arange(2.0)
+
+    found = defaults(Gains, 'mine.')
+    assert found == {'mine.K': 2.0, 'mine.k': [0.0, 1.0]} and type(found['mine.K']) is float
+
+
 @pytest.mark.parametrize(
     ('key', 'value', 'words'),
     [
@@ -74,6 +114,14 @@ def test_floats_in_range_pass_unchanged(value):
         ('point', [1.0, True], r'point\[1\] must be a number, not True'),
         ('names', 'abc', "names must be a list of texts, not 'abc'"),
         ('names', ['a', 1], r'names\[1\] must be text, not 1'),
+        ('speed', np.float64('nan'), 'speed must be finite'),
+        ('speed', np.bool_(True), 'speed must be a number, not True'),
+        ('speed', np.ones(1), r'speed must be a number, not \[1.0\]'),
+        ('speed', np.complex128(1), r'speed must be a number, not \(1\+0j\)'),
+        ('count', np.float64(1.0), 'count must be a whole number, not 1.0'),
+        ('loud', np.int64(1), 'loud must be true or false, not 1'),
+        ('point', np.ones(3), 'point must be a list of 2 numbers, not 3'),
+        ('point', np.ones((2, 2)), r'point\[0\] must be a number, not \[1.0, 1.0\]'),
     ],
 )
 def test_wrong_values_are_refused_by_name(key, value, words):

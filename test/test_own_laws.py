@@ -1,5 +1,6 @@
 """Laws of one's own: one file, found everywhere; a wrong one costs one line."""
 
+import re
 import signal
 import timeit
 
@@ -9,7 +10,7 @@ from rig import Rig
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_control.laws import LAWS, prepare
+from parallel_robot_control.laws import LAWS, prepare, trial
 from parallel_robot_interface import cdr, config, plugins, topics
 from parallel_robot_interface.errors import InputError
 from parallel_robot_model.kernel_cache import NOTICE
@@ -158,6 +159,8 @@ def test_judge_of_a_law_of_ones_own_may_refuse_or_fail(write):
 
 
 RETURN = 'ControlOutput(torque, e, e, Memory(memory.integral + dt * e))'
+HELPER = '@kernel\ndef twice(x):\n    return x.foo\n\n\n@kernel'
+MIXED = 'd = {}\n    d["a"] = reference\n    d[1] = 2\n    torque = '  # Numba warns of it, too
 WRONG = {
     'syntax': ([('def update(', 'def update((')], 'SyntaxError'),
     'no_update': ([('def update(', 'def upgrade(')], 'no_update.py has no update'),
@@ -172,7 +175,14 @@ WRONG = {
     'not_a_number': ([(' = 90.0', " = float('nan')")], 'not_a_number.Kd must be finite'),
     'plain': ([('@kernel\n', '')], 'plain: update is not compiled: put @kernel before it'),
     'unknown': ([('gains.Kp * e', 'gains.Kq * e')], "does not compile: Unknown attribute 'Kq'"),
-    'short': ([('feedback, memory, dt)', 'feedback)')], 'short: update does not compile: '),
+    'place': ([('gains.Kp * e', 'gains.Kq * e')], '(place.py:29)'),
+    'in_helper': ([('@kernel', HELPER), ('gains.Kp * e', 'twice(dt) * e')], '(in_helper.py:27)'),
+    'undefined': ([('gains.Kp * e', 'Kp * e')], "name 'Kp' is not defined (undefined.py:29)"),
+    'format': ([('torque = ', 'f"{dt:.3f}"\n    torque = ')], 'not supported yet (format.py:'),
+    'bytecode': ([('torque = ', 'with dt:\n        pass\n    torque = ')], '(bytecode.py:2'),
+    'signature': ([('e_dot\n', 'e_dot @ "a"\n')], 'for signature: >>> matmul(array(float64, 1d, '),
+    'mixed': ([('torque = ', MIXED)], 'mixed: update does not compile: No implementation'),
+    'short': ([('feedback, memory, dt)', 'feedback)')], '(short.py:25)'),
     'scalar': ([(RETURN, RETURN.replace('torque', '1.0'))], 'scalar: update must return Control'),
     'tuple_alone': ([(RETURN, '(torque, e, e, memory)')], 'tuple_alone: update must return Contr'),
     'other_memory': (
@@ -186,6 +196,7 @@ WRONG = {
         [('class Gains', 'raise OSError("a\\nb")\n\n\nclass Gains')],
         'wordy.py: OSError: a',
     ),
+    'plant': ([], 'own_laws: plant is a group of parameters; rename the file'),
     'smc': ([], 'own_laws: smc.py: there is already a law smc; rename the file'),
 }
 
@@ -201,12 +212,55 @@ def test_a_wrong_file_costs_one_line(name, write, capsys):
         assert out == '' and err.count('\n') == 1 and reason in err and len(err) < 300
 
 
-@pytest.mark.parametrize('given', ['missing.py', '.', 'a-b.py', 'mine.txt'])
-def test_a_file_that_is_none_costs_one_line(given, write, tmp_path, capsys):
+DEADLY = 'import os; os.environ.get("NUMBA_BOUNDSCHECK") and os.abort()'
+UNFIT = {
+    'beyond': (('Kd * e_dot', 'Kd * e_dot + e[7]'), 'IndexError: index is out of bounds'),
+    'cut': ((RETURN, RETURN.replace('torque', 'torque[:2]')), 'torque of shape (2,), not (3,)'),
+    'shrinking': (('Memory(memory.integral + dt * e)', 'Memory(memory.integral[:1])'),
+                  'memory of shapes [(1,)], not [(3,)]'),
+    'endless': (('    torque =', '    while dt < 1:\n        dt -= 1\n    torque ='),
+                'update does not return within 1 s'),
+    'deadly': (('(joints):', f'(joints):\n    {DEADLY}'), 'initial_memory ends with SIGABRT'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('name', UNFIT)
+def test_what_a_law_does_wrong_is_found_before_it_acts(name, write):
+    replaced, reason = UNFIT[name]
+    with pytest.raises(InputError, match=f'^{name}: .*{re.escape(reason)}'):
+        prepare(name, values_of(write(name, replaced)))
+
+
+def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypatch):
+    path = write('rigid', ('    torque =', '    e[2] += 0.0\n    torque ='))
+    for _ in range(2):
+        (warning,) = prepare('rigid', values_of(path)).warnings
+        assert warning == (
+            'rigid: written for 3 joints; with 1: IndexError: index is out of bounds'
+        )
+        monkeypatch.setattr(trial, '_try', None)  # now it is known
+
+
+NO_LAW = 'is not a Python file whose name can name a law'
+
+
+@pytest.mark.parametrize(
+    ('given', 'reason'),
+    [
+        ('missing.py', 'does not exist'),
+        ('missing/a-b.txt', 'does not exist'),
+        (300 * 'x' + '.py', 'does not exist'),
+        ('~nobody_of_this_name/law.py', 'does not exist'),
+        ('.', NO_LAW),
+        ('a-b.py', NO_LAW),
+        ('mine.txt', NO_LAW),
+    ],
+)
+def test_a_file_that_is_none_costs_one_line(given, reason, write, tmp_path, capsys):
     (tmp_path / 'a-b.py').write_text(LAW), (tmp_path / 'mine.txt').write_text(LAW)
     assert main(['compare', 'paper_circle', '--set', f'own_laws=[{given}]']) == 2
     err = capsys.readouterr().err
-    assert err.count('\n') == 1 and f'own_laws: {given} is not a Python file' in err
+    assert err.count('\n') == 1 and f'own_laws: {given} {reason}' in err
 
 
 def test_two_files_of_one_name_are_not_confused(write, capsys):

@@ -4,28 +4,40 @@ import ast
 import os
 import re
 import runpy
+import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
 import pytest
+from ros_fixtures import until
+
+from parallel_robot_analysis.commands.node import NODES
+
+pytest_plugins = ['ros_fixtures']
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ElementTree.parse(ROOT / 'package.xml').getroot()
 NAME = PACKAGE.findtext('name')
 DEPENDENCIES = {element.text for element in PACKAGE.iter('exec_depend')}
 ROS = {key for key in DEPENDENCIES if not key.startswith('python3-')}
-EXECUTABLES = {
-    'trajectory': 'trajectory_gen.trajectory_node',
-    'plant': 'parallel_robot_sim.plant_node',
-    'controller': 'parallel_robot_control.controller_node',
-    'recorder': 'parallel_robot_analysis.recorder_node',
-    'player': 'parallel_robot_analysis.player_node',
-    'monitor': 'parallel_robot_analysis.monitor_node',
+PIP = {'lz4', 'mcap', 'plotly', 'zstandard'}  # of which rosdep knows nothing
+ROSDEP_KEYS = {  # that exist
+    *('python3-hypothesis', 'python3-jinja2', 'python3-matplotlib', 'python3-numba'),
+    *('python3-numpy', 'python3-pytest', 'python3-rosbags-pip', 'python3-scipy', 'python3-yaml'),
 }
+ROS_PACKAGES = {  # of Jazzy
+    *('ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'launch'),
+    *('launch_ros', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs'),
+    *('std_srvs', 'trajectory_msgs', 'visualization_msgs'),
+}
+MAIN = 'parallel_robot_analysis.__main__'
+IMPORTED = '_multiarray_umath'  # by a process that has begun to import the suite
 
 
 @pytest.fixture(scope='module')
@@ -77,15 +89,74 @@ def test_there_is_one_command(setup):
     assert has_main(module)
 
 
-@pytest.mark.parametrize('name', EXECUTABLES)
-def test_executable_starts_its_node(setup, name):
-    path = ROOT / 'scripts' / name
-    text = path.read_text()
-    assert os.access(path, os.X_OK)
-    assert text.startswith('#!/usr/bin/env python3\n')
-    assert f'from {EXECUTABLES[name]} import main\n' in text
-    assert 'sys.exit(main())' in text
-    assert has_main(EXECUTABLES[name])
+def test_every_node_has_its_executable():
+    scripts = {path.name: path.read_text() for path in (ROOT / 'scripts').iterdir()}
+    assert set(scripts) == set(NODES) and len(set(scripts.values())) == 1
+    assert all(os.access(ROOT / 'scripts' / name, os.X_OK) for name in scripts)
+    assert all(map(has_main, NODES.values()))
+
+
+@pytest.fixture(params=['pip', 'colcon', 'colcon --symlink-install'])
+def installed(request, tmp_path):
+    """Executables of an installation in a place with a space; environment without it."""
+    prefix = tmp_path / 'a place'
+    lib, scripts = (
+        prefix / 'lib' / NAME,
+        prefix / ('bin' if request.param == 'pip' else f'lib/{NAME}'),
+    )
+    lib.mkdir(parents=True), scripts.mkdir(exist_ok=True)
+    command = scripts / NAME
+    command.write_text(
+        f'#!{sys.executable}\nimport sys\nfrom {MAIN} import main\nsys.exit(main())\n'
+    )
+    command.chmod(0o755)
+    for path in (ROOT / 'scripts').iterdir():
+        if 'symlink' in request.param:
+            (lib / path.name).symlink_to(path)
+        else:
+            shutil.copy(path, lib)
+    return lib
+
+
+def environment(**more):
+    """Of a user who has activated nothing."""
+    return {'PATH': '/usr/bin:/bin', 'HOME': os.environ['HOME'], 'PYTHONPATH': str(ROOT), **more}
+
+
+def test_an_executable_finds_its_interpreter(installed):
+    words = [installed / 'plant', '--ros-args', '-p', 'no_such_parameter:=1']
+    done = subprocess.run(words, env=environment(), capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert 'no_such_parameter' in done.stderr and done.stderr.count('\n') == 1
+
+
+def test_the_installed_executable_runs_without_the_environment_being_activated():
+    script = Path(sys.prefix) / 'lib' / NAME / 'controller'
+    words = [script, '--ros-args', '-p', 'no_such_parameter:=1']
+    done = subprocess.run(words, env=environment(), capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, ''), done.stderr
+    assert 'no_such_parameter' in done.stderr
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('when', ['Python starts', 'it imports'])
+@pytest.mark.parametrize('installed', ['colcon'], indirect=True)
+def test_a_node_that_is_ended_while_it_starts_ends_well(when, number, installed, domain):
+    process = subprocess.Popen(
+        [installed / 'plant'],
+        env=environment(ROS_DOMAIN_ID=str(domain)),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    proc = Path(f'/proc/{process.pid}')
+    reached = {
+        'Python starts': lambda: 'python' in os.readlink(proc / 'exe'),
+        'it imports': lambda: IMPORTED in (proc / 'maps').read_text(),
+    }
+    until(reached[when], step=lambda: None)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=60.0)
+    assert (process.returncode, errors) == (0, '')
 
 
 def test_every_data_file_is_installed_where_ros_looks(setup):
@@ -102,22 +173,92 @@ def test_every_data_file_is_installed_where_ros_looks(setup):
     }
     expected[f'share/{NAME}/package.xml'] = 'package.xml'
     expected[f'share/ament_index/resource_index/packages/{NAME}'] = f'resource/{NAME}'
-    expected.update({f'lib/{NAME}/{name}': f'scripts/{name}' for name in EXECUTABLES})
+    expected.update({f'lib/{NAME}/{name}': f'scripts/{name}' for name in NODES})
     assert installed == expected
 
 
-def test_launch_file_starts_every_node_of_a_run(monkeypatch):
-    for module in ('', '.actions', '.conditions', '.substitutions'):
-        monkeypatch.setitem(sys.modules, f'launch{module}', MagicMock())
-    ros = MagicMock()
-    monkeypatch.setitem(sys.modules, 'launch_ros', MagicMock())
-    monkeypatch.setitem(sys.modules, 'launch_ros.actions', ros)
-    launch = runpy.run_path(str(ROOT / 'launch' / 'run.launch.py'))
-    launch['generate_launch_description']()
-    started = [call.kwargs for call in ros.Node.call_args_list]
-    assert {node['package'] for node in started} == {NAME}
-    assert {node['executable'] for node in started} == set(EXECUTABLES) - {'player'}
-    assert all('namespace' in node for node in started)
+class Configuration(NamedTuple):
+    """As launch has it: the value of an argument."""
+
+    name: str
+
+    def perform(self, context):
+        return context[self.name]
+
+
+@pytest.fixture
+def launch(monkeypatch, tmp_path):
+    """Launch the file with arguments, in what stands for ROS's launch; the nodes by executable."""
+    for module in ('launch.actions', 'launch.conditions', 'launch_ros.parameter_descriptions'):
+        monkeypatch.setitem(sys.modules, module, MagicMock())
+    for module in ('launch', 'launch_ros'):
+        monkeypatch.setitem(sys.modules, module, MagicMock())
+    monkeypatch.setitem(
+        sys.modules, 'launch.substitutions', SimpleNamespace(LaunchConfiguration=Configuration)
+    )
+    monkeypatch.setitem(
+        sys.modules, 'launch_ros.actions', SimpleNamespace(Node=lambda **words: words)
+    )
+    actions = sys.modules['launch.actions']
+    sys.modules['launch.conditions'].IfCondition = lambda configuration: configuration
+    parameters = sys.modules['launch_ros.parameter_descriptions']
+    parameters.ParameterValue = lambda value, value_type: (value, value_type)
+    monkeypatch.setenv('HOME', str(tmp_path))
+    monkeypatch.delenv('ROS_HOME', raising=False)
+
+    def start(**arguments):
+        file = runpy.run_path(str(ROOT / 'launch' / 'run.launch.py'))
+        file['generate_launch_description']()
+        declared = {
+            call.args[0]: call.kwargs for call in actions.DeclareLaunchArgument.call_args_list
+        }
+        assert all(words['description'] for words in declared.values())
+        context = {name: words['default_value'] for name, words in declared.items()}
+        assert set(arguments) <= set(context)
+        (made,) = {call.kwargs['function'] for call in actions.OpaqueFunction.call_args_list[-1:]}
+        return {node['executable']: node for node in made(context | arguments)}
+
+    return start
+
+
+def test_launch_starts_every_node_of_a_run(launch):
+    nodes = launch()
+    assert set(nodes) == set(NODES) - {'player'}
+    assert {(node['package'], node['namespace']) for node in nodes.values()} == {
+        (NAME, Configuration('namespace'))
+    }
+    conditions = {name: node['condition'] for name, node in nodes.items() if node['condition']}
+    assert conditions == {
+        'recorder': Configuration('record'), 'monitor': Configuration('monitor')
+    }  # fmt: skip
+
+
+def test_launch_passes_on_what_is_given_alone(launch, tmp_path):
+    file = tmp_path / 'my.yaml'
+    file.write_text('{}')
+    default, given = launch()['plant']['parameters']
+    assert set(default) == {'recorder.out'} and given == {}
+    default, path, given = launch(law='smc', use_sim_time='true', params_file=str(file))[
+        'controller'
+    ]['parameters']
+    assert path == str(file) and given == {'law': ('smc', str), 'use_sim_time': ('true', bool)}
+    with pytest.raises(RuntimeError, match='params_file: nowhere is not a file'):
+        launch(params_file='nowhere')
+
+
+def test_launch_records_where_ros_keeps_its_own_or_where_it_is_told(launch, tmp_path, monkeypatch):
+    def place(**arguments):
+        return launch(**arguments)['recorder']['parameters'][0]['recorder.out'][0]
+
+    date = r'\d{4}(_\d\d){2}-\d\d(_\d\d){2}'
+    home = re.escape(str(tmp_path / '.ros' / NAME))
+    assert re.fullmatch(f'{home}/run_{date}', place(record='true'))
+    assert re.fullmatch(f'{home}/left_line_{date}', place(scenario='line', namespace='/left'))
+    monkeypatch.setenv('ROS_HOME', str(tmp_path / 'home'))
+    assert place().startswith(str(tmp_path / 'home' / NAME))
+    recorder = launch(out='runs/mine', law='smc')['recorder']
+    assert recorder['condition'] is None
+    assert recorder['parameters'] == [{'law': ('smc', str), 'recorder.out': ('runs/mine', str)}]
 
 
 def test_every_import_is_declared(setup):
@@ -138,8 +279,16 @@ def test_every_import_is_declared(setup):
         for module in (
             imported - set(sys.stdlib_module_names) - set(setup['packages']) - ROS - optional
         ):
-            assert DEPENDENCIES & {f'python3-{module}', f'python3-{module}-pip'}, (name, module)
+            keys = {f'python3-{module}', f'python3-{module}-pip'}
+            assert bool(DEPENDENCIES & keys) != (module in PIP), (name, module)
             assert {'yaml': 'pyyaml'}.get(module, module) in required, (name, module)
+
+
+def test_rosdep_knows_every_dependency_and_the_readme_says_what_it_does_not():
+    asked = {element.text for element in PACKAGE if element.tag.endswith('depend')}
+    assert asked <= ROSDEP_KEYS | ROS_PACKAGES
+    (told,) = re.findall(r'^pip install (.*)$', (ROOT / 'README.md').read_text(), re.MULTILINE)
+    assert {re.split('[<>=]', word.strip("'"))[0] for word in told.split()} >= PIP
 
 
 def test_ros_is_needed_by_nodes_alone(setup):

@@ -1,5 +1,9 @@
 """Node processes: what they are told, and what is told of their end."""
 
+import os
+import tempfile
+from pathlib import Path
+
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
@@ -7,6 +11,7 @@ from ros_fixtures import until
 
 from parallel_robot_analysis import processes
 from parallel_robot_interface.errors import RunError
+from parallel_robot_model.user_directory import user_directories
 
 pytest_plugins = ['ros_fixtures']  # for `until`
 
@@ -42,6 +47,36 @@ def test_the_end_of_a_node_is_reported_with_its_reason(name, tmp_path, monkeypat
         with pytest.raises(RunError) as caught:
             running.check()
     assert str(caught.value) == TEXTS[name]
+
+
+def test_of_several_that_ended_the_one_that_was_killed_is_named(tmp_path, monkeypatch):
+    for name in ('fails', 'dies', 'ends'):
+        (tmp_path / f'{name}.py').write_text(SCRIPTS[name])
+        monkeypatch.setitem(processes.MODULES, name, name)
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    monkeypatch.setattr(processes, 'STOP_ORDER', (('fails', 'dies', 'ends'),))
+    with processes.NodeProcesses({'fails': {}, 'ends': {}, 'dies': {}}) as running:
+        for process in running._processes.values():
+            process.wait(20.0)
+        with pytest.raises(RunError, match=r'^dies ended with signal SIGKILL$'):
+            running.check()
+
+
+def test_a_node_that_was_stopped_ends_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / 'stopped.py').write_text(
+        'import os, signal, sys\n'
+        'signal.signal(signal.SIGINT, lambda *_: sys.exit(7))\n'
+        'os.kill(os.getpid(), signal.SIGSTOP)\n'
+        'signal.pause()\n'
+    )
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    monkeypatch.setitem(processes.MODULES, 'node', 'stopped')
+    monkeypatch.setattr(processes, 'STOP_ORDER', (('node',),))
+    with processes.NodeProcesses({'node': {}}) as running:
+        process = running._processes['node']
+        state = Path(f'/proc/{process.pid}/stat')
+        until(lambda: state.read_text().rpartition(')')[2].split()[0] == 'T')
+    assert process.returncode == 7  # not killed
 
 
 def test_a_node_that_compiles_is_known_and_goes_on_with_its_log(tmp_path, monkeypatch):
@@ -89,3 +124,28 @@ def test_a_node_gets_the_value_it_is_sent(value):
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+TRAPS = {
+    'fifo': os.mkfifo,
+    'link': lambda path: path.symlink_to(path.with_name('precious')),
+    'directory': Path.mkdir,
+}
+
+
+@pytest.mark.parametrize('trap', TRAPS)
+def test_a_lock_is_a_file_of_ones_own_or_none(trap, tmp_path, monkeypatch):
+    """What lies in its place neither holds a run up nor is written to; there is another place."""
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    monkeypatch.setattr(tempfile, 'gettempdir', lambda: str(tmp_path / 'temporary'))
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    first, second = (place / 'domain_42.lock' for place in user_directories())
+    TRAPS[trap](first)
+    with processes.domain_lock():
+        assert second.is_file() and not first.with_name('precious').exists()
+        with pytest.raises(RunError, match='another run uses ROS domain 42'):
+            processes.domain_lock().__enter__()
+    second.unlink()
+    TRAPS[trap](second)
+    with pytest.raises(RunError, match=r'domain_42\.lock'):
+        processes.domain_lock().__enter__()

@@ -15,7 +15,8 @@ from parallel_robot_analysis.bags import history
 from parallel_robot_analysis.bags.bag_writer import MESSAGES
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_interface import topics
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')

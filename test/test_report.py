@@ -211,7 +211,7 @@ def test_scenario_names_make_no_paths(bags, tmp_path, monkeypatch):
 
 def test_bad_input_leaves_nothing(bags, foreign, tmp_path, capsys, robot):
     out = tmp_path / 'deep' / 'out'
-    assert 'not a bag' in refused([bags[0], tmp_path / 'nothing', '--out', out], capsys)
+    assert 'does not exist' in refused([bags[0], tmp_path / 'nothing', '--out', out], capsys)
     assert 'up to 8 bags, not 9' in refused([*[bags[0]] * 9, '--out', out], capsys)
     assert 'exists' in refused([bags[0], '--out', tmp_path], capsys)
     angles = np.tile([9.0, 1.0, 1.0], (20, 1))

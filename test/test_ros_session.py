@@ -91,6 +91,14 @@ def test_a_node_that_stops_working_is_an_error_from_then_on(monkeypatch):
     assert 315.0 < world.now < 330.0
 
 
+def test_the_one_that_does_not_answer_is_named_before_those_that_wait_for_it(monkeypatch):
+    world = World()
+    world.says = SimpleNamespace(success=False, message='no publisher of commands')
+    world.ready_at['controller'] = 700.0  # after the plant in the order of names
+    with pytest.raises(RunError, match=r'^controller is not ready after 20 s: it does not answer'):
+        world.wait(monkeypatch, seconds=20.0)
+
+
 def test_a_node_that_says_what_it_lacks_is_quoted(monkeypatch):
     world = World()
     world.says = SimpleNamespace(success=False, message='no publisher of reference')

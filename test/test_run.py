@@ -1,5 +1,6 @@
 """The command `run`: real nodes, real bags, and nothing left behind."""
 
+import re
 import resource
 import signal
 import time
@@ -10,7 +11,7 @@ import pytest
 from bags import content
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_fixtures import SLOW_LOOP
+from ros_fixtures import ROOT, SLOW_LOOP
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis.bags import history, replayed, run_log
@@ -123,6 +124,37 @@ def test_a_node_that_dies_ends_the_run(begin, tmp_path):
     assert process.wait() == 1
     assert process.stderr == 'parallel_robot run: plant ended with signal SIGKILL\n'
     check_end(tmp_path / 'bag', nodes)
+
+
+HASTY = (
+    'import sys\n'
+    'from parallel_robot_analysis.command_line import main\n'
+    'from parallel_robot_analysis.commands import run\n'
+    'run.STANDSTILL = 3.0\n'
+    'sys.exit(main())\n'
+)
+
+
+def test_a_controller_that_is_killed_or_stopped_is_named(launch, domain, tmp_path):
+    (tmp_path / 'hasty.py').write_text(HASTY)
+    said = {}
+    for number in (signal.SIGKILL, signal.SIGSTOP):
+        out = tmp_path / number.name
+        process = launch(
+            'hasty', 'run', 'paper_circle', '--duration', 60, '--time-mode', 'lockstep',
+            '--out', out, PYTHONPATH=f'{ROOT}:{tmp_path}',
+        )  # fmt: skip
+        nodes = under_way(process, out)
+        signal.pidfd_send_signal(nodes[MODULES['controller']].descriptor, number)
+        assert process.wait() == 1
+        said[number] = process.stderr
+        check_end(out, nodes)
+    assert said[signal.SIGKILL] == ('parallel_robot run: controller ended with signal SIGKILL\n')
+    assert re.fullmatch(
+        r'parallel_robot run: the motion stands still at state \d+ of 60000: '
+        r'no answer of controller\n',
+        said[signal.SIGSTOP],
+    )
 
 
 def test_a_recorder_that_is_killed_leaves_its_chunks(begin, tmp_path):

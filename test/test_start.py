@@ -23,7 +23,8 @@ HOSTILE = (  # what the suite imports early or late, itself or for Numba and rcl
     *('controller', 'simulator', 'messages'),
 )
 CONSOLE_SCRIPT = (
-    'import sys; from parallel_robot_analysis.command_line import main; sys.exit(main())\n'
+    f'#!{sys.executable}\n'
+    'import sys; from parallel_robot_analysis.__main__ import main; sys.exit(main())\n'
 )
 
 
@@ -39,6 +40,15 @@ def hostile(tmp_path):
     return folder
 
 
+def console_script(prefix):
+    """The command line as pip installs it."""
+    script = prefix / 'bin' / 'parallel_robot'
+    script.parent.mkdir()
+    script.write_text(CONSOLE_SCRIPT)
+    script.chmod(0o755)
+    return script
+
+
 def environment(**more):
     """As of a user who has not started Python before."""
     inherited = {k: v for k, v in os.environ.items() if k != '_ROS_WHEELS_BOOTSTRAP_COMPLETE'}
@@ -52,9 +62,7 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
     cache = tmp_path / 'cache' / 'parallel_robot'
     ours = Path(numba.config.CACHE_DIR)
     shutil.copytree(ours, cache / ours.name, ignore=shutil.ignore_patterns('*.tmp.*'))
-    script = tmp_path / 'bin' / 'parallel_robot'  # as pip makes it
-    script.parent.mkdir()
-    script.write_text(CONSOLE_SCRIPT)
+    script = console_script(tmp_path)
 
     def start(*words):
         done = subprocess.run(
@@ -68,7 +76,7 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
         assert done.returncode == 0, done.stderr
 
     def code():
-        return {path for path in cache.rglob('*') if path.is_file()}
+        return {path for path in cache.rglob('*.nb*') if path.is_file()}
 
     def forget():
         for path in code():
@@ -103,8 +111,11 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
 @pytest.mark.parametrize('name', sorted(path.name for path in (ROOT / 'scripts').iterdir()))
 def test_a_script_imports_nothing_from_where_it_is_started(name, hostile, domain, tmp_path):
     words = ('--ros-args', '-p', 'no_such_parameter:=1')
+    console_script(tmp_path)
+    folder = tmp_path / 'lib' / 'parallel_robot'
+    folder.mkdir(parents=True)
     done = subprocess.run(
-        [sys.executable, ROOT / 'scripts' / name, *words],
+        [shutil.copy(ROOT / 'scripts' / name, folder), *words],
         cwd=hostile,
         env=environment(),
         capture_output=True,

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from parallel_robot_analysis.bags.samples import Samples
 from parallel_robot_control.contract import JointReference
@@ -86,6 +85,8 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     times, sizes = times[order], sizes[order]
     ends = np.cumsum(sizes)
     rows = whole[np.repeat(starts - (ends - sizes), sizes) + np.arange(ends[-1])]
+
+    from scipy.ndimage import median_filter  # half a second that `simulate` need not wait
 
     before = np.searchsorted(heard, times, side='right')
     ahead = median_filter(ends - before, size=NEIGHBOURS, mode='nearest')

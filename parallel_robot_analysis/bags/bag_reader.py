@@ -90,7 +90,7 @@ class Bag(Generic[Part]):
 
 
 def read(
-    bag: Path,
+    bag: str | Path,
     topics: Iterable[Topic],
     condense: Callable[[Topic, Messages], Part],
     memory: int = MEMORY,
@@ -106,6 +106,7 @@ def read(
     Raises:
         BagError: nothing there is an MCAP file, or it takes more than is allowed.
     """
+    bag = Path(bag)
     streams: dict[str, list[Part]] = {}
     facts: dict[str, str] = {}
     notes: dict[str, list[dict[str, str]]] = {}
@@ -167,12 +168,15 @@ def files(bag: Path) -> list[Path]:
     try:
         names = {path.name for path in bag.iterdir()} if bag.is_dir() else set()
         there = bag.is_file()
+        exists = bag.exists()
     except OSError as error:
         raise BagError(f'{bag} cannot be read: {error.strerror}') from None
     packed = {name for name in names if name.endswith('.mcap.zstd') and name[:-5] not in names}
     unpacked = {name for name in names if name.endswith('.mcap')}
     paths = [bag / name for name in sorted(packed | unpacked, key=_numbers_by_value)]
     paths = [bag] if there else paths
+    if not exists:
+        raise BagError(f'{bag} does not exist')
     if not paths:
         raise BagError(f'{bag} is not a bag: no MCAP file there')
     return paths

@@ -65,7 +65,7 @@ class BagWriter:
     """
 
     def __init__(
-        self, directory: Path, topics: Iterable[Topic], metadata: Mapping[str, str]
+        self, directory: str | Path, topics: Iterable[Topic], metadata: Mapping[str, str]
     ) -> None:
         """Create directory and file.
 
@@ -78,13 +78,13 @@ class BagWriter:
             BagError: the directory exists or cannot be created.
             OSError: the disk is full or gone.
         """
-        self.directory = directory
+        self.directory = Path(directory)
         self.written: Counter[str] = Counter()
         self.certificate: dict[str, str] = {}
         self._metadata = dict(metadata)
         self._first: int | None = None
         self._last = 0
-        self._path = create(directory) / f'{directory.name}_0.mcap'
+        self._path = create(directory) / f'{self.directory.name}_0.mcap'
         self._file = _RecordFile(self._path)
         self._writer = Writer(cast(Any, self._file), CHUNK_SIZE, enable_data_crcs=True)
         self._writer.start('ros2', 'parallel_robot')
@@ -329,12 +329,13 @@ class _Dumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[mi
         return True
 
 
-def create(directory: Path) -> Path:
+def create(directory: str | Path) -> Path:
     """Make the directory of a new bag.
 
     Raises:
         BagError: it exists or cannot be created.
     """
+    directory = Path(directory)
     check(directory)
     try:
         directory.mkdir(parents=True)
@@ -343,12 +344,13 @@ def create(directory: Path) -> Path:
     return directory
 
 
-def check(directory: Path) -> None:
+def check(directory: str | Path) -> None:
     """Refuse a directory that exists or cannot be made, without leaving a trace.
 
     Raises:
         BagError: with the reason.
     """
+    directory = Path(directory)
     try:
         if directory.exists():
             raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')

@@ -81,7 +81,7 @@ class History(NamedTuple):
         return files
 
 
-def read(bag: Path, memory: int = MEMORY) -> History:
+def read(bag: str | Path, memory: int = MEMORY) -> History:
     """Read what a bag says; what is not there or not understood is left out.
 
     Args:
@@ -91,7 +91,7 @@ def read(bag: Path, memory: int = MEMORY) -> History:
     Raises:
         BagError: not a bag, or one that takes too much.
     """
-    found = bag_reader.read(bag, (STATUS,), _decoder(bag), memory)
+    found = bag_reader.read(bag, (STATUS,), _decoder(Path(bag)), memory)
     statuses = [said for parts in found.streams.values() for part in parts for said in part]
     known = config.resolve('paper_circle') if CHANGES in found.notes else {}
     changes = []

@@ -68,7 +68,7 @@ class BagReader:
         end: Log time of the last message [ns].
     """
 
-    def __init__(self, bag: Path, memory: int = MEMORY) -> None:
+    def __init__(self, bag: str | Path, memory: int = MEMORY) -> None:
         """Read the index.
 
         Args:
@@ -80,11 +80,11 @@ class BagReader:
         """
         self.topics: dict[str, RecordedTopic] = {}
         self.counts: Counter[str] = Counter()
-        self._bag = bag
+        self._bag = Path(bag)
         self._memory = memory
         self._size = 0
         chunks: list[_Chunk] = []
-        for path in files(bag):
+        for path in files(self._bag):
             file = open_file(path, memory)
             self._size += len(file.data)
             chunks += self._index(path, file, len(chunks))

@@ -70,7 +70,7 @@ class RunLog(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def read(bag: Path, memory: int = MEMORY) -> RunLog:
+def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
 
     What is damaged is left out, and said in `warnings`.
@@ -83,6 +83,7 @@ def read(bag: Path, memory: int = MEMORY) -> RunLog:
         BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
             log needs is not in it.
     """
+    bag = Path(bag)
     found = bag_reader.read(bag, RECORDED, decoder(bag), memory)
     streams = streams_of(bag, found.streams)
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):

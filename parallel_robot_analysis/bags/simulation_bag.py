@@ -26,7 +26,7 @@ from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.messages import pose_messages, reference_messages
 
 
-def write(directory: Path, values: Mapping[str, Any], simulation: Simulation) -> None:
+def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulation) -> None:
     """Write a simulation as a bag.
 
     Args:

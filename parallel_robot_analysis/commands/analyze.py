@@ -14,7 +14,7 @@ from typing import Any
 from parallel_robot_analysis import metrics, new_files, timing
 from parallel_robot_analysis.bags import history, run_log
 from parallel_robot_analysis.bags.limits import add_memory_argument
-from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
+from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE, head
 from parallel_robot_analysis.report import figures
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
 
@@ -103,11 +103,7 @@ def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) 
         found: The figures.
         planned: How long the motion was to be [s]; 0: not known.
     """
-    short = f' of {planned:g} s' if result['duration_s'] < planned - 1e-9 else ''
-    lines = [
-        f'{result["scenario"]}, {result["law"]}, {result["duration_s"]:g} s{short}; '
-        'errors over the second half'
-    ]
+    lines = [head(result['scenario'], result['law'], result['duration_s'], planned)]
     lines += [
         f'  {merit.name:<28}{merit.value(found):>12.3f} {merit.unit}'
         for merit in (*STEADY, *TORQUE)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from parallel_robot_analysis import claims, metrics, new_files
 from parallel_robot_analysis.commands import simulate
@@ -18,15 +16,6 @@ from parallel_robot_control.laws import available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_sim import simulation
-
-
-class Simulated(NamedTuple):
-    """Joints of a simulation, as the figures of merit want them; see metrics.Motion."""
-
-    time: np.ndarray
-    position: np.ndarray
-    reference_position: np.ndarray
-    effort: np.ndarray
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +29,10 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     known = available(config.resolve(arguments.scenario, simulate.overrides(arguments)))
     laws = arguments.laws or list(known)
+    given = ' '.join(laws)
+    if ',' in given:
+        names = ' '.join(given.replace(',', ' ').split())
+        raise InputError(f'--laws takes names with spaces between them, {names}, not {given}')
     for law in laws:
         if law not in known:
             raise UnknownNameError('law', law, known)
@@ -53,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
         made = simulation.simulate(values)
         results[law] = evaluate(made)
         notes += simulate.remarks(made)
-    verdicts = claims.judge(results)
+    verdicts = claims.judge(arguments.scenario, results)
     if arguments.json:
         try:
             data = as_data(arguments.scenario, results, verdicts)
@@ -70,10 +63,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def evaluate(made: simulation.Simulation) -> metrics.Metrics:
     """Figures of merit of a simulation that is not written to a bag."""
-    run, reference, loop = made.run, made.reference, made.loop
-    time = loop.period * np.arange(len(run.theta))
-    motion = Simulated(time, run.theta, reference.position, run.effort)
-    return metrics.evaluate(motion, metrics.Poses(run.pose, reference.pose))
+    poses = metrics.Poses(made.run.pose, made.reference.pose)
+    return metrics.evaluate(simulate.motion(made), poses)
 
 
 def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:

@@ -90,7 +90,7 @@ class Recovery:
         return lines
 
 
-def recover(bag: Path, out: Path, memory: int = MEMORY) -> Recovery:
+def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:
     """Write all that is intact in a bag as a new bag; leave nothing when that fails.
 
     Args:
@@ -102,6 +102,7 @@ def recover(bag: Path, out: Path, memory: int = MEMORY) -> Recovery:
         BagError: nothing is intact, the bag takes too much, or `out` exists or cannot be created.
         RunError: the disk is full.
     """
+    bag, out = Path(bag), Path(out)
     files = bag_reader.files(bag)
     check(out)
     recovery = Recovery()

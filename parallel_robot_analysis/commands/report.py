@@ -45,7 +45,7 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def write(groups: dict[str, list[Run]], directory: Path) -> int:
+def write(groups: dict[str, list[Run]], directory: str | Path) -> int:
     """Write a report; it appears complete or not at all.
 
     Args:
@@ -58,6 +58,7 @@ def write(groups: dict[str, list[Run]], directory: Path) -> int:
     Raises:
         OSError: the disk is full or gone.
     """
+    directory = Path(directory)
     drawn = {scenario: charts(runs) for scenario, runs in groups.items()}
     directory.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(

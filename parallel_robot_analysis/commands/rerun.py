@@ -115,7 +115,7 @@ class _Difference(NamedTuple):
     what: str
 
 
-def compare(bag: Path, other: Path, memory: int = MEMORY) -> tuple[int, str]:
+def compare(bag: str | Path, other: str | Path, memory: int = MEMORY) -> tuple[int, str]:
     """Compare two bags topic by topic, message by message.
 
     Args:
@@ -155,9 +155,9 @@ def compare(bag: Path, other: Path, memory: int = MEMORY) -> tuple[int, str]:
     )
 
 
-def _streams(bag: Path, memory: int) -> dict[str, list[tuple[int, bytes]]]:
+def _streams(bag: str | Path, memory: int) -> dict[str, list[tuple[int, bytes]]]:
     """Time and bytes of all messages by topic."""
-    reader, allowance = BagReader(bag, memory), Allowance(bag, 0, memory)
+    reader, allowance = BagReader(bag, memory), Allowance(Path(bag), 0, memory)
     streams: dict[str, list[tuple[int, bytes]]] = {}
     for message in reader.messages(reader.topics, reader.start):
         allowance.hold(OBJECT + len(message.data))

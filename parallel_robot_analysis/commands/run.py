@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis import figures_of_merit, metrics, timing
 from parallel_robot_analysis.bags import bag_writer, history, run_log
 from parallel_robot_analysis.bags.experiment import command_line
 from parallel_robot_analysis.commands import simulate
@@ -20,7 +20,7 @@ from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_loc
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import DRIVEN_OUT, InputError, KinematicsError, RunError
+from parallel_robot_interface.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import assemble
@@ -97,27 +97,21 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     for text in (*parts.law.warnings, *remarks, *timing.remarks(timed, past)):
         print(f'warning: {text}', file=sys.stderr)
-    if driven_out:
-        print(up_to_the_end(log))
-    print(f'bag     {out}')
     if timing.verdict(timed):
         print(timing.verdict(timed))
+    print(simulate.result(out, lambda: evaluate(log)))
     if driven_out:
         raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
     return 0
 
 
-def up_to_the_end(log: run_log.RunLog) -> str:
-    """The figures of a run that ended early, in a line."""
-    try:
-        log, poses, _ = metrics.with_poses(log)
-    except KinematicsError as error:
-        return f'no figures: {error}'
-    steady = metrics.evaluate(log, poses).steady
-    return (
-        f'{log.scenario}, {log.law}, up to t = {log.time[-1]:.3f} s; second half: platform error, '
-        f'rms {1e6 * steady.xy_rms_m:.3f} um, max {1e6 * steady.xy_max_m:.3f} um'
-    )
+def evaluate(log: run_log.RunLog) -> list[str]:
+    """The figures of merit of a run up to the first state without a pose, in lines."""
+    part, poses, _ = metrics.with_poses(log)
+    found = metrics.evaluate(part, poses)
+    planned = float(log.config['duration'])
+    head = figures_of_merit.head(log.scenario, log.law, found.duration_s, planned)
+    return [head, *figures_of_merit.brief(found, log.messages)]
 
 
 def _supervise(
@@ -154,6 +148,8 @@ def _supervise(
                     session.start(name, start)
                 with Progress(loop.duration, 's') as progress:
                     follow(processes, session, loop.samples or 0, loop.duration, progress)
+                for name in session.silent(filter(processes.running, MODULES)):
+                    print(f'warning: {name} does not answer any more', file=sys.stderr)
                 return session.driven_out
     finally:
         for number, handler in handlers.items():
@@ -182,7 +178,7 @@ def follow(
     """Wait until the recorder has all of the motion, or the robot has left its workspace.
 
     Raises:
-        RunError: the plant stands still.
+        RunError: the motion stands still.
     """
     seen, since = session.state, time.monotonic()
     while processes.running('recorder'):
@@ -193,5 +189,7 @@ def follow(
             seen, since = session.state, time.monotonic()
             progress.show(round(duration * min(1.0, seen / samples), 1))
         elif time.monotonic() - since > STANDSTILL:
-            raise RunError(f'the plant stands still at state {seen} of {samples}')
+            where = f'the motion stands still at state {seen} of {samples}'
+            silent = ' and '.join(session.silent(MODULES))
+            raise RunError(where + (f': no answer of {silent}' if silent else ''))
     processes.check()

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_analysis import figures_of_merit, metrics
 from parallel_robot_analysis.bags import bag_writer, simulation_bag
 from parallel_robot_analysis.bags.history import remark_lines
 from parallel_robot_control.faults import FAULT_TEXT
 from parallel_robot_control.messages import limits_text
 from parallel_robot_interface import config
-from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.errors import ParallelRobotError, RunError, first_line
 from parallel_robot_sim.simulation import Simulation, simulate
+
+
+class Simulated(NamedTuple):
+    """Joints of a simulation, as the figures of merit want them; see metrics.Motion."""
+
+    time: np.ndarray
+    position: np.ndarray
+    reference_position: np.ndarray
+    effort: np.ndarray
+
 
 DURATION = 12.0  # s, two turns of the paper's circle
 
@@ -71,6 +84,39 @@ def remarks(simulation: Simulation) -> list[str]:
     return [*simulation.law.warnings, *remark_lines(limits, fault)]
 
 
+def motion(made: Simulation) -> Simulated:
+    """The joints of a simulation."""
+    run = made.run
+    time = made.loop.period * np.arange(len(run.theta))
+    return Simulated(time, run.theta, made.reference.position, run.effort)
+
+
+def evaluate(values: Mapping[str, Any], made: Simulation) -> list[str]:
+    """The figures of merit of a simulation, as those of its bag, in lines."""
+    joints = motion(made)
+    found = metrics.evaluate(joints, metrics.poses_of(values, joints))
+    loop = made.loop
+    head = figures_of_merit.head(loop.scenario, loop.law, found.duration_s, loop.duration)
+    return [head, *figures_of_merit.brief(found, {})]
+
+
+def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
+    """How a command ends that made a bag: figures of merit, place, what comes next.
+
+    Args:
+        bag: Its directory.
+        evaluate: Makes the lines of the figures. Whatever it raises, the bag is good.
+    """
+    try:
+        lines = evaluate()
+    except ParallelRobotError as error:
+        lines = [f'no figures: {error}']
+    except Exception as error:
+        lines = [f'no figures: {first_line(error)}']
+    command = shlex.join(['parallel_robot', 'analyze', str(bag)])
+    return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
+
+
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     return record(arguments.scenario, overrides(arguments), arguments.out)
@@ -96,6 +142,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     rate = simulation.loop.duration / simulation.loop_time
     print(
         f'{simulation.loop.duration:g} s of motion in {simulation.loop_time:.3f} s '
-        f'({rate:.0f} times real time)\nbag     {out}'
+        f'({rate:.0f} times real time)'
     )
+    print(result(out, lambda: evaluate(values, simulation)))
     return 0

@@ -18,7 +18,7 @@ FORMATS = ('.png', '.pdf', '.svg')
 COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
 
 
-def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
+def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
     """Draw path, errors and torques of a run to a PNG or vector file.
 
     Args:
@@ -65,7 +65,7 @@ def draw_run(log: RunLog, pose: Poses, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: Path) -> None:
+def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) -> None:
     """Draw recorded commands and other torques for the same states, joint by joint.
 
     Args:
@@ -93,23 +93,24 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: Path) -> None:
     _save(figure, path)
 
 
-def _save(figure: Any, path: Path) -> None:
+def _save(figure: Any, path: str | Path) -> None:
     content = io.BytesIO()
-    figure.savefig(content, format=path.suffix[1:], dpi=130)
-    new_files.write(path, content.getbuffer())
+    figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
+    new_files.write(Path(path), content.getbuffer())
 
 
-def check_format(path: Path) -> None:
+def check_format(path: str | Path) -> None:
     """Refuse a file whose suffix is of no picture format.
 
     Raises:
         UnknownNameError: with the formats.
     """
-    if path.suffix not in FORMATS:
-        raise UnknownNameError('picture format', path.suffix, FORMATS)
+    suffix = Path(path).suffix
+    if suffix not in FORMATS:
+        raise UnknownNameError('picture format', suffix, FORMATS)
 
 
-def _figure(title: str, path: Path) -> Any:
+def _figure(title: str, path: str | Path) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
     from matplotlib.figure import Figure
 

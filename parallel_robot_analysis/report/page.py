@@ -65,7 +65,7 @@ def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[st
         'name': name,
         'runs': runs,
         'merits': [(merit, _best([merit.value(run.metrics) for run in runs])) for merit in MERITS],
-        'verdicts': claims.judge(first),
+        'verdicts': claims.judge(name, first),
         'repeated': len(first) < len(runs),
         'charts': charts,
         'data': {'plots': [plot(chart) for chart in charts], 'animation': animation(runs)},

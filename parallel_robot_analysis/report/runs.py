@@ -62,7 +62,7 @@ class Run(NamedTuple):
     cut: str
 
 
-def read_runs(bags: Sequence[Path], memory: int = MEMORY) -> dict[str, list[Run]]:
+def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
     """Read bags.
 
     Args:
@@ -79,7 +79,7 @@ def read_runs(bags: Sequence[Path], memory: int = MEMORY) -> dict[str, list[Run]
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
     logs: dict[str, list[tuple[Path, run_log.RunLog]]] = {}
-    for bag in bags:
+    for bag in map(Path, bags):
         log = run_log.read(bag, memory)
         logs.setdefault(printable(log.scenario, LONGEST), []).append((bag, log))
     found = {}

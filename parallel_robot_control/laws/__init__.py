@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +24,7 @@ from parallel_robot_control.laws import (
     smc,
     smc_k,
     super_twisting,
+    trial,
 )
 from parallel_robot_interface import config, plugins
 from parallel_robot_interface.errors import InputError, UnknownNameError, first_line
@@ -101,8 +104,8 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
 
     Raises:
         UnknownNameError: no such law.
-        InputError: a gain is wrong, the theory of the law forbids the set, or its update does not
-            compile.
+        InputError: a gain is wrong, the theory of the law forbids the set, or a law of one's own
+            does not compile or does not pass its trial.
     """
     law, gains, warnings = judged(name, values)
     if not hasattr(law.update, 'py_func'):
@@ -116,32 +119,46 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
     try:
         update = _compiled(law, gains, memory, joints)
     except Exception as error:  # Numba has many
-        raise InputError(f'{name}: update does not compile: {_reason(error)}') from error
+        reason = _reason(error, law.update.py_func)
+        raise InputError(f'{name}: update does not compile: {reason}') from error
     row = np.zeros(joints)
     if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
         raise InputError(
             f'{name}: update must return ControlOutput(torque, sliding_variable, coupled_error, '
             'memory), three float arrays and a memory of the type of initial_memory'
         )
+    if name not in LAWS:
+        warnings += trial.warnings_of(name, law, gains, joints)
     return PreparedLaw(name, gains, memory, update, warnings)
 
 
 def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
     row, matrix = np.zeros(joints), np.eye(joints)
-    return FirstClass(
-        law.update,
-        gains,
-        Model(matrix, matrix),
-        JointReference(row, row, row),
-        Feedback(row, row, row),
-        memory,
-        1e-3,
-    )
+    with warnings.catch_warnings(record=True) as said:  # nothing of what does not compile
+        update = FirstClass(
+            law.update,
+            gains,
+            Model(matrix, matrix),
+            JointReference(row, row, row),
+            Feedback(row, row, row),
+            memory,
+            1e-3,
+        )
+    for each in said:
+        warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    return update
 
 
-def _reason(error: Exception) -> str:
-    """What Numba says of the cause, and of the line."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    cause = next((line for line in lines if not line.startswith('Failed in ')), '')
-    place = re.search(r'^File .*, (line \d+):$', str(error), re.MULTILINE)
-    return (cause or type(error).__name__) + (f' ({place[1]})' if place else '')
+def _reason(error: Exception, update: Any) -> str:
+    """What Numba says of the cause, and of the line; else that of the function."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    said = [line for line in lines if line and not line.startswith('Failed in ')]
+    cause = said[0] if said else type(error).__name__
+    if cause.endswith(':'):
+        cause = ' '.join(said[:2])
+    cause, _, raised = cause.partition('. Raised from ')
+    place = re.search(r'^File "(.*)", line (\d+):$', str(error), re.MULTILINE)
+    place = place or re.fullmatch(r'(.*) \((\d+)\)', raised or str(getattr(error, 'loc', '')))
+    code = update.__code__
+    file, line = place.groups() if place else (code.co_filename, code.co_firstlineno)
+    return f'{cause} ({Path(file).name}:{line})'
