@@ -107,6 +107,9 @@ def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
             if record.name == MISSING_LAWS
         ]
     assert [*{key: text for note in notes for key, text in note.items()}.values()] == lines
+    strange = {'text': 'abc', 'number': 7, 'many': [str(EXAMPLE), *['/x.py'] * 10_000]}
+    for name, value in strange.items():
+        assert len(by_hand(tmp_path / name, bag, controller={'own_laws': value})) < 100
 
 
 def test_a_bag_without_the_source_of_its_law_says_so(law, tmp_path, capsys):
