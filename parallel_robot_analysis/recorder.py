@@ -40,6 +40,7 @@ from parallel_robot_interface.topics import (
 )
 
 ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller says to a state
+MOST_LAWS = 100  # that are attached of a controller
 DRAIN = 0.05  # s, between two rounds of writing
 FLUSH = 1.0  # s, after which a chunk is finished although it is not full
 STRAGGLERS = 4.0  # s, how long a finished motion waits for what is missing; Fast DDS repairs in 3
@@ -180,7 +181,7 @@ class Recorder:
         self._note(PARAMETERS, {node: plain_data.dump(parameters)})
         laws = parameters.get('own_laws') if node.endswith('/controller') else None
         troubles = []
-        for path in laws or ():
+        for path in laws[:MOST_LAWS] if isinstance(laws, list) else ():
             try:
                 self._attach(str(path))
             except InputError as error:

@@ -51,15 +51,15 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
 
     Later wins: ``defaults.yaml``, ``robot.yaml``, ``laws/*.yaml`` and the defaults of one's own
     laws, the scenario's ``base``, the scenario, `overrides`. A ``true_robot`` key that nobody sets
-    equals its ``robot`` key; ``preset`` says whether the gains are those of the preset.
+    equals its ``robot`` key; ``preset`` says whether the gains are those of the preset; the files
+    of ``own_laws`` are absolute.
 
     Args:
         scenario: Name of a file in ``config/scenarios``.
         overrides: Dotted key to value; NumPy's numbers and arrays are as good as Python's.
 
     Returns:
-        Every key of the suite with its value, plain numbers, texts and lists; the files of laws
-        are absolute.
+        Every key of the suite with its value, plain numbers, texts and lists.
 
     Raises:
         UnknownNameError: no such scenario, or a key that the defaults do not have.

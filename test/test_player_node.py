@@ -130,7 +130,7 @@ def test_types_that_are_not_installed_are_left_out(launch, peer, tmp_path):
     process = launch(PLAYER, path)
     assert process.wait() == 0
     (line,) = [line for line in process.stderr.splitlines() if 'WARN' in line]
-    assert line.endswith('/odd is left out: no nobody_msgs/msg/Odd is installed')
+    assert line.endswith('/odd is left out: no type nobody_msgs/msg/Odd is installed')
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,9 @@ def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
             if record.name == MISSING_LAWS
         ]
     assert [*{key: text for note in notes for key, text in note.items()}.values()] == lines
+    strange = {'text': 'abc', 'number': 7, 'many': [str(EXAMPLE), *['/x.py'] * 10_000]}
+    for name, value in strange.items():
+        assert len(by_hand(tmp_path / name, bag, controller={'own_laws': value})) < 100
 
 
 def test_a_bag_without_the_source_of_its_law_says_so(law, tmp_path, capsys):
@@ -132,6 +135,9 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
         },
     }  # fmt: skip
     by_hand(tmp_path / 'hand', bag, **nodes)
+    log = run_log.read(tmp_path / 'hand')
+    assert (log.scenario, log.law) == ('paper_line', 'my_law')
+    assert (log.config['robot.m1'], log.config['own_laws']) == (5.0, [])
     runs = []
     monkeypatch.setattr(run, 'record', lambda *words: runs.append(words) or 0)
     assert main(['rerun', str(tmp_path / 'hand'), '--trust']) == 0

@@ -73,15 +73,19 @@ def test_wrong_words_for_ros_cost_one_line(name, words, message, node):
     assert (code, out) == (2, '') and err.count('\n') == 1 and message in err
 
 
-def test_a_script_and_a_module_give_the_same_help(tmp_path):
-    for begin in ([ROOT / 'scripts' / 'recorder'], ['-m', NODES['recorder']]):
-        done = subprocess.run(
-            [sys.executable, *begin, '-h', '--ros-args', '-p', 'recorder.out:=bag'],
-            cwd=tmp_path,
-            env={**os.environ, 'PYTHONPATH': str(ROOT)},
-            capture_output=True,
-            text=True,
-            timeout=100.0,
-        )
-        assert done.returncode == 0 and done.stderr == '' and not list(tmp_path.iterdir())
-        assert done.stdout.startswith('usage: recorder [-h]') and 'records to a bag' in done.stdout
+@pytest.mark.parametrize(
+    'words',
+    [[NODES['recorder']], ['parallel_robot_analysis.command_line', 'node', 'recorder']],
+    ids=['module', 'command of the scripts'],
+)
+def test_processes_give_help(words, tmp_path):
+    done = subprocess.run(
+        [sys.executable, '-m', *words, '-h', '--ros-args', '-p', 'recorder.out:=bag'],
+        cwd=tmp_path,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+    )
+    assert done.returncode == 0 and done.stderr == '' and not list(tmp_path.iterdir())
+    assert done.stdout.startswith('usage: recorder [-h]') and 'records to a bag' in done.stdout

@@ -24,7 +24,7 @@ SIMULATION, NODES = 'simulation', 'nodes'  # who moved the robot
 OWNERS = {  # nodes whose parameters count, the later before the earlier; and their common ones
     'trajectory': ('scenario',),
     'plant': ('joints', 'period', 'duration', 'time_mode'),
-    'controller': ('law', 'preset', 'own_laws'),
+    'controller': ('law', 'preset'),
 }
 GIT = ('git', 'describe', '--always', '--dirty')
 GIT_PATIENCE = 2.0  # s
@@ -56,13 +56,15 @@ def describe(
 
 
 def configuration(
-    bag: Path, facts: Mapping[str, str]
+    bag: Path, facts: Mapping[str, str], nodes: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, Any], LoopParameters, int]:
     """Configuration of the run over the defaults, so that bags of older versions stay readable.
 
     Args:
         bag: For messages.
         facts: What the bag says, see :func:`describe`; empty when another recorded it.
+        nodes: Full name of a node to its parameters. Where the nodes were started by hand, they
+            have values that the recorder does not know.
 
     Returns:
         All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
@@ -75,6 +77,7 @@ def configuration(
         stored = {'scenario': 'unknown', 'law': 'unknown'}
         if facts:
             stored = _checked(values, plain_data.load(facts['config']))
+            stored |= _of_nodes(values | stored, nodes)
         loop = validate(config.group(values | stored, LoopParameters, ''))
         names = (loop.scenario, loop.law, *loop.joints)
         if not all(name.isprintable() and len(name) <= NAME for name in names):
@@ -153,24 +156,17 @@ def law_source(path: str) -> tuple[str, bytes]:
     return file.stem, source
 
 
-def of_nodes(
-    values: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]
-) -> dict[str, Any]:
-    """Configuration of a run whose nodes may have been started by hand, each with its own.
-
-    Args:
-        values: Configuration of who recorded.
-        parameters: Full name of a node to its parameters at the start.
-    """
-    merged = dict(values)
-    for name, own in OWNERS.items():
-        for node, found in parameters.items():
+def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """What the nodes of a run say of its configuration; where a law lies is no part of it."""
+    merged: dict[str, Any] = {}
+    for name, common in OWNERS.items():
+        for node, found in nodes.items():
             if node.rpartition('/')[2] == name:
                 laws = {Path(str(path)).stem for path in found.get('own_laws') or ()}
                 merged |= {
                     key: value
                     for key, value in found.items()
-                    if key in own
+                    if key in common
                     or ('.' in key and (key in values or key.partition('.')[0] in laws))
                 }
     return merged

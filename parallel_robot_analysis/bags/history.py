@@ -84,10 +84,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> History:
     """
     found = bag_reader.read(bag, (STATUS,), _decoder(Path(bag)), memory)
     statuses = [said for parts in found.streams.values() for part in parts for said in part]
-    known = config.resolve('paper_circle') if {PARAMETERS, CHANGES} & {*found.notes} else {}
-    parameters: dict[str, dict[str, Any]] = {}
-    for note in found.notes.get(PARAMETERS, []):
-        parameters |= {node: _values(text, known) for node, text in note.items() if _is_name(node)}
+    known = config.resolve('paper_circle') if CHANGES in found.notes else {}
     changes = []
     for note in found.notes.get(CHANGES, []):
         stamp, node = plain_data.whole_number(note.get('stamp', '')), note.get('node', '')
@@ -99,8 +96,24 @@ def read(bag: str | Path, memory: int = MEMORY) -> History:
             number = text.rpartition('lost ')[2]
             lost[topic] = plain_data.whole_number(number) or 0
     return History(
-        found.metadata, tuple(sorted(statuses)), parameters, tuple(changes), found.laws, lost
+        found.metadata,
+        tuple(sorted(statuses)),
+        parameters_in(found.notes),
+        tuple(changes),
+        found.laws,
+        lost,
     )
+
+
+def parameters_in(notes: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[str, Any]]:
+    """Node to its parameters at the start of the recording, from the metadata records of a bag."""
+    known = config.resolve('paper_circle') if PARAMETERS in notes else {}
+    return {
+        node: _values(text, known)
+        for note in notes.get(PARAMETERS, [])
+        for node, text in note.items()
+        if _is_name(node)
+    }
 
 
 def remarks(history: History, start: int) -> list[str]:

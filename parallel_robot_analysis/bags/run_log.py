@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis.bags import answers, bag_reader, experiment
+from parallel_robot_analysis.bags import answers, bag_reader, experiment, history
 from parallel_robot_analysis.bags.answers import UNKNOWN, Answered, Used
 from parallel_robot_analysis.bags.counts import TopicCount, count
 from parallel_robot_analysis.bags.limits import MEMORY
@@ -89,7 +89,9 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if needed not in streams:
             raise BagError(f'{bag} has no messages on {needed.name}')
-    values, loop, start = experiment.configuration(bag, found.metadata)
+    values, loop, start = experiment.configuration(
+        bag, found.metadata, history.parameters_in(found.notes)
+    )
     states, references, commands = (
         whole(bag, topic, streams[topic], loop.joints)
         for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)

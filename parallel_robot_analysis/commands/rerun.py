@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot_analysis.bags import history, recorded_controller, run_log
-from parallel_robot_analysis.bags.experiment import SIMULATION, of_nodes, software
+from parallel_robot_analysis.bags.experiment import SIMULATION, software
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.bags.limits import MEMORY, Allowance, add_memory_argument
@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
         laws = own_laws(bag, past.laws, Path(directory), arguments.trust)
-        values = of_nodes(log.config, past.parameters) | {'own_laws': laws}
+        values = {**log.config, 'own_laws': laws}
         if values['law'] not in available(values):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
         recorded = values['duration'] or length(log)
@@ -56,7 +56,7 @@ def execute(arguments: argparse.Namespace) -> int:
         for text in (*log.warnings, *doubts(values, past)):
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if simulated else run.record
-        code = record(values['scenario'], changes(values), out)
+        code = record(log.scenario, changes(values), out)
     unlike = ''
     if not simulated and values['time_mode'] != 'lockstep':
         unlike = 'a run in real time'
