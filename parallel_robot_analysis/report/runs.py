@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_analysis import metrics, timing
 from parallel_robot_analysis.bags import history, run_log
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.printable import printable
 from parallel_robot_analysis.timing import Timing
@@ -75,7 +76,7 @@ def read_runs(bags: Sequence[str | Path]) -> dict[str, list[Run]]:
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
     logs: dict[str, list[tuple[Path, run_log.RunLog]]] = {}
-    for bag in map(Path, bags):
+    for bag in tracked(map(Path, bags), len(bags), 'bags read'):
         log = run_log.read(bag)
         logs.setdefault(printable(log.scenario, LONGEST), []).append((bag, log))
     found = {}
