@@ -13,7 +13,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_interface.topics import Topic
 
 PERIOD = 1_000_000  # ns

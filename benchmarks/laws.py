@@ -20,7 +20,8 @@ from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.cycle import run_cycle
 from parallel_robot_control.laws import LAWS
 from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_model.kernel import kernel
 from parallel_robot_sim.simulation import assemble
 from trajectory_gen.messages import reference_messages

@@ -29,7 +29,8 @@ from graphs import revision, warm
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_interface import topics
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 
 FIRST = {
     'trajectory': topics.REFERENCE,

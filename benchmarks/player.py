@@ -25,7 +25,8 @@ from std_srvs.srv import Trigger
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.processes import command
 from parallel_robot_interface import topics
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 
 PLAYED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 NAMES = [f'/{topic.name}' for topic in PLAYED]

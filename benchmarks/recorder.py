@@ -24,7 +24,7 @@ from parallel_robot_analysis.bags.bag_writer import MESSAGES
 from parallel_robot_analysis.processes import command
 from parallel_robot_interface import cdr
 from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.ros_node import message_class
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_interface.topics import DEPTH
 
 JOINTS = ('joint1', 'joint2', 'joint3')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import logging
 import os
 import sys
@@ -10,6 +11,7 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
+from parallel_robot_analysis.printable import LONGEST_LINE, printable, printable_output
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
 
 COMMANDS = {
@@ -66,10 +68,17 @@ def main(words: Sequence[str] | None = None) -> int:
         if sys.stderr.isatty() and arguments.command != 'node':
             logging.basicConfig(format=f'{name}: %(message)s')
             logging.getLogger('parallel_robot').setLevel(logging.INFO)
-        code: int = module_of(arguments.command).execute(arguments)
+        # `top` draws a screen, and cleans what it writes on it; a node writes a log.
+        raw = arguments.command in ('top', 'node')
+        with contextlib.nullcontext() if raw else printable_output():
+            code: int = module_of(arguments.command).execute(arguments)
     except ParallelRobotError as error:
-        print(f'{name}: {error}', file=sys.stderr)
+        text = printable(str(error).replace('\n', ' '), LONGEST_LINE)
+        print(f'{name}: {text}', file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
+    except MemoryError:
+        print(f'{name}: out of memory', file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # whoever read the output has seen enough

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 from collections import deque
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
@@ -15,10 +16,12 @@ from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import KinematicsError
 from parallel_robot_interface.fields import Field
+from parallel_robot_interface.topics import DEPTH
 from parallel_robot_model.kinematics import pose_of
 from parallel_robot_model.parameters import RobotParameters, validate
 
 PERIOD = NANOSECONDS // 10  # ns of motion between two sets of figures
+OLDEST = NANOSECONDS // 10  # ns, age of a reference that still says where the robot should be
 
 
 class MonitorParameters(NamedTuple):
@@ -61,7 +64,8 @@ class _Window(NamedTuple):
 class Monitor:
     """Collects states and references; computes for each 0.1 s of stamps.
 
-    A stamp that goes back, or on by more than the window, begins anew: a bag was rewound.
+    A stamp that goes back, or on by more than the window, begins anew: a bag was rewound. States
+    without a recent reference are left out: after a jump, references are those of before it.
     """
 
     def __init__(self, values: Mapping[str, Any]) -> None:
@@ -76,7 +80,7 @@ class Monitor:
         self._length = round(seconds * NANOSECONDS)
         self._first_guess = np.array(first_guess(values))
         self._newest: int | None = None  # ns, stamp of the last state
-        self._references: deque[tuple[Any, ...]] = deque()
+        self._references: deque[tuple[Any, ...]] = deque(maxlen=DEPTH)
         self._begin()
 
     def add_reference(self, stamp: int, motion: list[np.ndarray]) -> None:
@@ -127,12 +131,9 @@ class Monitor:
         return Figures(*errors, *metrics.torque(time, self._window.effort))
 
     def _new_samples(self) -> _Window:
-        """What came since the last figures, as far as there is a reference for it."""
-        states = [
-            state
-            for state in self._states
-            if self._references and state[0] >= self._references[0][0]
-        ]
+        """What came since the last figures, as far as there is a recent reference for it."""
+        references = [reference[0] for reference in self._references]
+        states = [state for state in self._states if _has_recent(references, state[0])]
         self._states = []
         if not states:
             return self._window._replace(**{k: v[:0] for k, v in self._window._asdict().items()})
@@ -152,3 +153,9 @@ class Monitor:
             return np.full(len(position), np.nan)
         self._guess = reference[-1]
         return metrics.distances(metrics.Poses(actual, reference))
+
+
+def _has_recent(references: list[int], stamp: int) -> bool:
+    """Whether one of the stamps, in order, is at or shortly before another [ns]."""
+    newest = bisect.bisect_right(references, stamp) - 1
+    return newest >= 0 and stamp - references[newest] <= OLDEST

@@ -17,6 +17,8 @@ from parallel_robot_model.parameters import RobotParameters
 class MonitorNode(SuiteNode):
     """Publishes each figure on a topic of its own, ten times in a second of motion."""
 
+    example = '--ros-args -p monitor.window:=2.0'
+
     def __init__(self) -> None:
         """Prepare to publish, then listen."""
         super().__init__('monitor', {'robot': RobotParameters, 'monitor': MonitorParameters})

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 import time
 from collections.abc import Callable, Collection
+from operator import attrgetter
 from typing import Annotated, NamedTuple
 
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
+from parallel_robot_interface.topics import JOINT_STATES
+
+STATES = f'/{JOINT_STATES.name}'  # end of the name of the topic that has the rhythm of the loop
 
 
 class PlayerOptions(NamedTuple):
@@ -33,7 +38,9 @@ class Player:
     """Plays a bag, in the thread that calls :meth:`run`; all else may be called from any thread.
 
     The time of the bag is that of its log. It passes `rate` times as fast as real time, from an
-    origin that every pause, step and seek renews: what was late once is caught up, nothing drifts.
+    origin that every pause, step, seek and new rate renews: what was late once is caught up,
+    nothing drifts. Messages of one log time go out together; a sample of the loop ends where the
+    next state begins, or without states with its log time.
 
     Attributes:
         sent: Messages sent.
@@ -65,7 +72,9 @@ class Player:
         self.paused = options.pause
         self._bag = bag
         self._topics = topics
+        self._states = next((name for name in topics if name.endswith(STATES)), None)
         self._options = options
+        self._rate = options.rate
         self._send = send
         self._tick = tick
         self._tick_period = round(NANOSECONDS / options.clock) if options.clock else 0
@@ -76,7 +85,8 @@ class Player:
             self._last = min(self._last, self._first + round(options.duration * NANOSECONDS))
         self._changed = threading.Condition()
         self._stopped = False
-        self._steps = 0
+        self._steps = 0  # that are still to be begun
+        self._stepping = False  # whether one is under way
         self._target: int | None = None  # ns of the bag, where to go on instead
         self._origin = (self._first, time.monotonic_ns())  # time of the bag, and when it was
 
@@ -120,11 +130,12 @@ class Player:
         """Let time go on from where it stands."""
         with self._changed:
             self._origin = (self._now(), time.monotonic_ns())
+            self._steps, self._stepping = 0, False
             self.paused = False
             self._changed.notify()
 
     def step(self) -> bool:
-        """Send the next message; False when time does not stand."""
+        """Send the next sample; False when time does not stand."""
         with self._changed:
             self._steps += self.paused
             self._changed.notify()
@@ -142,6 +153,21 @@ class Player:
             self._steps = 0
             self._changed.notify()
 
+    def check(self, seconds: float) -> None:
+        """Refuse a moment [s since the start of the bag] that the bag does not have.
+
+        Raises:
+            InputError: it has no such moment.
+        """
+        self._moment(seconds)
+
+    def set_rate(self, rate: float) -> None:
+        """Let time pass `rate` times as fast as real time, from where it is."""
+        with self._changed:
+            self._origin = (self._now(), time.monotonic_ns())
+            self._rate = rate
+            self._changed.notify()
+
     def _moment(self, seconds: float) -> int:
         length = (self._bag.end - self._bag.start) / NANOSECONDS
         if not 0.0 <= seconds <= length:
@@ -152,45 +178,60 @@ class Player:
         moment, when = self._origin
         if self.paused or self._options.fast:
             return moment
-        return moment + round((time.monotonic_ns() - when) * self._options.rate)
+        return moment + round((time.monotonic_ns() - when) * self._rate)
 
     def _play(self, target: int) -> bool:
         """Play from a moment [ns] on; return whether to go on elsewhere."""
         self._origin = (target, time.monotonic_ns())
         self._next_tick = target
+        self._stepping = False
         if target > self._bag.start:
             for message in self._bag.latched(self._topics, target):
                 self._send(message.topic, message.data)
-        for message in self._bag.messages(self._topics, target, self._last):
-            if not self._reach(message.log_time):
+        messages = self._bag.messages(self._topics, target, self._last)
+        for moment, group in itertools.groupby(messages, attrgetter('log_time')):
+            together = list(group)
+            begins = self._states in (None, *(message.topic for message in together))
+            if not self._reach(moment, begins):
                 return not self._stopped
-            self._send(message.topic, message.data)
-            self.sent += 1
+            for message in together:
+                if self._stopped:
+                    return False
+                self._send(message.topic, message.data)
+                self.sent += 1
         return self._options.loop and not self._stopped
 
-    def _reach(self, moment: int) -> bool:
-        """Let time pass until a message is due; return whether it is still to be sent."""
+    def _reach(self, moment: int, begins: bool) -> bool:
+        """Let time pass until messages are due; return whether they are still to be sent.
+
+        Args:
+            moment: Their log time [ns].
+            begins: Whether a sample begins with them.
+        """
         while self._tick_period and self._next_tick <= moment:
-            if not self._wait(self._next_tick, message=False):
+            if not self._wait(self._next_tick, begins, message=False):
                 return False
             self._tick(self._next_tick)
             self._next_tick += self._tick_period
-        return self._wait(moment, message=True)
+        return self._wait(moment, begins, message=True)
 
-    def _wait(self, moment: int, message: bool) -> bool:
+    def _wait(self, moment: int, begins: bool, message: bool) -> bool:
         """Wait for a moment, or a step, which takes time there; False when play ends or jumps."""
         with self._changed:
             while not self._stopped and self._target is None:
-                if self._steps or (self._options.fast and not self.paused):
+                steps = self._steps or (self._stepping and not begins)
+                if steps or (self._options.fast and not self.paused):
                     self._origin = (moment, time.monotonic_ns())
-                    self._steps -= bool(self._steps) and message
+                    if self._steps and begins and message:
+                        self._steps -= 1
+                        self._stepping = True
                     return True
                 if self.paused:
                     seconds = self._tick_period / NANOSECONDS or None
                     if not self._changed.wait(seconds):
                         self._tick(self._origin[0])
                     continue
-                left = (moment - self._now()) / self._options.rate / NANOSECONDS
+                left = (moment - self._now()) / self._rate / NANOSECONDS
                 if left <= 0.0:
                     return True
                 self._changed.wait(left)

@@ -7,15 +7,13 @@ import math
 import sys
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
@@ -23,7 +21,8 @@ from parallel_robot_analysis.bags.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_analysis.player import Player, PlayerOptions
 from parallel_robot_interface import cdr, fields, topics
 from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
-from parallel_robot_interface.ros_node import SuiteNode, message_class, run_node
+from parallel_robot_interface.ros_node import SuiteNode, describe, run_node
+from parallel_robot_interface.ros_types import message_class
 
 WINDOW = 400  # messages of a topic that may be unanswered when playing fast
 ASK_EVERY = 100  # messages between two looks for the answer
@@ -31,18 +30,24 @@ ANSWER = 0.01  # s, in which it mostly comes
 LAST_WORD = 4.0  # s, for receivers at the end; Fast DDS asks them every 3 s
 CLOCK_RATE = 100.0  # Hz, of a bare --clock
 CLOCK = '/clock'
+SETTABLE = {  # parameters that can change while a bag is played
+    'position': fields.Field('s', 'moment to go on from, since the start of the bag', 0.0),
+    'rate': next(p.field for p in fields.parameters(PlayerOptions) if p.key == 'rate'),
+}
 
 
 class PlayerNode(SuiteNode):
     """Publishes what a bag holds, byte by byte, from a thread of its own."""
 
-    def __init__(self, words: Sequence[str]) -> None:
+    example = 'runs/exact --rate 0.5 --ros-args -r __ns:=/left'
+
+    def __init__(self, **words: Any) -> None:
         """Open the bag and begin.
 
         Args:
-            words: The command line without its ROS arguments.
+            words: See PlayerOptions.
         """
-        options = parse(words)
+        options = fields.build(PlayerOptions, words, '--')
         super().__init__('player', {})
         self._bag = BagReader(Path(options.bag))
         self._fast = options.fast
@@ -62,8 +67,8 @@ class PlayerNode(SuiteNode):
             ('step', self._answer_step),
         ):
             self.create_service(Trigger, f'~/{name}', answer)
-        text = 'moment to go on from, since the start of the bag [s]'
-        self.declare_parameter('position', options.start, ParameterDescriptor(description=text))
+        for key, value in (('position', options.start), ('rate', options.rate)):
+            self.declare_parameter(key, value, describe(SETTABLE[key], value))
         self._playing = threading.Thread(target=self._play, name='player', daemon=True)
         count = sum(self._bag.counts[name] for name in self._publishers_of)
         self.get_logger().info(f'playing {options.bag}: {count} messages')
@@ -98,8 +103,8 @@ class PlayerNode(SuiteNode):
     def _offer(self, topic: RecordedTopic) -> None:
         try:
             kind = message_class(topic.type)
-        except (ImportError, AttributeError, ValueError):
-            self.get_logger().warning(f'{topic.name} is left out: no {topic.type} is installed')
+        except InputError as error:
+            self.get_logger().warning(f'{topic.name} is left out: {error}')
             return
         self._windows[topic.name] = topic.latched or WINDOW
         qos = QoSProfile(depth=topic.latched or (WINDOW if self._fast else topics.DEPTH))
@@ -156,31 +161,30 @@ class PlayerNode(SuiteNode):
         return response
 
     def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
-        """Seek; all other parameters are fixed."""
-        others = {key: value for key, value in changes.items() if key != 'position'}
+        """Seek and set the rate; all other parameters are fixed."""
+        others = {key: value for key, value in changes.items() if key not in SETTABLE}
         if others:
             return super().judge(others)
-        field = fields.Field('s', '', 0.0)
-        position = fields.check('position', float, field, changes['position'])
-        self._player.seek(position)
-        return {'position': position}, lambda: None
+        values = {
+            key: fields.check(key, float, SETTABLE[key], value) for key, value in changes.items()
+        }
+        if 'rate' in values and self._fast:
+            raise InputError('a player with --fast keeps no time; it has no rate')
+        if 'position' in values:
+            self._player.check(values['position'])
+
+        def apply() -> None:
+            if 'rate' in values:
+                self._player.set_rate(values['rate'])
+            if 'position' in values:
+                self._player.seek(values['position'])
+
+        return values, apply
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(message)
-
-
-def parse(words: Sequence[str]) -> PlayerOptions:
-    """Read the command line of the player.
-
-    Raises:
-        InputError: with the word that is wrong.
-    """
-    parser = _Parser(
-        prog='player', description='Play a bag.', epilog='--ros-args as for every node.'
-    )
-    parser.add_argument('bag', metavar='BAG')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the words of the player's command line."""
+    parser.add_argument('bag', metavar='BAG', help='directory of the bag, or its MCAP file')
     for parameter in fields.parameters(PlayerOptions):
         key, field = parameter.key, parameter.field
         if key == 'bag':
@@ -195,13 +199,11 @@ def parse(words: Sequence[str]) -> PlayerOptions:
             more |= {'nargs': '?', 'const': CLOCK_RATE}
         default = PlayerOptions._field_defaults[key]
         parser.add_argument(f'--{key}', default=default, help=text, **more)
-    return fields.build(PlayerOptions, vars(parser.parse_args(words)), '--')
 
 
 def main() -> int:
     """Run the node."""
-    words = remove_ros_args(sys.argv)[1:]
-    return run_node(lambda: PlayerNode(words))
+    return run_node(PlayerNode, add_arguments)
 
 
 if __name__ == '__main__':

@@ -9,6 +9,7 @@ import json
 import os
 import re
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
@@ -17,7 +18,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.module_process import START, command
 from parallel_robot_model.kernel_cache import NOTICE
+from parallel_robot_model.user_directory import user_directories
 
 MODULES = {
     'trajectory': 'trajectory_gen.trajectory_node',
@@ -25,13 +28,6 @@ MODULES = {
     'controller': 'parallel_robot_control.controller_node',
     'recorder': 'parallel_robot_analysis.recorder_node',
 }
-# As ``python -m``, which would put the current directory first on the path; nothing of it is to be
-# imported. The code of this process is: its own folder goes there unless it is on the path anyway.
-START = (
-    'import sys; sys.path[:1] = [entry for entry in sys.path[:1] if entry]; '
-    'root = sys.argv.pop(1); root in sys.path or sys.path.insert(0, root); '
-    "import runpy; runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
-)
 STOP_ORDER = (('controller',), ('recorder', 'plant', 'trajectory'))  # zero torque first
 GRACE = 30.0  # s, from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
@@ -144,12 +140,6 @@ class NodeProcesses:
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ', '', last)  # level, time and node
 
 
-def command(module: str, *words: str) -> list[str]:
-    """Command line that runs a module of the suite, the same code as here, from anywhere."""
-    root = Path(__file__).parents[1]  # as on the path, not resolved
-    return [sys.executable, '-c', START, str(root), module, *words]
-
-
 def children(pid: int) -> dict[str, int]:
     """Pids of the children of a process that run a module by :func:`command`, by module."""
     found: dict[str, int] = {}
@@ -178,10 +168,7 @@ def domain_lock(namespace: str = '') -> Iterator[None]:
     """
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     space = namespace.replace('/', '.')  # which no name of ROS has in it
-    path = (
-        Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}_domain_{domain}{space}.lock'
-    )
-    with path.open('a') as file:
+    with _own_file(f'domain_{domain}{space}.lock') as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -190,6 +177,28 @@ def domain_lock(namespace: str = '') -> Iterator[None]:
                 f'{domain}; set ROS_DOMAIN_ID to another number or choose another --namespace'
             ) from None
         yield
+
+
+def _own_file(name: str) -> IO[bytes]:
+    """Open a file in a directory of the user's own; what else has its name is not opened.
+
+    Raises:
+        RunError: there is no place for it.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    reason = 'no directory of your own to keep a lock in; set XDG_CACHE_HOME to one'
+    for root in user_directories():
+        try:
+            descriptor = os.open(root / name, flags, 0o600)
+        except OSError as error:
+            reason = f'cannot open {root / name}: {error.strerror}'
+            continue
+        status = os.fstat(descriptor)
+        if stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid():
+            return os.fdopen(descriptor, 'r+b')
+        os.close(descriptor)
+        reason = f'{root / name} is not a file of yours; remove it'
+    raise RunError(reason)
 
 
 def _die_with_parent() -> None:

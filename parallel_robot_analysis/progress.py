@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import TypeVar
 
+from parallel_robot_analysis.printable import as_it_is
+
 Item = TypeVar('Item')
 
 QUIET = 1.0  # s, that work may take before it says anything
@@ -23,7 +25,8 @@ class Progress:
         """Prepare; `total` is what :meth:`show` counts up to, in a unit."""
         self._total = total
         self._unit = f' {unit}' if unit else ''
-        self._terminal = sys.stderr.isatty()
+        self._stream = as_it_is(sys.stderr)
+        self._terminal = self._stream.isatty()
         self._next = time.monotonic() + QUIET
         self._drawn = False
 
@@ -33,7 +36,7 @@ class Progress:
             return
         share = min(1.0, done / self._total) if self._total else 1.0
         line = f'[{"#" * round(WIDTH * share):<{WIDTH}}] {done:.6g} of {self._total:.6g}'
-        print(f'{CLEAR}{line}{self._unit} {what}', end='', file=sys.stderr, flush=True)
+        print(f'{CLEAR}{line}{self._unit} {what}', end='', file=self._stream, flush=True)
         self._next = time.monotonic() + AGAIN
         self._drawn = True
 
@@ -49,7 +52,7 @@ class Progress:
     ) -> None:
         """Take the bar away."""
         if self._drawn:
-            print(CLEAR, end='', file=sys.stderr, flush=True)
+            print(CLEAR, end='', file=self._stream, flush=True)
 
 
 def tracked(items: Iterable[Item], total: int, unit: str) -> Iterator[Item]:

@@ -6,31 +6,34 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from parallel_robot_analysis.bags import plain_data
 from parallel_robot_analysis.bags.bag_writer import (
     CHANGES,
     LAWS,
+    MISSING_LAWS,
     PARAMETERS,
     BagWriter,
     Channel,
     certify,
     channel_of,
 )
-from parallel_robot_analysis.bags.experiment import describe, software, sources
+from parallel_robot_analysis.bags.experiment import describe, law_source, software
+from parallel_robot_analysis.switch_times import SwitchTimes
 from parallel_robot_interface.cdr import header_stamp, last_state
-from parallel_robot_interface.errors import RunError
+from parallel_robot_interface.errors import InputError, RunError
 from parallel_robot_interface.loop import STEP_START, LoopParameters
 from parallel_robot_interface.topics import (
+    ACTIVE_LAW,
     ANSWERED,
     COMMANDS,
     JOINT_STATES,
     RECORDED,
+    STATUS,
     TELEMETRY,
     UNSTAMPED,
     Topic,
@@ -57,9 +60,10 @@ class Stream:
     """
 
     def __init__(self, topic: Topic, channel: Channel) -> None:
-        self.topic, self.channel, self.every = topic, channel, topic.every
+        self.topic, self.channel = topic, channel
         self.of_suite = topic in RECORDED
         self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
+        self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
         stamped = self.of_suite and topic.type not in UNSTAMPED
         self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
         self.received = 0
@@ -87,8 +91,9 @@ class Recorder:
     """Writes what it is given, from the start stamp to the end of the motion.
 
     In lockstep the log time is the time of the simulation: the stamp of a message, or for types
-    without one the stamp of the state that the k-th message answers. In wall time it is the time
-    of reception. Topics that are not the suite's have the time of the newest message that is.
+    without one the stamp of the state that the k-th message answers, or at which the law of that
+    name became active. In wall time it is the time of reception. Topics that are not the suite's
+    have the time of the newest message that is.
     """
 
     def __init__(
@@ -120,14 +125,17 @@ class Recorder:
         self._lockstep = loop.lockstep
         self._suite = RECORDED if suite else ()
         self._streams = {topic: Stream(topic, channel_of(topic)) for topic in self._suite}
-        self._laws = sources(values)  # as they are at the start
+        self._laws: dict[str, bytes] = {}  # sources that are attached, or will be
         self._newest = 0  # ns, largest stamp of the suite
+        self._switches = SwitchTimes(0)
         self._queue: queue.SimpleQueue[tuple[Stream, int, bytes]] = queue.SimpleQueue()
-        self._notes: queue.SimpleQueue[tuple[str, dict[str, str]]] = queue.SimpleQueue()
+        self._notes: queue.SimpleQueue[Callable[[BagWriter], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         software()  # looked up now, not at the start of the motion
+        for path in values['own_laws']:
+            self._attach(path)
 
     def open(self, start_stamp: int = 0) -> None:
         """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
@@ -137,13 +145,12 @@ class Recorder:
             RunError: the disk is full.
         """
         self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
+        self._switches = SwitchTimes(self._start)
         if self._loop.samples is not None and start_stamp:
             self._end = start_stamp + self._loop.samples * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
         try:
             self._writer = BagWriter(self._directory, self._suite, metadata)
-            for name, source in self._laws.items():
-                self._writer.attach(LAWS + name, source)
         except OSError as error:
             raise self._broken(error) from None
         self._thread.start()
@@ -164,15 +171,42 @@ class Recorder:
         """How many messages are known to be missing by the numbers that publishers gave them."""
         return sum(stream.gaps or 0 for stream in self._streams.values())
 
-    def found(self, node: str, parameters: Mapping[str, Any]) -> None:
-        """Note the parameters of a node at the start."""
-        self._notes.put((PARAMETERS, {node: _text(parameters)}))
+    def found(self, node: str, parameters: Mapping[str, Any]) -> list[str]:
+        """Note the parameters of a node at the start; the laws of a controller are attached.
+
+        Returns:
+            Why laws cannot be attached, one line each.
+        """
+        self._note(PARAMETERS, {node: plain_data.dump(parameters)})
+        laws = parameters.get('own_laws') if node.endswith('/controller') else None
+        troubles = []
+        for path in laws or ():
+            try:
+                self._attach(str(path))
+            except InputError as error:
+                troubles.append(str(error))
+                self._note(MISSING_LAWS, {str(path): str(error)})
+        return troubles
 
     def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
         """Note a change of parameters of a node."""
         stamp = max(self._newest, self._start)
-        facts = {'stamp': str(stamp), 'node': node, 'values': _text(parameters)}
-        self._notes.put((CHANGES, facts))
+        facts = {'stamp': str(stamp), 'node': node, 'values': plain_data.dump(parameters)}
+        self._note(CHANGES, facts)
+
+    def _note(self, name: str, facts: dict[str, str]) -> None:
+        self._notes.put(lambda writer: writer.note(name, facts))
+
+    def _attach(self, path: str) -> None:
+        """Attach a law file as it is now, once.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        name, source = law_source(path)
+        if self._laws.get(name) != source:
+            self._laws[name] = source
+            self._notes.put(lambda writer: writer.attach(LAWS + name, source))
 
     def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
         """Take one serialised message.
@@ -201,10 +235,10 @@ class Recorder:
                 return
             if stream.is_log:  # of commands that answer no state: as if of the newest
                 stamp = stamp or max(newest, start)
-            late = self._end is not None and stamp > self._end and stream.every
+            late = self._end is not None and stamp > self._end and stream.topic.every
             if stamp < start or late:  # what is latched may be of a controller that lags
                 return
-        elif stream.of_suite:
+        elif stream.of_suite and not stream.is_law:
             stamp = start + stream.received * self._loop.period_ns
         else:
             stamp = max(newest, start)
@@ -215,7 +249,18 @@ class Recorder:
             self._over = True
         log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
-        self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_law and STATUS in self._streams:
+            self._switches.add_name(data)
+        else:
+            self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_status:
+            self._switches.add_status(data)
+        if stream.is_law or stream.is_status:
+            self._put_laws(self._switches.dated())
+
+    def _put_laws(self, dated: Iterable[tuple[int, bytes]]) -> None:
+        for log_time, data in dated:
+            self._queue.put((self._streams[ACTIVE_LAW], log_time, data))
 
     def several(self, topic: Topic) -> None:
         """Say that a topic has several publishers: their numbers cannot be told apart."""
@@ -255,6 +300,7 @@ class Recorder:
         Returns:
             The report: one line a topic with received, written and lost messages.
         """
+        self._put_laws(self._switches.rest())
         self._stop.set()
         if self._writer is None:
             return []
@@ -279,7 +325,7 @@ class Recorder:
             while True:
                 last = self._stop.wait(DRAIN)
                 while not self._notes.empty():
-                    self._writer.note(*self._notes.get())
+                    self._notes.get()(self._writer)
                 while not self._queue.empty():
                     stream, log_time, data = self._queue.get()
                     name = stream.topic.name
@@ -294,7 +340,3 @@ class Recorder:
 
     def _broken(self, error: OSError) -> RunError:
         return RunError(f'cannot write {self._directory}: {error.strerror}')
-
-
-def _text(parameters: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(dict(parameters), sort_keys=True)

@@ -25,6 +25,7 @@ class RecorderNode(SuiteNode):
     """Records from its start, or the common one, to the end of the motion or of the node."""
 
     priority = realtime.LISTENER
+    example = '--ros-args -p recorder.out:=my_bag'
 
     def __init__(self) -> None:
         """Subscribe to everything; without a common start, begin at once."""
@@ -38,7 +39,7 @@ class RecorderNode(SuiteNode):
         self._discovery = Discovery(self, wanted) if choosing else None
         for topic in () if choosing else topics.RECORDED:
             self._topics[topic] = listen_all(self, topic, None, self._recorder.taker(topic))
-        self._parameter_watch = ParameterWatch(self, self._recorder.found, self._recorder.changed)
+        self._parameter_watch = ParameterWatch(self, self._found, self._recorder.changed)
         self.create_timer(LOOK, self._look)
         self.create_timer(CHECK, self._check)
         self._waiting = True
@@ -91,6 +92,10 @@ class RecorderNode(SuiteNode):
             if subscription.get_publisher_count() > 1:
                 self._recorder.several(topic)
         self._ask()
+
+    def _found(self, node: str, parameters: dict[str, Any]) -> None:
+        for trouble in self._recorder.found(node, parameters):
+            self.get_logger().warning(f'{node}: {trouble}; the bag does not hold this law')
 
     def _ask(self) -> None:
         """Ask all publishers for their parameters."""

@@ -14,7 +14,8 @@ from parallel_robot_analysis.bags.bag_writer import Channel, channel, qos_profil
 from parallel_robot_analysis.bags.message_definition import definition
 from parallel_robot_interface.errors import InputError
 from parallel_robot_interface.fields import Field
-from parallel_robot_interface.ros_node import listen, message_class, qos_of
+from parallel_robot_interface.ros_node import listen, qos_of
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_interface.topics import DEPTH, RECORDED, Topic
 
 
@@ -71,7 +72,7 @@ class Discovery:
                     str(publishers[0].topic_type_hash),
                     [_profile(info.qos_profile) for info in publishers],
                 )
-            except (InputError, ImportError, AttributeError, ValueError) as error:
+            except InputError as error:
                 self._node.get_logger().warning(f'{name} is not recorded: {error}')
                 continue
             profiles = [info.qos_profile for info in publishers]

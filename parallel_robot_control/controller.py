@@ -177,14 +177,16 @@ class Controller:
         self._loading = threading.Lock()
         active = str(values['law'])
         self._core = self._compiled(active, values)
-        later = set(LAWS) if lazy and kernel_cache.is_complete() else set()
+        later = (
+            set(LAWS) if lazy and kernel_cache.marked(kernel_cache.COMPLETE) is not None else set()
+        )
         self._unloaded = [name for name in LAWS if name in later and name != active]
         for name in available(values):  # compiled now, not at a switch
             judged(name, values)
             if name not in (active, *later):
                 self._compiled(name, values)
         if not later:
-            kernel_cache.set_complete()
+            kernel_cache.mark(kernel_cache.COMPLETE)
 
     def load(self) -> bool:
         """Load a law that was left out; for a thread beside the loop.

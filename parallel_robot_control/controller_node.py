@@ -57,6 +57,7 @@ class ControllerNode(SuiteNode):
     """Answers each state with one command; what the controller thinks goes out more slowly."""
 
     priority = realtime.LOOP
+    example = '--ros-args -p law:=s_fotsmc -p s_fotsmc.G:=12'
 
     def __init__(self) -> None:
         """Prepare the laws, then listen."""

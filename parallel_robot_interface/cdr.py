@@ -16,6 +16,7 @@ import numpy as np
 
 ENCAPSULATION = b'\x00\x01\x00\x00'  # CDR, little endian
 NANOSECONDS = 1_000_000_000  # in one second
+KINDS = 16  # layouts of a type that are kept
 SPARE = 8  # bytes; some serialisers leave fewer than this at the end of a message
 
 
@@ -29,7 +30,7 @@ class Layout:
     def __init__(self, type_name: str) -> None:
         self.type_name = type_name
         self._bytes = bytearray(ENCAPSULATION)
-        self._constants = list(range(len(ENCAPSULATION)))
+        self._constant = bytearray(b'\1' * len(ENCAPSULATION))  # 1 where a byte never varies
         self._fields: dict[str, tuple[str, int]] = {}
 
     def constant(self, code: str, value: int) -> Layout:
@@ -43,7 +44,7 @@ class Layout:
         size = int(code[1:])
         self._align(size)
         self._fields[name] = ('<' + code, len(self._bytes))
-        self._bytes += bytes(size)
+        self._append(bytes(size), constant=False)
         return self
 
     def text(self, value: str) -> Layout:
@@ -59,7 +60,7 @@ class Layout:
         if count:
             self._align(8)
             self._fields[name] = (f'({count},)<f8', len(self._bytes))
-            self._bytes += bytes(8 * count)
+            self._append(bytes(8 * count), constant=False)
         return self
 
     def integers(self, name: str, count: int) -> Layout:
@@ -68,7 +69,7 @@ class Layout:
         if count:
             self._align(8)
             self._fields[name] = (f'({count},)<i8', len(self._bytes))
-            self._bytes += bytes(8 * count)
+            self._append(bytes(8 * count), constant=False)
         return self
 
     def stamp(self) -> Layout:
@@ -86,12 +87,12 @@ class Layout:
             self.text(value)
         return self
 
-    def _append(self, constant: bytes) -> None:
-        self._constants += range(len(self._bytes), len(self._bytes) + len(constant))
-        self._bytes += constant
+    def _append(self, data: bytes, constant: bool = True) -> None:
+        self._bytes += data
+        self._constant += bytes([constant]) * len(data)
 
     def _align(self, size: int) -> None:
-        self._bytes += bytes(-(len(self._bytes) - len(ENCAPSULATION)) % size)
+        self._append(bytes(-(len(self._bytes) - len(ENCAPSULATION)) % size), constant=False)
 
     @functools.cached_property
     def template(self) -> np.ndarray:
@@ -101,7 +102,7 @@ class Layout:
     @functools.cached_property
     def constants(self) -> np.ndarray:
         """Indices of the bytes that never vary, but for padding, whose content means nothing."""
-        return np.array(self._constants)
+        return np.flatnonzero(np.frombuffer(bytes(self._constant), dtype=np.uint8))
 
     @functools.cached_property
     def fixed(self) -> np.ndarray:
@@ -197,12 +198,84 @@ class Draft:
         return self.bytes.tobytes()
 
 
+class Reader:
+    """Reads one message from its begin to its end, and nothing behind it.
+
+    The generated deserialisers write a line to the terminal for each message that is broken.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        """Begin to read.
+
+        Raises:
+            ValueError: it is not CDR, little endian.
+        """
+        if data[:2] != ENCAPSULATION[:2]:
+            raise ValueError('not CDR, little endian')
+        self._data = memoryview(data)[len(ENCAPSULATION) :]
+        self._at = 0
+
+    def number(self, code: str) -> Any:
+        """Read a number; `code` as in struct: i, I, d.
+
+        Raises:
+            ValueError: the message ends before.
+        """
+        return struct.unpack('<' + code, self._take(struct.calcsize(code), 1))[0]
+
+    def text(self) -> str:
+        """Read a string.
+
+        Raises:
+            ValueError: the message ends before, or it is no UTF-8.
+        """
+        return bytes(self._take(1, self.number('I'))).rstrip(b'\0').decode()
+
+    def texts(self) -> tuple[str, ...]:
+        """Read a sequence of strings."""
+        return tuple(self.text() for _ in range(self.number('I')))
+
+    def numbers(self) -> np.ndarray:
+        """Read a sequence of float64, shape (n,)."""
+        count = self.number('I')
+        return np.frombuffer(self._take(8, count) if count else b'', '<f8')
+
+    def header(self) -> str:
+        """Read a std_msgs/Header; returns its frame."""
+        self.number('i')
+        self.number('I')
+        return self.text()
+
+    def _take(self, size: int, count: int) -> memoryview:
+        """The next numbers of a size [bytes], aligned."""
+        begin = self._at + -self._at % size
+        self._at = begin + size * count
+        if self._at > len(self._data):
+            raise ValueError(f'ends before byte {self._at}')
+        return self._data[begin : self._at]
+
+
 def header_stamp(data: bytes) -> int | None:
     """Stamp of a serialised message that begins with a header [ns]; None when it is too short."""
     if len(data) < len(ENCAPSULATION) + 8:
         return None
     sec, nanosec = struct.unpack_from('<iI', data, len(ENCAPSULATION))
     return int(sec) * NANOSECONDS + int(nanosec)
+
+
+def read_numbers(data: bytes) -> np.ndarray:
+    """Numbers of a serialised std_msgs/Float64MultiArray of any dimensions, shape (n,).
+
+    None where it is not one: shape (0,).
+    """
+    try:
+        message = Reader(data)
+        for _ in range(message.number('I')):  # dimensions: label, size, stride
+            message.text(), message.number('I'), message.number('I')
+        message.number('I')  # of what comes before the data
+        return message.numbers()
+    except ValueError:
+        return np.empty(0)
 
 
 def last_state(data: bytes) -> int | None:
@@ -217,7 +290,7 @@ def stamps_of(records: np.ndarray) -> np.ndarray:
     return records['sec'].astype(np.int64) * NANOSECONDS + records['nanosec']
 
 
-@functools.lru_cache
+@functools.lru_cache(KINDS)
 def joint_state(
     joints: tuple[str, ...],
     fields: tuple[str, ...] = ('position', 'velocity', 'effort'),
@@ -230,7 +303,7 @@ def joint_state(
     return layout
 
 
-@functools.lru_cache
+@functools.lru_cache(KINDS)
 def joint_trajectory(joints: tuple[str, ...], frame: str = '') -> Layout:
     """trajectory_msgs/JointTrajectory with one point, meant for its header's stamp."""
     count = len(joints)

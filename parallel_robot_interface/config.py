@@ -58,7 +58,8 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
         overrides: Dotted key to value; NumPy's numbers and arrays are as good as Python's.
 
     Returns:
-        Every key of the suite with its value, plain numbers, texts and lists.
+        Every key of the suite with its value, plain numbers, texts and lists; the files of laws
+        are absolute.
 
     Raises:
         UnknownNameError: no such scenario, or a key that the defaults do not have.
@@ -84,6 +85,7 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
             if key not in known:
                 raise UnknownNameError('parameter', key, known)
         config.update(values)
+    config['own_laws'] = [str(Path(path).expanduser().resolve()) for path in config['own_laws']]
     for key in [key for key in config if key.startswith('robot.')]:
         config.setdefault(f'true_{key}', config[key])
     other = next((key for key, value in gains.items() if config[key] != value), None)

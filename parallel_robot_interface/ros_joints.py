@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from rclpy.serialization import deserialize_message
 
 from parallel_robot_interface import cdr
 from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.ros_node import message_class
 from parallel_robot_interface.topics import Topic
+
+LONGEST = 1 << 16  # bytes of a message that is looked at; one of 100 joints has 10 000
 
 
 class JointReader:
@@ -44,7 +45,6 @@ class JointReader:
         self._fields = fields
         self._counts = counts
         self._optional = optional
-        self._class = message_class(topic.type)
         self.layout: cdr.Layout | None = None
         self.order = list(range(len(joints)))
         self.read(
@@ -85,42 +85,49 @@ class JointReader:
     def _learn(self, data: bytes) -> str:
         """Set layout and order for messages like this one, or say why it cannot be used."""
         self.layout = None
+        if len(data) > LONGEST:
+            return f'longer than {LONGEST} bytes'
         try:
-            message = deserialize_message(data, self._class)
-        except Exception:  # rmw raises a bare RuntimeError or MemoryError on broken bytes
+            names, fields, make = KINDS[self._topic.type](cdr.Reader(data))
+        except ValueError:
             return 'not a message of its type'
-        names, layout = LAYOUTS[self._topic.type](message)
         for joint in self._joints:
             if names.count(joint) != 1:
                 return f'{joint} is {"missing" if joint not in names else "named twice"}'
         for name in self._fields:
-            if name not in (layout.dtype.names or ()):
+            if name not in fields:
                 return f'{name} is missing or short'
         self.order = [names.index(joint) for joint in self._joints]
-        self.layout = layout
+        self.layout = make()
         return ''
 
 
-def _joint_state(message: Any) -> tuple[tuple[str, ...], cdr.Layout]:
-    names = tuple(message.name)
-    fields = tuple(
-        field
-        for field in ('position', 'velocity', 'effort')
-        if len(getattr(message, field)) == len(names)
-    )
-    return names, cdr.joint_state(names, fields, message.header.frame_id)
+class Kind(NamedTuple):
+    """Kind of a message: its joints, the fields with a number for each, how to make its layout."""
+
+    names: tuple[str, ...]
+    fields: tuple[str, ...]
+    make: Callable[[], cdr.Layout]
 
 
-def _joint_trajectory(message: Any) -> tuple[tuple[str, ...], cdr.Layout]:
-    names = tuple(message.joint_names)
-    return names, cdr.joint_trajectory(names, message.header.frame_id)
+def _joint_state(message: cdr.Reader) -> Kind:
+    frame, names = message.header(), message.texts()
+    found = {name: len(message.numbers()) for name in ('position', 'velocity', 'effort')}
+    fields = tuple(name for name, count in found.items() if count == len(names))
+    return Kind(names, fields, functools.partial(cdr.joint_state, names, fields, frame))
+
+
+def _joint_trajectory(message: cdr.Reader) -> Kind:
+    frame, names = message.header(), message.texts()
+    make = functools.partial(cdr.joint_trajectory, names, frame)
+    return Kind(names, ('position', 'velocity', 'acceleration'), make)
 
 
 OWN: dict[str, Callable[[tuple[str, ...]], cdr.Layout]] = {
     'sensor_msgs/msg/JointState': cdr.joint_state,
     'trajectory_msgs/msg/JointTrajectory': cdr.joint_trajectory,
 }
-LAYOUTS: dict[str, Callable[[Any], tuple[tuple[str, ...], cdr.Layout]]] = {
+KINDS: dict[str, Callable[[cdr.Reader], Kind]] = {
     'sensor_msgs/msg/JointState': _joint_state,
     'trajectory_msgs/msg/JointTrajectory': _joint_trajectory,
 }

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import faulthandler
+import functools
 import gc
-import importlib
 import inspect
 import logging
 import math
@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -24,36 +25,39 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.parameter_service import ParameterService
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.service import Service
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import config, loop, realtime, ros_middleware
+from parallel_robot_interface import config, loop, realtime, ros_arguments, ros_middleware
 from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
+from parallel_robot_interface.errors import (
+    InputError,
+    ParallelRobotError,
+    UnknownNameError,
+    first_line,
+)
 from parallel_robot_interface.fields import Field, parameters
+from parallel_robot_interface.ros_parameter_services import BoundedParameterService
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_interface.single_publisher import SinglePublisher
 from parallel_robot_interface.topics import DEPTH, QUEUE, Topic
 
 LAST_RESORT = 8.0  # s, for the end of a node; then it is forced, with a traceback
 PATIENCE = 0.1  # s, longest time between a signal and the end of the executor
 GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
-NOT_OURS = ('use_sim_time', 'qos_overrides', 'start_type_description_service', 'granted.')
-
-
-def message_class(type_name: str) -> Any:
-    """Import the class of a ROS type such as ``'std_msgs/msg/String'``."""
-    package, kind, name = type_name.split('/')
-    return getattr(importlib.import_module(f'{package}.{kind}'), name)
+START = 'start_stamp'  # the parameter that every node takes once
+OF_ROS = ('use_sim_time', 'start_type_description_service')  # parameters of every node
+NOT_OURS = ('qos_overrides.', 'granted.')  # groups of parameters that are no configuration
 
 
 def qos_of(topic: Topic) -> QoSProfile:
@@ -90,21 +94,6 @@ def listen(
     return node.create_subscription(message_class(topic.type), topic.name, pass_on, qos, raw=True)
 
 
-class _WholeSets(ParameterService):  # type: ignore[misc]
-    """Parameter services that take the parameters of one request together or not at all.
-
-    Gains are judged as a set; rclpy would set them one after the other and stop half-way.
-    """
-
-    def _set_parameters_callback(
-        self, request: SetParameters.Request, response: SetParameters.Response
-    ) -> SetParameters.Response:
-        changed = [Parameter.from_parameter_msg(message) for message in request.parameters]
-        result = self._get_node().set_parameters_atomically(changed)
-        response.results = [result] * len(changed)
-        return response
-
-
 class SuiteNode(Node):  # type: ignore[misc]
     """A node whose parameters are keys of ``config/`` and whose end is orderly.
 
@@ -117,9 +106,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         counts: How often something unusual happened; shown in the diagnostics.
         exit_code: None while the node runs, then the code it ends with.
         priority: Real-time priority that the node should have in wall time; 0: none.
+        example: What may follow its name on a command line, for its help.
     """
 
     priority = 0
+    example = '--ros-args -p scenario:=paper_line'
 
     def __init__(self, name: str, groups: Mapping[str, Any]) -> None:
         """Resolve the configuration and declare the node's parameters.
@@ -149,9 +140,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._started_at: int | None = None
         self._used = _Use(time.monotonic(), time.process_time(), 0)
         given = {
-            key: list(parameter.value) if _is_array(parameter.value) else parameter.value
+            key: _plain(parameter.value)
             for key, parameter in self.get_parameters_by_prefix('').items()
-            if not key.startswith(NOT_OURS)
+            if _is_ours(key)
         }
         scenario = given.pop('scenario', 'paper_circle')
         self.values = config.resolve(str(scenario), given)
@@ -163,7 +154,38 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._publish_diagnostics)
         self.create_service(Trigger, '~/ready', self._answer_ready)
-        self._parameter_service = _WholeSets(self)
+        self._parameter_service = BoundedParameterService(self)
+
+    def create_subscription(
+        self, kind: Any, topic: str, callback: Any, *words: Any, **options: Any
+    ) -> Subscription:
+        """Subscribe as any node does, guarded."""
+        return super().create_subscription(kind, topic, self._guarded(callback), *words, **options)
+
+    def create_service(
+        self, kind: Any, name: str, callback: Any, *words: Any, **options: Any
+    ) -> Service:
+        """Offer a service as any node does, guarded."""
+        return super().create_service(kind, name, self._guarded(callback), *words, **options)
+
+    def create_timer(self, period: float, callback: Any, *words: Any, **options: Any) -> Timer:
+        """Make a timer as any node does, guarded."""
+        return super().create_timer(period, self._guarded(callback), *words, **options)
+
+    def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """A callback that cannot end the node, but for the errors that the suite means."""
+
+        @functools.wraps(callback)
+        def guarded(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except ParallelRobotError as error:
+                self.fail(error)
+            except Exception as error:
+                self.survive(error)
+            return arguments[-1] if arguments else None  # the response, as it was
+
+        return guarded
 
     def publisher(self, topic: Topic, essential: bool = True) -> Publisher:
         """Create a publisher; the node is ready when essential ones have their subscribers."""
@@ -287,6 +309,13 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.get_logger().fatal(str(error) or type(error).__name__)
         self.finish(1)
 
+    def survive(self, error: Exception) -> None:
+        """Count and tell an error that nobody foresaw; nothing on the wire may end a node."""
+        self.counts['unforeseen errors'] += 1
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        text = f'unforeseen {first_line(error)} at {frame.filename}:{frame.lineno}'
+        self.get_logger().error(text, throttle_duration_sec=1.0)
+
     def declare_group(self, prefix: str, group: Any) -> None:
         """Declare the parameters of a group with unit, meaning and range.
 
@@ -299,31 +328,39 @@ class SuiteNode(Node):  # type: ignore[misc]
             if self.has_parameter(key):
                 self.undeclare_parameter(key)  # it may be an integer where a float is meant
             plain = list(value) if isinstance(value, tuple) else value
-            descriptor = _descriptor(parameter.field, plain)
+            descriptor = describe(parameter.field, plain)
             descriptor.read_only = not self.is_settable(key)
             self.declare_parameter(key, plain, descriptor, ignore_override=True)
 
     def is_settable(self, key: str) -> bool:
         """Whether a parameter can change while the node runs."""
-        return key == 'start_stamp'
+        return key == START
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters together: all are good, or none is set."""
-        others = [p for p in parameter_list if p.name.startswith(NOT_OURS)]
-        changes = {
-            p.name: list(p.value) if _is_array(p.value) else p.value
-            for p in parameter_list
-            if not p.name.startswith(NOT_OURS)
-        }
+        parameter_list = [p for p in parameter_list if not self._is_as_fixed(p)]
+        others = [p for p in parameter_list if not _is_ours(p.name) and self.has_parameter(p.name)]
+        changes = {p.name: _plain(p.value) for p in parameter_list if p not in others}
         try:
             changes, effect = self.judge(changes) if changes else ({}, lambda: None)
         except ParallelRobotError as error:
             return SetParametersResult(successful=False, reason=str(error))
         changed = [Parameter(key, value=value) for key, value in changes.items()]
+        if not others and not changed:
+            return SetParametersResult(successful=True)
         result = super().set_parameters_atomically(others + changed)
         if result.successful:
             effect()
         return result
+
+    def _is_as_fixed(self, parameter: Parameter) -> bool:
+        """Whether a parameter that cannot change any more is to have the value that it has."""
+        name = parameter.name
+        if not self.has_parameter(name):
+            return False
+        if name != START and not self.describe_parameter(name).read_only:
+            return False
+        return bool(_plain(self.get_parameter(name).value) == _plain(parameter.value))
 
     def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
         """Look whether changes of parameters are good.
@@ -340,9 +377,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         for key in changes:
             if key not in self.values:
                 raise UnknownNameError('parameter', key, self.values)
-            if key != 'start_stamp':
+            if key != START:
                 raise InputError(f'{key} is fixed at the start of the node')
-        stamp = changes['start_stamp']
+        stamp = changes[START]
         if stamp != self._started_at:  # else the request was sent twice
             self._check_start(stamp)
         return changes, lambda: self._pass_on_start(stamp)
@@ -409,7 +446,7 @@ class _Use(NamedTuple):
     samples: int
 
 
-def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
+def describe(field: Field, value: Any) -> ParameterDescriptor:
     """Description of a parameter whose value may be `value`."""
     text = field.description + (f' [{field.unit}]' if field.unit else '')
     descriptor = ParameterDescriptor(
@@ -427,11 +464,18 @@ def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
     return descriptor
 
 
-def run_node(make: Callable[[], SuiteNode]) -> int:
+def run_node(
+    make: Callable[..., SuiteNode], add_arguments: ros_arguments.AddArguments | None = None
+) -> int:
     """Run a node to its end: Ctrl-C, SIGTERM, or its own.
 
+    Args:
+        make: Its class.
+        add_arguments: Declares words of its own on the command line; `make` gets them by name.
+
     Returns:
-        0; 1 when the node failed; 2 when a parameter is wrong, after one line that says so.
+        0; 1 when the node failed; 2 when a parameter or a word is wrong, after one line that says
+        so.
     """
     stop: list[int] = []  # not an Event: setting it in a handler that interrupts itself deadlocks
     making = True
@@ -447,10 +491,11 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
     logger.setLevel(logging.INFO)
     logger.addHandler(_ToRos())
     try:
+        words = ros_arguments.read(make, sys.argv, add_arguments)
         middleware = ros_middleware.asked(sys.argv)
         with ros_middleware.transport(middleware) as transport:
             _initialise()
-            node = make()
+            node = make(**words)
         making = False
         ros_middleware.check(node.loop.middleware, middleware)
     except ParallelRobotError as error:
@@ -468,8 +513,13 @@ def run_node(make: Callable[[], SuiteNode]) -> int:
         node.show_granted(realtime=granted, middleware=transport)
         node.begin()
         while node.exit_code is None and not stop:
-            # A new one each time: SingleThreadedExecutor leaves a callback in it.
-            executor.spin_until_future_complete(Future(), timeout_sec=PATIENCE)
+            try:
+                # A new one each time: SingleThreadedExecutor leaves a callback in it.
+                executor.spin_until_future_complete(Future(), timeout_sec=PATIENCE)
+            except ParallelRobotError:
+                raise
+            except Exception as error:  # of rclpy's own, at something that came over the wire
+                node.survive(error)
     except ParallelRobotError as error:
         node.fail(error)
     finally:
@@ -510,5 +560,11 @@ def _initialise() -> None:
         raise InputError(str(error).splitlines()[0]) from None
 
 
-def _is_array(value: Any) -> bool:
-    return hasattr(value, '__iter__') and not isinstance(value, str)
+def _is_ours(name: str) -> bool:
+    """Whether a parameter is of the configuration, as far as its name says."""
+    return name not in OF_ROS and not name.startswith(NOT_OURS)
+
+
+def _plain(value: Any) -> Any:
+    """Value of a parameter; its arrays as lists."""
+    return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value

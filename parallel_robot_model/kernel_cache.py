@@ -15,7 +15,6 @@ import hashlib
 import logging
 import os
 import shutil
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,8 @@ from typing import Any
 import numba
 from numba.core.caching import FunctionCache, NullCache
 from numba.core.runtime import rtsys
+
+from parallel_robot_model.user_directory import user_directories
 
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 3  # versions of the same place, this one included
@@ -40,14 +41,9 @@ def directory() -> str:
     """
     packages = Path(__file__).resolve().parents[1]
     place = hashlib.sha256(bytes(packages)).hexdigest()[:8]
-    home = os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')
-    own = Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}'
-    for root in (Path(home) / 'parallel_robot', own):
+    for root in user_directories():
         found = root / f'{place}_{_version(packages)}'
         try:
-            root.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if root.stat().st_uid != os.getuid():
-                continue  # machine code that somebody else put there is not run
             new = not found.exists()
             found.mkdir(exist_ok=True)
             os.utime(found)
@@ -60,16 +56,24 @@ def directory() -> str:
     return ''
 
 
-def is_complete() -> bool:
-    """Whether the directory has the machine code of all kernels of the suite."""
-    return bool(_OWN) and (Path(_OWN) / COMPLETE).exists()
+def marked(name: str) -> str | None:
+    """What was noted of the kernels in the directory; None when nothing was."""
+    with contextlib.suppress(OSError):
+        if _OWN:
+            return (Path(_OWN) / name).read_text()
+    return None
 
 
-def set_complete() -> None:
-    """Note that the directory has all of it."""
-    if _OWN:
-        with contextlib.suppress(OSError):
-            (Path(_OWN) / COMPLETE).touch()
+def mark(name: str, text: str = '') -> None:
+    """Note something of the kernels in the directory, for as long as they are kept."""
+    with contextlib.suppress(OSError):
+        if _OWN:
+            (Path(_OWN) / name).write_text(text)
+
+
+def subdirectory(name: str) -> str:
+    """Directory for other machine code of the same sources; empty if there can be none."""
+    return str(Path(_OWN) / name) if _OWN else ''
 
 
 def compiled() -> str:
@@ -99,6 +103,8 @@ def _version(packages: Path) -> str:
     for path in sorted(
         [*packages.glob('parallel_robot_*/**/*.py'), *packages.glob('trajectory_gen/*.py')]
     ):
+        if path.name.startswith('ros_') or path.name.endswith('_node.py'):
+            continue  # of ROS, which no kernel knows
         content = path.read_bytes()
         if any(mark in content for mark in (b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)')):
             digest.update(content)

@@ -13,8 +13,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from rclpy.serialization import deserialize_message
-from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, realtime, topics
@@ -181,10 +179,7 @@ class PlantNode(SuiteNode):
 
     def _read(self, data: bytes) -> bool:
         """Read a command of another layout; False, counted, when it is not one."""
-        try:
-            command = np.array(deserialize_message(data, Float64MultiArray).data)
-        except Exception:  # rmw raises a bare RuntimeError or MemoryError on broken bytes
-            command = np.empty(0)
+        command = cdr.read_numbers(data)
         if command.shape != (3,) or not np.isfinite(command).all():
             self.counts['commands that are not three finite torques'] += 1
             return False

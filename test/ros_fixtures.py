@@ -1,9 +1,11 @@
 """Nodes in processes of their own or in the test's, in a ROS domain that no other test has."""
 
+import gc
 import os
 import select
 import signal
 import subprocess
+import sys
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -19,7 +21,8 @@ from rclpy.executors import SingleThreadedExecutor
 from parallel_robot_analysis.processes import children, command
 from parallel_robot_control.controller import Controller
 from parallel_robot_interface import config
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
@@ -88,6 +91,12 @@ class Process:
     def stderr(self):
         self._errors.seek(0)
         return self._errors.read().decode()
+
+    @property
+    def memory(self):
+        """What it has in memory [bytes]."""
+        pages = Path(f'/proc/{self._popen.pid}/statm').read_text().split()[1]
+        return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
     def wait(self):
         return self._popen.wait(PATIENCE)
@@ -246,3 +255,16 @@ def node(request, domain):
         one.close()
         one.destroy_node()
     rclpy.try_shutdown()
+
+
+@pytest.fixture
+def handlers(monkeypatch):
+    """What this process does at signals, as it was, after the test; no words for the node."""
+    monkeypatch.setattr(sys, 'argv', ['node'])
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    gc.unfreeze()
+    yield
+    gc.unfreeze()
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)

@@ -248,3 +248,29 @@ def test_a_message_does_not_remember_the_one_before():
     fresh = layout.encode(5, position=[1, 2, 3])
     layout.encode(6, position=[4, 5, 6], velocity=[1, 1, 1], effort=[2, 2, 2])
     assert layout.encode(5, position=[1, 2, 3]) == fresh
+
+
+def test_a_reader_reads_what_rosbags_writes():
+    _, ours, message = example(CASES['a frame'])
+    reader = cdr.Reader(ours)
+    assert (reader.header(), reader.texts()) == ('base', JOINTS)
+    for field in ('position', 'velocity', 'effort'):
+        assert np.array_equal(reader.numbers(), getattr(message, field))
+    dimensions = [make('std_msgs/msg/MultiArrayDimension', label='xy', size=2, stride=7)] * 2
+    layout = make('std_msgs/msg/MultiArrayLayout', dim=dimensions, data_offset=3)
+    numbers = np.arange(4.0)
+    shaped = make('std_msgs/msg/Float64MultiArray', layout=layout, data=numbers)
+    assert np.array_equal(cdr.read_numbers(theirs(shaped)), numbers)
+
+
+def test_a_reader_ends_with_the_message():
+    _, whole, _ = example(CASES['joint_state'])
+    for length in range(len(whole)):
+        with pytest.raises(ValueError, match=r'ends|CDR'):  # noqa: PT012
+            reader = cdr.Reader(whole[:length])
+            reader.header(), reader.texts()
+            reader.numbers(), reader.numbers(), reader.numbers()
+    for lie in (b'\xff\xff\xff\xff', b'\xff\xff\xff\x7f', b'\0\0\0\x20'):
+        assert not cdr.read_numbers(b'\0\1\0\0' + 8 * b'\0' + lie).size
+        assert not cdr.read_numbers(b'\0\1\0\0' + lie).size
+    assert not cdr.read_numbers(b'\0\0' + example(CASES['float64_multi_array'])[1][2:]).size

@@ -1,11 +1,13 @@
 """Files, scenarios and overrides become one dictionary in which no typo passes."""
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from parallel_robot_analysis.bags import experiment
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_interface import config
@@ -208,3 +210,14 @@ def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     with pytest.raises(InputError, match='not installed'):
         config.directory()
+
+
+@pytest.mark.parametrize('path', ['docs/example_law.py', '~/docs/example_law.py'])
+def test_files_of_laws_are_absolute(path, monkeypatch):
+    """A recorder with another current directory finds them by what the controller says."""
+    root = Path(__file__).parents[1]
+    monkeypatch.chdir(root)
+    monkeypatch.setenv('HOME', str(root))
+    values = config.resolve('paper_circle', {'own_laws': [path]})
+    assert values['own_laws'] == [str(root / 'docs' / 'example_law.py')]
+    assert experiment.law_source(*values['own_laws'])[0] == 'example_law'

@@ -82,6 +82,44 @@ def test_a_jump_begins_anew(shift, setup):
     assert list(found[-1]) == pytest.approx(expected(setup, slice(0, 301)), rel=1e-9)
 
 
+@pytest.mark.parametrize('shift', [-300, 2000, 20_000], ids=['back', 'on', 'far on'])
+def test_after_a_jump_no_reference_of_before_it_is_used(shift, setup):
+    """A trajectory is ahead of the plant: the first references after a jump are too late."""
+    values, simulation = setup
+    rows, ahead = range(301), 20
+    monitor = Monitor(config.changed(values, {'monitor.window': 5.0}))
+    feed(monitor, simulation, range(1001))
+    found = []
+    reference, run = simulation.reference, simulation.run
+    for k in rows:
+        stamp = START + (1000 + shift + k) * MS
+        found.append(monitor.add_state(stamp, run.theta[k], run.effort[k]))
+        motion = [reference.position, reference.velocity, reference.acceleration]
+        monitor.add_reference(stamp + ahead * MS, [part[k + ahead] for part in motion])
+    last = [figures for figures in found if figures][-1]
+    wanted = expected(setup, slice(ahead, 301))
+    if shift == 2000:  # the window is longer than the jump: it also holds what was before
+        before = np.array(expected(setup, slice(0, 1001)))
+        counts = 1001, 301 - ahead
+        wanted = np.sqrt(np.average([before**2, np.square(wanted)], axis=0, weights=counts))
+        assert list(last)[:1] == pytest.approx(wanted[:1], rel=1e-9)
+        assert last.platform_error_max == before[1]
+    else:
+        assert list(last) == pytest.approx(wanted, rel=1e-9)
+
+
+def test_a_trajectory_that_ends_leaves_no_figures(setup):
+    values, simulation = setup
+    reference, run = simulation.reference, simulation.run
+    monitor = Monitor(values)
+    for k in range(1001):
+        if k <= 300:
+            motion = [reference.position[k], reference.velocity[k], reference.acceleration[k]]
+            monitor.add_reference(START + k * MS, motion)
+        figures = monitor.add_state(START + k * MS, run.theta[k], run.effort[k])
+    assert figures is None and len(monitor._window.stamps) == 0
+
+
 def test_without_references_there_are_no_figures(setup):
     values, simulation = setup
     assert not feed(Monitor(values), simulation, range(300), ahead=-1000)

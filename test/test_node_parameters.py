@@ -261,8 +261,10 @@ def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
     assert answer.results[0].successful
     assert process.wait() == 0, process.stderr
     found = content(next((tmp_path / 'bag').glob('*.mcap')))
-    laws = [deserialize_message(data, String).data for _, data in found['controller/active_law']]
-    assert laws == ['s_fotsmc', 'smc']
+    laws = [
+        (log_time, deserialize_message(data, String).data)
+        for log_time, data in found['controller/active_law']
+    ]
     statuses = [
         deserialize_message(data, DiagnosticArray) for _, data in found['controller/status']
     ]
@@ -271,6 +273,7 @@ def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
         ('s_fotsmc', 'none', 'none'), ('smc', 'ramp after a take-over', 'none')
     ]  # fmt: skip
     stamp = statuses[-1].header.stamp
+    assert laws == [(10**9, 's_fotsmc'), (stamp.sec * 10**9 + stamp.nanosec, 'smc')]
     switched = round((stamp.sec - 1) * 1e3 + stamp.nanosec * 1e-6)
     torques = [
         deserialize_message(data, Float64MultiArray).data

@@ -1,5 +1,6 @@
 """Laws of one's own: one file, found everywhere; a wrong one costs one line."""
 
+import re
 import signal
 import timeit
 
@@ -9,7 +10,7 @@ from rig import Rig
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_control.laws import LAWS, prepare
+from parallel_robot_control.laws import LAWS, prepare, trial
 from parallel_robot_interface import cdr, config, plugins, topics
 from parallel_robot_interface.errors import InputError
 from parallel_robot_model.kernel_cache import NOTICE
@@ -209,6 +210,35 @@ def test_a_wrong_file_costs_one_line(name, write, capsys):
         assert main(command) == 2
         out, err = capsys.readouterr()
         assert out == '' and err.count('\n') == 1 and reason in err and len(err) < 300
+
+
+DEADLY = 'import os; os.environ.get("NUMBA_BOUNDSCHECK") and os.abort()'
+UNFIT = {
+    'beyond': (('Kd * e_dot', 'Kd * e_dot + e[7]'), 'IndexError: index is out of bounds'),
+    'cut': ((RETURN, RETURN.replace('torque', 'torque[:2]')), 'torque of shape (2,), not (3,)'),
+    'shrinking': (('Memory(memory.integral + dt * e)', 'Memory(memory.integral[:1])'),
+                  'memory of shapes [(1,)], not [(3,)]'),
+    'endless': (('    torque =', '    while dt < 1:\n        dt -= 1\n    torque ='),
+                'update does not return within 1 s'),
+    'deadly': (('(joints):', f'(joints):\n    {DEADLY}'), 'initial_memory ends with SIGABRT'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('name', UNFIT)
+def test_what_a_law_does_wrong_is_found_before_it_acts(name, write):
+    replaced, reason = UNFIT[name]
+    with pytest.raises(InputError, match=f'^{name}: .*{re.escape(reason)}'):
+        prepare(name, values_of(write(name, replaced)))
+
+
+def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypatch):
+    path = write('rigid', ('    torque =', '    e[2] += 0.0\n    torque ='))
+    for _ in range(2):
+        (warning,) = prepare('rigid', values_of(path)).warnings
+        assert warning == (
+            'rigid: written for 3 joints; with 1: IndexError: index is out of bounds'
+        )
+        monkeypatch.setattr(trial, '_try', None)  # now it is known
 
 
 NO_LAW = 'is not a Python file whose name can name a law'

@@ -103,7 +103,7 @@ def test_pause_step_seek_resume(bag):
     stage = Stage(bag, pause=True, clock=500.0, rate=1000.0)
     stage.thread.start()
     stage.until(lambda: stage.events.count(('clock', 0.0)) > 3)  # the clock stands
-    assert all(stage.player.step() for _ in range(3))  # the law and two poses
+    assert all(stage.player.step() for _ in range(2))
     stage.until(lambda: 1 in stage.events)
     assert stage.player.position == pytest.approx(0.001)
     stage.player.seek(0.08)
@@ -114,6 +114,117 @@ def test_pause_step_seek_resume(bag):
     events = [event for event in stage.end() if isinstance(event, int)]
     assert events == [0, 1, *range(80, COUNT)]
     assert not stage.player.step() and stage.laws == 2
+
+
+def test_a_new_rate_takes_effect_at_once_and_time_does_not_jump(bag):
+    stage = Stage(bag, rate=1e-3)  # the next message would come after a second
+    stage.thread.start()
+    stage.until(lambda: 0 in stage.events)
+    before = time.monotonic()
+    was = stage.player.position
+    stage.player.set_rate(1.0)
+    now = stage.player.position
+    assert 0.0 <= now - was <= time.monotonic() - before
+    stage.until(lambda: 100 in stage.events)
+    assert stage.end() == list(range(COUNT))
+    assert 0.09 < time.monotonic() - before < 1.0
+
+
+def recorded(directory, messages):
+    """Open a bag of (log time [ms], topic), each message its own place."""
+    with BagWriter(directory, topics.RECORDED, {}) as writer:
+        for place, (moment, topic) in enumerate(messages):
+            writer.write(topic.name, START + round(moment * MS), str(place).encode())
+    return BagReader(directory)
+
+
+AHEAD = [  # a run in real time, as it is recorded: each state has a time of its own
+    (0.0, topics.ACTIVE_LAW), (0.1, topics.REFERENCE), (0.2, topics.JOINT_STATES),
+    (0.5, topics.COMMANDS), (0.9, topics.REFERENCE), (1.3, topics.JOINT_STATES),
+    (1.4, topics.REFERENCE), (1.9, topics.COMMANDS), (2.0, topics.JOINT_STATES),
+]  # fmt: skip
+TOGETHER = [  # a simulation: all of a sample has one log time, and the state is not the first
+    (moment, topic)
+    for moment in range(4)
+    for topic in (topics.STATUS, topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
+]
+
+
+class Steps:
+    """A player that stands, in its thread, and what it has sent and when."""
+
+    def __init__(self, bag, names=None, **options):
+        self.sent, self.arrivals, self.ticks = [], [], []
+        options = PlayerOptions('', pause=True, clock=1e4, **options)
+        self.player = Player(bag, names or list(bag.topics), options, self._send, self._tick)
+        self.thread = threading.Thread(target=self.player.run, daemon=True)
+        self.thread.start()
+
+    def _send(self, _, data):
+        self.sent.append(int(data))
+        self.arrivals.append(time.monotonic())
+
+    def _tick(self, moment):
+        self.ticks.append((moment - START) / MS)
+
+    def until_it_stands(self, moment):
+        """Wait until the clock has stood at a moment [ms] for some ticks."""
+        self.ticks.clear()
+        deadline = time.monotonic() + 20.0
+        while self.ticks[-3:] != 3 * [pytest.approx(moment)]:
+            assert time.monotonic() < deadline, (self.sent, self.ticks[-3:])
+            time.sleep(0.001)
+
+    def end(self):
+        self.player.stop()
+        self.thread.join(20.0)
+        assert not self.thread.is_alive()
+
+
+@pytest.mark.parametrize(
+    ('messages', 'after', 'left_out'),
+    [
+        (AHEAD, [5, 8], ()),
+        (TOGETHER, [4, 8, 12], ()),
+        (AHEAD, [1, 2, 3], ('/joint_states',)),
+    ],
+    ids=['real time', 'one time', 'without states'],
+)
+def test_a_step_is_a_sample(messages, after, left_out, tmp_path):
+    bag = recorded(tmp_path / 'bag', messages)
+    steps = Steps(bag, [name for name in bag.topics if name not in left_out])
+    wanted = [k for k, (_, topic) in enumerate(messages) if f'/{topic.name}' not in left_out]
+    for count in after:
+        assert steps.player.step()
+        steps.until_it_stands(messages[wanted[count - 1]][0])
+        assert steps.sent == wanted[:count]
+    steps.end()
+    bag.close()
+
+
+def test_a_step_ends_with_a_seek(tmp_path):
+    bag = recorded(tmp_path / 'bag', AHEAD)
+    steps = Steps(bag)
+    steps.player.step()
+    steps.until_it_stands(0.9)
+    steps.player.seek(0.0)
+    steps.until_it_stands(0.0)
+    assert steps.sent == [0, 1, 2, 3, 4]
+    steps.end()
+    bag.close()
+
+
+def test_a_step_ends_when_time_goes_on(tmp_path):
+    bag = recorded(tmp_path / 'bag', AHEAD)
+    steps = Steps(bag, rate=1e-2)
+    steps.player.step()
+    steps.until_it_stands(0.9)
+    resumed = time.monotonic()
+    steps.player.resume()
+    steps.thread.join(20.0)
+    assert steps.sent == [*range(len(AHEAD))]
+    assert steps.arrivals[7] - resumed > 0.0999  # s; the state before was due after 0.04
+    bag.close()
 
 
 def test_a_pause_takes_effect_before_the_next_message(bag):

@@ -4,7 +4,7 @@ import signal
 
 import pytest
 from bags import STORE
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
@@ -33,11 +33,12 @@ def call(peer, process, name):
     return peer.call(Trigger, f'player/{name}', Trigger.Request(), process)
 
 
-def seek(peer, process, position):
-    parameter = Parameter('position', value=position).to_parameter_msg()
-    request = SetParameters.Request(parameters=[parameter])
-    answer = peer.call(SetParameters, 'player/set_parameters', request, process)
-    return answer.results[0]
+def assign(peer, process, **values):
+    parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in values.items()]
+    request = SetParametersAtomically.Request(parameters=parameters)
+    return peer.call(
+        SetParametersAtomically, 'player/set_parameters_atomically', request, process
+    ).result
 
 
 def stamp(message):
@@ -67,13 +68,48 @@ def test_pause_step_seek_and_a_clock_that_stands(bag, launch, peer):
     assert {stamp(clock.clock) for clock in clocks} == {1.0}
     assert call(peer, process, 'step').message.startswith('paused at')
     peer.until(lambda: len(states) == 1)
-    assert seek(peer, process, 0.3).successful
-    refused = seek(peer, process, 7)
+    assert assign(peer, process, position=0.3).successful
+    refused = assign(peer, process, position=7)
     assert not refused.successful and '0.5 s long' in refused.reason
     peer.until(lambda: stamp(clocks[-1].clock) == 1.3)
     call(peer, process, 'resume')
     peer.until(lambda: stamp(states[-1].header.stamp) == 1.5)
     assert len(states) == 202
+
+
+def test_a_rate_is_set_while_it_plays(bag, launch, peer):
+    states = peer.listen(topics.JOINT_STATES)
+    process = launch(PLAYER, bag, '--pause', '--rate', '0.001')
+    peer.until(lambda: peer.node.count_publishers(topics.JOINT_STATES.name))
+    for wrong, reason in (
+        ({'rate': 0.0}, 'rate must be from 0.001 to 1000, not 0'),
+        ({'rate': 'much'}, "rate must be a number, not 'much'"),
+        ({'rate': 2.0, 'position': 9.0}, '0.5 s long'),
+        ({'rate': 2.0, 'pause': True}, "unknown parameter 'pause'"),
+    ):
+        refused = assign(peer, process, **wrong)
+        assert not refused.successful and reason in refused.reason
+    call(peer, process, 'resume')
+    peer.until(lambda: states)  # the next one would come after a second
+    assert assign(peer, process, rate=5).successful
+    peer.until(lambda: len(states) == 501)
+    assert process.wait() == 0
+
+
+def test_a_player_that_keeps_no_time_has_no_rate(bag, launch, peer):
+    process = launch(PLAYER, bag, '--pause', '--fast')
+    refused = assign(peer, process, rate=2.0)
+    assert not refused.successful and '--fast' in refused.reason
+
+
+def test_a_step_is_a_sample_of_the_loop(bag, launch, peer):
+    states, commands = peer.listen(topics.JOINT_STATES), peer.listen(topics.COMMANDS)
+    process = launch(PLAYER, bag, '--pause')
+    peer.until(lambda: peer.node.count_publishers(topics.COMMANDS.name))
+    for count in (1, 2, 3):
+        assert call(peer, process, 'step').success
+        peer.until(lambda: len(states) >= count and len(commands) >= count)  # noqa: B023
+    assert len(states) == len(commands) == 3
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

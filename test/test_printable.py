@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_analysis.report.printable import printable
+from parallel_robot_analysis.printable import printable
 
 
 @given(st.text() | st.lists(st.text()) | st.floats())

@@ -1,5 +1,7 @@
 """Node processes: what they are told, and what is told of their end."""
 
+import os
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,7 @@ from ros_fixtures import until
 
 from parallel_robot_analysis import processes
 from parallel_robot_interface.errors import RunError
+from parallel_robot_model.user_directory import user_directories
 
 pytest_plugins = ['ros_fixtures']  # for `until`
 
@@ -121,3 +124,28 @@ def test_a_node_gets_the_value_it_is_sent(value):
     finally:
         node.destroy_node()
         context.try_shutdown()
+
+
+TRAPS = {
+    'fifo': os.mkfifo,
+    'link': lambda path: path.symlink_to(path.with_name('precious')),
+    'directory': Path.mkdir,
+}
+
+
+@pytest.mark.parametrize('trap', TRAPS)
+def test_a_lock_is_a_file_of_ones_own_or_none(trap, tmp_path, monkeypatch):
+    """What lies in its place neither holds a run up nor is written to; there is another place."""
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    monkeypatch.setattr(tempfile, 'gettempdir', lambda: str(tmp_path / 'temporary'))
+    monkeypatch.setenv('ROS_DOMAIN_ID', '42')
+    first, second = (place / 'domain_42.lock' for place in user_directories())
+    TRAPS[trap](first)
+    with processes.domain_lock():
+        assert second.is_file() and not first.with_name('precious').exists()
+        with pytest.raises(RunError, match='another run uses ROS domain 42'):
+            processes.domain_lock().__enter__()
+    second.unlink()
+    TRAPS[trap](second)
+    with pytest.raises(RunError, match=r'domain_42\.lock'):
+        processes.domain_lock().__enter__()

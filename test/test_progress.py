@@ -69,7 +69,7 @@ def test_nothing_to_do_and_more_than_expected(terminal):
 
 
 def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
-    def read(bag):
+    def read(bag, _):
         if bag.name == 'third':
             raise BagError('broken')
         return SimpleNamespace(scenario='line', law='smc')

@@ -3,6 +3,7 @@
 import signal
 
 import pytest
+import rclpy
 from bags import content
 from diagnostic_msgs.msg import DiagnosticArray
 from mcap.reader import make_reader
@@ -10,9 +11,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
+from parallel_robot_analysis.bags import history
 from parallel_robot_analysis.bags.bag_writer import MESSAGES
 from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_interface import topics
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
@@ -102,6 +106,24 @@ def test_a_recorder_that_stands_still_for_seconds_loses_nothing(launch, peer, tm
     (stream,) = content(tmp_path / 'bag' / 'bag_0.mcap').values()
     values = [deserialize_message(data, Float64).data for _, data in stream]
     assert values == list(map(float, range(count)))
+
+
+def test_by_hand_the_laws_of_a_controller_are_attached(launch, peer, tmp_path):
+    law, gone = tmp_path / 'laws' / 'my_law.py', tmp_path / 'laws' / 'gone.py'
+    law.parent.mkdir()
+    law.write_text('raise SystemExit("nothing of it is run")')
+    controller = rclpy.create_node('controller', context=peer.node.context)
+    controller.declare_parameter('own_laws', [str(law), str(gone)])
+    controller.create_publisher(
+        message_class(topics.COMMANDS.type), topics.COMMANDS.name, qos_of(topics.COMMANDS)
+    )
+    peer.node.executor.add_node(controller)
+    process = launch(RECORDER, '--ros-args', '-p', 'recorder.out:=bag')
+    line = f'/controller: the law file {gone} is not on this machine; the bag does not hold this'
+    peer.until(lambda: line in process.stderr)
+    assert process.end(signal.SIGINT) == 0 and process.stderr.count(str(gone)) == 1
+    assert history.read(tmp_path / 'bag').laws == {'my_law': law.read_bytes()}
+    controller.destroy_node()
 
 
 def test_a_wrong_expression_costs_one_line(launch, domain):

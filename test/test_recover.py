@@ -159,7 +159,7 @@ def test_a_wrong_length_takes_no_memory(value, broken, whole, tmp_path):
 
 def test_the_metadata_of_the_run_are_not_trusted_when_they_were_hit(broken, whole):
     data, _ = whole
-    where = data.index(b'robot.l1: ') + len('robot.l1: 0.')
+    where = data.index(b'"robot.l1": ') + len('"robot.l1": 0.')
     changed = data[:where] + b'9' + data[where + 1 :]
     log = run_log.read(broken(changed))
     assert log.config['robot.l1'] == VALUES['robot.l1'] and len(log.warnings) == 1

@@ -1,16 +1,18 @@
 """The experiment once more, from the bag alone."""
 
+import os
 import shutil
 from pathlib import Path
 
 import pytest
 from bags import content
+from mcap.reader import make_reader
 from test_replay import live, switch
 
-from parallel_robot_analysis.bags import experiment, history, run_log
-from parallel_robot_analysis.bags.bag_writer import BagWriter
+from parallel_robot_analysis.bags import experiment, history, limits, run_log
+from parallel_robot_analysis.bags.bag_writer import MISSING_LAWS, BagWriter
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import rerun
+from parallel_robot_analysis.commands import rerun, run
 from parallel_robot_analysis.recorder import Recorder
 from parallel_robot_control import faults
 from parallel_robot_interface import config, topics
@@ -35,10 +37,7 @@ def test_a_simulation_with_changed_values_comes_out_the_same(tmp_path, capsys):
     assert run_log.read(again).config == run_log.read(bag).config
 
 
-def test_a_law_of_ones_own_comes_from_the_bag(tmp_path, capsys):
-    law = tmp_path / 'elsewhere' / 'my_law.py'
-    law.parent.mkdir()
-    shutil.copy(EXAMPLE, law)
+def test_a_law_of_ones_own_comes_from_the_bag(law, tmp_path, capsys):
     words = ['--set', f'own_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
     bag = simulated(tmp_path / 'bag', *words)
     assert history.read(bag).laws == {'my_law': EXAMPLE.read_bytes()}
@@ -49,6 +48,116 @@ def test_a_law_of_ones_own_comes_from_the_bag(tmp_path, capsys):
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of my_law' in err
     assert history.read(tmp_path / 'again').laws == history.read(bag).laws
+
+
+def by_hand(directory, bag, **parameters):
+    """The messages of a bag, as a recorder takes them that was started by hand."""
+    values = config.resolve('paper_circle')
+    loop = config.group(values, LoopParameters, '')
+    recorder = Recorder(directory, loop, values, pytest.fail)
+    recorder.open()
+    streams, by_name = content(next(bag.glob('*.mcap'))), {t.name: t for t in topics.RECORDED}
+    entries = [(time, name, data) for name, stream in streams.items() for time, data in stream]
+    for log_time, name, data in sorted(entries, key=lambda entry: entry[0]):
+        recorder.take(by_name[name], data, log_time)
+    found = [recorder.found(f'/{node}', values) for node, values in parameters.items()]
+    recorder.close()
+    return [line for lines in found for line in lines]
+
+
+@pytest.fixture
+def law(tmp_path):
+    """A law of one's own somewhere else."""
+    path = tmp_path / 'elsewhere' / 'my_law.py'
+    path.parent.mkdir()
+    shutil.copy(EXAMPLE, path)
+    return path
+
+
+def test_a_bag_recorded_by_hand_holds_the_law_of_its_controller(law, tmp_path, capsys):
+    words = ['--set', f'own_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
+    bag = simulated(tmp_path / 'bag', *words)
+    controller = {'own_laws': [str(law)], 'law': 'my_law', 'my_law.Kp': 700.0}
+    for name in ('first', 'second'):  # two controllers of the same law, say
+        assert (
+            by_hand(tmp_path / name, bag, controller=controller, other={'own_laws': ['x']}) == []
+        )
+    law.unlink()
+    assert history.read(tmp_path / 'first').laws == {'my_law': EXAMPLE.read_bytes()}
+    assert main(['replay', str(tmp_path / 'first')]) == 0
+    assert 'identical: 101 commands' in capsys.readouterr().out
+
+
+def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
+    bag, odd = simulated(tmp_path / 'bag'), law.with_name('odd.py')
+    law.write_bytes(bytes(limits.LAW + 1))
+    odd.mkdir()
+    os.mkfifo(law.with_name('waits.py'))
+    files = ['my_law.py', str(law), str(law.with_name('gone.py')), str(odd), str(EXAMPLE),
+             str(law.with_name('waits.py')), '/etc/passwd', '\0.py', 7]  # fmt: skip
+    lines = by_hand(tmp_path / 'hand', bag, controller={'own_laws': files})
+    assert len(lines) == len(files) - 1 and not any('\n' in line for line in lines)
+    assert f'{law} has more than 1048576 bytes' in lines[1]
+    assert all('is not on this machine' in line for line in (lines[0], *lines[2:]))
+    assert history.read(tmp_path / 'hand').laws == {'example_law': EXAMPLE.read_bytes()}
+    with (tmp_path / 'hand' / 'hand_0.mcap').open('rb') as stream:
+        notes = [
+            record.metadata
+            for record in make_reader(stream).iter_metadata()
+            if record.name == MISSING_LAWS
+        ]
+    assert [*{key: text for note in notes for key, text in note.items()}.values()] == lines
+
+
+def test_a_bag_without_the_source_of_its_law_says_so(law, tmp_path, capsys):
+    bag = simulated(tmp_path / 'bag')
+    controller = {'own_laws': [str(law.with_name('gone.py'))], 'law': 'gone'}
+    by_hand(tmp_path / 'hand', bag, controller=controller)
+    capsys.readouterr()
+    assert main(['replay', str(tmp_path / 'hand')]) == 2
+    assert 'does not hold the law gone' in capsys.readouterr().err
+
+
+def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, monkeypatch, capsys):
+    bag = simulated(tmp_path / 'bag')
+    nodes = {
+        'trajectory': {
+            'scenario': 'paper_line', 'trajectory.shape': 'line', 'line.duration': 5.0,
+            'law': 'smc',
+        },
+        'plant': {'true_robot.m1': 6.0, 'robot.m1': 7.0, 'scenario': 'heavy_circle'},
+        'controller': {
+            'own_laws': [str(law)], 'law': 'my_law', 'my_law.Kp': 700.0, 'smc.z': 21.0,
+            'granted.realtime': 'none', 'start_stamp': 5, 'robot.m1': 5.0,
+        },
+    }  # fmt: skip
+    by_hand(tmp_path / 'hand', bag, **nodes)
+    runs = []
+    monkeypatch.setattr(run, 'record', lambda *words: runs.append(words) or 0)
+    assert main(['rerun', str(tmp_path / 'hand')]) == 0
+    assert main(['rerun', str(tmp_path / 'hand'), '--duration', '7']) == 0
+    (scenario, changed, out), (_, other, _) = runs
+    assert scenario == 'paper_line' and out == tmp_path / 'hand_rerun'
+    (source,) = changed.pop('own_laws')
+    assert Path(source).name == 'my_law.py' and source != str(law)
+    assert changed == {
+        'duration': 0.1, 'line.duration': 5.0, 'true_robot.m1': 6.0, 'robot.m1': 5.0,
+        'law': 'my_law', 'my_law.Kp': 700.0, 'smc.z': 21.0,
+    }  # fmt: skip
+    assert other['duration'] == 7.0
+    assert 'bytes cannot be compared' in capsys.readouterr().out
+
+
+def test_another_duration_is_run(tmp_path, capsys):
+    bag = simulated(tmp_path / 'bag')
+    assert main(['rerun', str(bag), '--duration', '0.05']) == 0
+    assert 'a bag of 0.1 s: bytes cannot be compared' in capsys.readouterr().out
+    assert len(run_log.read(tmp_path / 'bag_rerun').time) == 51
+    for wrong, message in ('0', 'duration must be positive'), ('-1', 'duration must be at least'):
+        words = ['rerun', str(bag), '--duration', wrong, '--out', str(tmp_path / 'again')]
+        assert main(words) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / 'again').exists()
 
 
 def test_what_differs_first_is_said(tmp_path):

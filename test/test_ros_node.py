@@ -1,16 +1,20 @@
 """What all nodes share: how they read, the first line of a log, the order in which they begin."""
 
+import functools
 import gc
-import signal
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import ReliabilityPolicy
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_interface import ros_node
+from parallel_robot_interface.errors import RunError
 from parallel_robot_interface.ros_node import SuiteNode, run_node
 from parallel_robot_sim.plant_node import PlantNode
 
@@ -37,18 +41,6 @@ def test_the_first_line_of_a_log_looks_at_no_module(before, least, most):
     told = subprocess.run(words, capture_output=True, text=True, check=True)
     assert 'a line' in told.stderr
     assert least <= int(told.stdout) <= most
-
-
-@pytest.fixture
-def handlers():
-    """What this process does at signals, as it was, after the test."""
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.getsignal(number) for number in numbers]
-    gc.unfreeze()
-    yield
-    gc.unfreeze()
-    for number, handler in zip(numbers, before, strict=True):
-        signal.signal(number, handler)
 
 
 def test_what_keeps_time_begins_when_all_is_prepared(domain, handlers):
@@ -91,3 +83,46 @@ def test_a_lost_message_holds_up_no_newer_one_but_in_lockstep(node):
     ):
         (info,) = reader.get_subscriptions_info_by_topic(topic)
         assert info.qos_profile.reliability == wanted
+
+
+@pytest.mark.parametrize('executor', ['events', 'single'])
+@pytest.mark.parametrize('error', [ValueError, RunError])
+def test_only_errors_that_the_suite_means_end_a_node(
+    error, executor, domain, handlers, monkeypatch
+):
+    """Whatever a message, a request or a timer brings about, the node tells and goes on."""
+
+    class Node(SuiteNode):
+        def __init__(self):
+            super().__init__('node', {})
+            self.calls = Counter()
+            for what in ('message', 'request'):
+                setattr(self, what, functools.partial(self.raise_at, what))
+            self.create_subscription(String, 'topic', self.message, 10)
+            self.create_service(Trigger, 'service', self.request)
+            self.create_timer(0.01, functools.partial(self.raise_at, 'timer'))
+            self._publisher = self.create_publisher(String, 'topic', 10)
+            self._client = self.create_client(Trigger, 'service')
+            self.create_timer(0.02, self.send)
+
+        def raise_at(self, what, *_):
+            self.calls[what] += 1
+            raise error(what)
+
+        def send(self):
+            self._publisher.publish(String())
+            if self._client.service_is_ready():
+                self._client.call_async(Trigger.Request())
+            if min(self.calls[what] for what in ('message', 'request', 'timer')) > 2:
+                self.finish()
+
+    made = []
+
+    def make():
+        made.append(Node())
+        return made[0]
+
+    monkeypatch.setattr(sys, 'argv', ['node', '--ros-args', '-p', f'executor:={executor}'])
+    assert run_node(make) == int(error is RunError)
+    if error is ValueError:
+        assert made[0].counts['unforeseen errors'] == made[0].calls.total() > 8

@@ -13,7 +13,7 @@ from parallel_robot_analysis import metrics
 from parallel_robot_analysis.bags import run_log, simulation_bag
 from parallel_robot_analysis.bags.bag_writer import BagWriter
 from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import BagError, InputError
+from parallel_robot_interface.errors import BagError
 from parallel_robot_sim.simulation import simulate
 
 COUNT = 100
@@ -277,23 +277,3 @@ def test_answers_belong_to_their_states_when_some_are_lost(record):
     expected[[7, 8]] = np.nan
     expected[49] = EFFORT[50]  # of the state that is lost
     assert np.array_equal(answer, expected, equal_nan=True)
-
-
-def test_columns_name_their_units(record):
-    log = record(streams(REFERENCE, POSITION, EFFORT))
-    table = run_log.columns(log)
-    assert list(table)[:5] == [
-        'time_s', 'stamp_ns', 'joint1_position_rad', 'joint2_position_rad', 'joint3_position_rad',
-    ]  # fmt: skip
-    assert len(table) == 2 + 7 * 3
-    assert np.array_equal(table['joint2_reference_position_rad'], REFERENCE[:, 1])
-    assert np.array_equal(table['joint3_command_nm'], EFFORT[:, 2])
-    frame = run_log.to_frame(log)
-    assert list(frame.columns) == list(table) and frame.shape == (COUNT, len(table))
-    assert np.array_equal(frame['stamp_ns'], log.stamps)
-
-
-def test_a_frame_without_pandas_costs_one_line(record, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'pandas', None)
-    with pytest.raises(InputError, match='pandas is not installed'):
-        run_log.to_frame(record(streams(REFERENCE, POSITION)))

@@ -77,7 +77,7 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
         assert done.returncode == 0, done.stderr
 
     def code():
-        return {path for path in cache.rglob('*') if path.is_file()}
+        return {path for path in cache.rglob('*.nb*') if path.is_file()}
 
     def forget():
         for path in code():

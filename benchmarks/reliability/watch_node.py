@@ -21,7 +21,8 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import RunError
-from parallel_robot_interface.ros_node import message_class, qos_of
+from parallel_robot_interface.ros_node import qos_of
+from parallel_robot_interface.ros_types import message_class
 
 PATIENCE = 2.0  # s, for an answer
 WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE, topics.POSE_REFERENCE)

@@ -20,6 +20,7 @@ from mcap.records import ChunkIndex
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
+from parallel_robot_analysis.bags import plain_data
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import DEPTH, Topic
 
@@ -29,6 +30,7 @@ MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost
 PARAMETERS = 'parallel_robot_parameters'  # of records with the parameters of nodes at the start
 CHANGES = 'parallel_robot_changes'  # of records with a later change of parameters
 LAWS = 'own_laws/'  # begin of the names of attachments with the source of a law of one's own
+MISSING_LAWS = 'parallel_robot_missing_laws'  # of records with why a law is not attached, by file
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
@@ -390,8 +392,8 @@ def channel_of(topic: Topic) -> Channel:
 def _profiles(channel: Channel) -> list[Any]:
     """Quality of service for metadata.yaml, where it is in the form of its version."""
     try:
-        profiles = yaml.safe_load(dict(channel.metadata).get('offered_qos_profiles', ''))
-    except yaml.YAMLError:
+        profiles = plain_data.load(dict(channel.metadata).get('offered_qos_profiles', ''))
+    except ValueError:
         return []
     if isinstance(profiles, list) and all(_has_words(profile) for profile in profiles):
         return profiles

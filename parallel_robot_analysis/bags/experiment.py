@@ -12,14 +12,20 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from parallel_robot_interface import plugins
+from parallel_robot_analysis.bags import plain_data
+from parallel_robot_analysis.bags.limits import LAW, NAME
+from parallel_robot_interface import config
 from parallel_robot_interface.config import PACKAGE
-from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_interface.errors import BagError, InputError
+from parallel_robot_interface.loop import LoopParameters, validate
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 SIMULATION, NODES = 'simulation', 'nodes'  # who moved the robot
+OWNERS = {  # nodes whose parameters count, the later before the earlier; and their common ones
+    'trajectory': ('scenario',),
+    'plant': ('joints', 'period', 'duration', 'time_mode'),
+    'controller': ('law', 'preset', 'own_laws'),
+}
 GIT = ('git', 'describe', '--always', '--dirty')
 GIT_PATIENCE = 2.0  # s
 
@@ -45,8 +51,65 @@ def describe(
         'command_line': str(values['recorder.command_line']) or command_line(),
         'randomness': 'none',  # so there is no seed
         **software(),
-        'config': yaml.safe_dump(dict(values), sort_keys=True),
+        'config': plain_data.dump(values),
     }
+
+
+def configuration(
+    bag: Path, facts: Mapping[str, str]
+) -> tuple[dict[str, Any], LoopParameters, int]:
+    """Configuration of the run over the defaults, so that bags of older versions stay readable.
+
+    Args:
+        bag: For messages.
+        facts: What the bag says, see :func:`describe`; empty when another recorded it.
+
+    Returns:
+        All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
+
+    Raises:
+        BagError: it says nothing of the kind.
+    """
+    values = config.resolve('paper_circle')
+    try:
+        stored = {'scenario': 'unknown', 'law': 'unknown'}
+        if facts:
+            stored = _checked(values, plain_data.load(facts['config']))
+        loop = validate(config.group(values | stored, LoopParameters, ''))
+        names = (loop.scenario, loop.law, *loop.joints)
+        if not all(name.isprintable() and len(name) <= NAME for name in names):
+            raise ValueError('a name in it is too long or cannot be printed')
+    except (KeyError, ValueError, InputError) as error:
+        raise BagError(f'{bag}: its metadata hold no usable config: {error}') from None
+    return values | stored, loop, int(facts.get('start_stamp', 0))
+
+
+def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
+    """A stored configuration whose values are of the types of those that are known.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if not isinstance(stored, dict):
+        raise ValueError('no keys and values')
+    for key, value in stored.items():
+        if not (plain_data.flat(value) and is_like(known.get(key, value), value)):
+            raise ValueError(f'{key} cannot be {value!r}')
+    return stored
+
+
+def is_like(example: Any, value: Any) -> bool:
+    """Whether a plain value is of the kind of another: its type, its length where it is fixed."""
+    if isinstance(example, list):
+        if not isinstance(value, list):
+            return False
+        if not example or isinstance(example[0], str):
+            return all(isinstance(item, str) for item in value)
+        return len(value) == len(example) and all(map(is_like, example, value))
+    if isinstance(example, str):
+        return isinstance(value, str) or value is False  # YAML takes an unquoted off for false
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, bool) if isinstance(example, bool) else number
 
 
 @functools.cache
@@ -68,9 +131,49 @@ def command_line() -> str:
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
-def sources(values: Mapping[str, Any]) -> dict[str, bytes]:
-    """Name to source of the laws of one's own in a configuration."""
-    return {plugins.load(path)[0]: Path(path).read_bytes() for path in values['own_laws']}
+def law_source(path: str) -> tuple[str, bytes]:
+    """Name and source of a custom law, as its file is now; nothing of it is run.
+
+    Args:
+        path: The file, absolute: a node may have another current directory.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, or it is too large.
+    """
+    file = Path(path)
+    try:
+        if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
+            raise InputError(f'the law file {path} is not on this machine')
+        with file.open('rb') as stream:
+            source = stream.read(LAW + 1)
+    except (OSError, ValueError) as error:
+        raise InputError(f'the law file {path} cannot be read: {error}') from None
+    if len(source) > LAW:
+        raise InputError(f'the law file {path} has more than {LAW} bytes')
+    return file.stem, source
+
+
+def of_nodes(
+    values: Mapping[str, Any], parameters: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Configuration of a run whose nodes may have been started by hand, each with its own.
+
+    Args:
+        values: Configuration of who recorded.
+        parameters: Full name of a node to its parameters at the start.
+    """
+    merged = dict(values)
+    for name, own in OWNERS.items():
+        for node, found in parameters.items():
+            if node.rpartition('/')[2] == name:
+                laws = {Path(str(path)).stem for path in found.get('own_laws') or ()}
+                merged |= {
+                    key: value
+                    for key, value in found.items()
+                    if key in own
+                    or ('.' in key and (key in values or key.partition('.')[0] in laws))
+                }
+    return merged
 
 
 def _version(name: str) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_analysis.bags import bag_reader
+from parallel_robot_analysis.bags import bag_reader, plain_data
 from parallel_robot_analysis.bags.bag_reader import Messages
-from parallel_robot_analysis.bags.bag_writer import CHANGES, LAWS, MESSAGES, PARAMETERS
+from parallel_robot_analysis.bags.bag_writer import CHANGES, MESSAGES, PARAMETERS
+from parallel_robot_analysis.bags.experiment import is_like
+from parallel_robot_analysis.bags.limits import MEMORY, MESSAGE, NAME, STATUSES
 from parallel_robot_interface import cdr, config
+from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import STATUS, Topic
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -78,33 +81,35 @@ class History(NamedTuple):
         return files
 
 
-def read(bag: str | Path) -> History:
+def read(bag: str | Path, memory: int = MEMORY) -> History:
     """Read what a bag says; what is not there or not understood is left out.
 
+    Args:
+        bag: Directory of the bag, or one file of it.
+        memory: What may be held of it [bytes].
+
     Raises:
-        BagError: not a bag.
+        BagError: not a bag, or one that takes too much.
     """
-    found = bag_reader.read(bag, (STATUS,), _statuses)
+    found = bag_reader.read(bag, (STATUS,), _decoder(Path(bag)), memory)
     statuses = [said for parts in found.streams.values() for part in parts for said in part]
+    known = config.resolve('paper_circle') if {PARAMETERS, CHANGES} & {*found.notes} else {}
     parameters: dict[str, dict[str, Any]] = {}
     for note in found.notes.get(PARAMETERS, []):
-        parameters |= {node: _mapping(text) for node, text in note.items()}
+        parameters |= {node: _values(text, known) for node, text in note.items() if _is_name(node)}
     changes = []
     for note in found.notes.get(CHANGES, []):
-        if note.get('stamp', '').isdigit():
-            values = _mapping(note.get('values', ''))
-            changes.append(Change(int(note['stamp']), note.get('node', ''), values))
+        stamp, node = plain_data.whole_number(note.get('stamp', '')), note.get('node', '')
+        if stamp is not None and _is_name(node):
+            changes.append(Change(stamp, node, _values(note.get('values', ''), known)))
     lost = {}
     for note in found.notes.get(MESSAGES, []):
         for topic, text in note.items():
             number = text.rpartition('lost ')[2]
-            lost[topic] = int(number) if number.isdigit() else 0
-    laws = {
-        name.removeprefix(LAWS): data
-        for name, data in found.attachments.items()
-        if name.startswith(LAWS)
-    }
-    return History(found.metadata, tuple(sorted(statuses)), parameters, tuple(changes), laws, lost)
+            lost[topic] = plain_data.whole_number(number) or 0
+    return History(
+        found.metadata, tuple(sorted(statuses)), parameters, tuple(changes), found.laws, lost
+    )
 
 
 def remarks(history: History, start: int) -> list[str]:
@@ -147,22 +152,38 @@ def remark_lines(limits: str, fault: tuple[float, str] | None) -> list[str]:
     return lines
 
 
-def _statuses(_: Topic, messages: Messages) -> list[Said]:
-    found = []
-    for row in messages.payloads:
-        try:
-            message: Any = STORE.deserialize_cdr(row.tobytes(), STATUS.type)
-            values = {item.key: item.value for item in message.status[0].values}
-            stamp = message.header.stamp.sec * cdr.NANOSECONDS + message.header.stamp.nanosec
-            found.append(Said(stamp, values['law'], values['fault'], values['limits that acted']))
-        except Exception:  # broken, or somebody else's topic of the same name
-            continue
-    return found
+def _decoder(bag: Path) -> Callable[[Topic, Messages], list[Said]]:
+    left = STATUSES
+
+    def decode(topic: Topic, messages: Messages) -> list[Said]:
+        nonlocal left
+        left -= len(messages.payloads)
+        if left < 0:
+            raise BagError(f'{bag} has more than {STATUSES} messages on {topic.name}')
+        found: list[Said] = []
+        for row in messages.payloads[:, : MESSAGE + 1]:
+            try:
+                message: Any = STORE.deserialize_cdr(row.tobytes(), STATUS.type)
+                values = {item.key: item.value for item in message.status[0].values}
+                stamp = message.header.stamp.sec * cdr.NANOSECONDS + message.header.stamp.nanosec
+                said = Said(stamp, values['law'], values['fault'], values['limits that acted'])
+            except Exception:  # broken, or somebody else's topic of the same name
+                continue
+            if _is_name(said.law) and (said.fault + said.limits).isprintable():
+                found.append(said)
+        return found
+
+    return decode
 
 
-def _mapping(text: str) -> dict[str, Any]:
-    try:
-        found = yaml.load(text, config.LOADER)
-    except yaml.YAMLError:
-        return {}
-    return found if isinstance(found, dict) else {}
+def _values(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of a node, without those that cannot be what their keys say."""
+    return {
+        key: value
+        for key, value in plain_data.mapping(text).items()
+        if is_like(known.get(key, value), value)
+    }
+
+
+def _is_name(text: str) -> bool:
+    return text.isprintable() and len(text) <= NAME

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import bisect
-import struct
+import re
 from collections import Counter
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import yaml
-from mcap.data_stream import ReadDataStream
-from mcap.reader import make_reader
-from mcap.records import Chunk
-from mcap.stream_reader import get_chunk_data_stream
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
-from parallel_robot_analysis.bags.bag_reader import files
+from parallel_robot_analysis.bags import mcap_records, plain_data
+from parallel_robot_analysis.bags.bag_reader import File, files, open_file
+from parallel_robot_analysis.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot_interface.errors import BagError
 
-RECORD = struct.Struct('<BQ')  # opcode, length of the rest
-MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log time, publish time
-MESSAGE_OPCODE = 5
 TRANSIENT_LOCAL = ('transient_local', 1)  # as bags say it: today, and before Iron
+TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
+LAST = 1 << 61  # ns, that a stamp can say
+INDEX = mcap_records.SUMMARISED | {Opcode.CHUNK_INDEX: ChunkIndex}
 
 
 class RecordedTopic(NamedTuple):
@@ -52,7 +52,8 @@ class _Chunk(NamedTuple):
     first: int
     rank: int  # place in the order of files and offsets
     last: int
-    stream: IO[bytes]
+    path: Path
+    data: memoryview
     offset: int
     channels: dict[int, str]  # id to topic
 
@@ -67,22 +68,27 @@ class BagReader:
         end: Log time of the last message [ns].
     """
 
-    def __init__(self, bag: str | Path) -> None:
+    def __init__(self, bag: str | Path, memory: int = MEMORY) -> None:
         """Read the index.
 
         Args:
             bag: Directory of the bag, or its MCAP file.
+            memory: What may be held of it at once [bytes].
 
         Raises:
             BagError: not a bag, or one without index.
         """
         self.topics: dict[str, RecordedTopic] = {}
         self.counts: Counter[str] = Counter()
-        self._streams: list[IO[bytes]] = []
+        self._bag = Path(bag)
+        self._memory = memory
+        self._size = 0
         chunks: list[_Chunk] = []
-        for file in files(Path(bag)):
-            chunks += self._index(file, len(chunks))
-        self._chunks = sorted(chunks)
+        for path in files(self._bag):
+            file = open_file(path, memory)
+            self._size += len(file.data)
+            chunks += self._index(path, file, len(chunks))
+        self._chunks = sorted(chunks)  # by time and rank, which is never the same
         self.start = min((chunk.first for chunk in chunks), default=0)
         self.end = max((chunk.last for chunk in chunks), default=0)
 
@@ -97,9 +103,10 @@ class BagReader:
             end: Last log time [ns]; None: that of the bag.
 
         Raises:
-            BagError: the file is broken.
+            BagError: the file is broken, or takes too much.
         """
         end = self.end if end is None else end
+        allowance = Allowance(self._bag, self._size, self._memory)
         pending: list[tuple[Any, ...]] = []
         for chunk in self._chunks:
             if chunk.last < start or chunk.first > end:
@@ -107,22 +114,28 @@ class BagReader:
             ready = bisect.bisect_left(pending, (chunk.first,))
             yield from map(_message, pending[:ready])
             pending = pending[ready:]
-            pending += (item for item in _scan(chunk, topics) if start <= item[0] <= end)
+            pending += (
+                item for item in _scan(chunk, topics, allowance) if start <= item[0] <= end
+            )
             pending.sort()
+            held = {item[1]: len(item[4]) for item in pending}
+            if sum(held.values()) > self._memory // COPIES:
+                raise BagError(f'{self._bag}: too many chunks are of the same time')
         yield from map(_message, pending)
 
     def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
         """What a subscriber of latched topics would know at a moment [ns], in order.
 
         Raises:
-            BagError: the file is broken.
+            BagError: the file is broken, or takes too much.
         """
+        allowance = Allowance(self._bag, self._size, self._memory)
         wanted = {name: self.topics[name].latched for name in topics if self.topics[name].latched}
         found: list[tuple[Any, ...]] = []
         for chunk in reversed(self._chunks):
             if chunk.first >= before or not wanted.keys() & chunk.channels.values():
                 continue
-            for item in sorted(_scan(chunk, wanted), reverse=True):
+            for item in sorted(_scan(chunk, wanted, allowance), reverse=True):
                 if item[0] < before and wanted.get(item[3]):
                     wanted[item[3]] -= 1
                     found.append(item)
@@ -130,86 +143,80 @@ class BagReader:
         return [_message(item) for item in sorted(found)]
 
     def close(self) -> None:
-        """Close the files."""
-        for stream in self._streams:
-            stream.close()
+        """Let go of the files."""
+        self._chunks = []
 
-    def _index(self, file: Path, rank: int) -> list[_Chunk]:
-        try:
-            stream = file.open('rb')
-            self._streams.append(stream)
-            summary = make_reader(stream).get_summary()
-        except Exception as error:  # in a broken file, any length or string can be wrong
-            raise BagError(
-                f'{file} cannot be read: it is no MCAP file, or was cut off '
-                f'({str(error) or type(error).__name__})'
-            ) from None
-        statistics = summary.statistics if summary else None
-        if summary is None or statistics is None:
-            raise BagError(f'{file} has no index: its recording was cut off')
-        if statistics.message_count and not summary.chunk_indexes:
-            raise BagError(f'{file} has no index: it was written without chunks')
+    def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
+        end, records = mcap_records.summarised(*file, INDEX)
+        if end is None:
+            raise BagError(f'{path} cannot be read: it is no MCAP file, or was cut off')
+        statistics = next((r for r in records if isinstance(r, Statistics)), None)
+        indexes = {r.chunk_start_offset: r for r in records if isinstance(r, ChunkIndex)}
+        if statistics is None:
+            raise BagError(f'{path} has no index: its recording was cut off')
+        if statistics.message_count and not indexes:
+            raise BagError(f'{path} has no index: it was written without chunks')
+        if max((index.message_end_time for index in indexes.values()), default=0) > LAST:
+            raise BagError(f'{path} has log times that no clock can have')
+        schemas = {r.id: r.name for r in records if isinstance(r, Schema)}
         names = {}
-        for channel in summary.channels.values():
-            schema = summary.schemas.get(channel.schema_id)
-            if schema is None or channel.message_encoding != 'cdr':
+        for channel in (r for r in records if isinstance(r, Channel)):
+            type_name = schemas.get(channel.schema_id, '')
+            cdr = type_name and channel.message_encoding == 'cdr'
+            if not cdr or not TOPIC.fullmatch(channel.topic):
                 continue
             names[channel.id] = channel.topic
             latched = _latched(channel.metadata.get('offered_qos_profiles', ''))
-            self.topics[channel.topic] = RecordedTopic(channel.topic, schema.name, latched)
+            self.topics[channel.topic] = RecordedTopic(channel.topic, type_name, latched)
             self.counts[channel.topic] += statistics.channel_message_counts.get(channel.id, 0)
         return [
             _Chunk(
                 index.message_start_time,
                 rank + k,
                 index.message_end_time,
-                stream,
-                index.chunk_start_offset,
+                path,
+                file.data,
+                offset,
                 {
                     key: name
                     for key, name in names.items()
                     if key in index.message_index_offsets or not index.message_index_offsets
                 },
             )
-            for k, index in enumerate(sorted(summary.chunk_indexes, key=_offset))
+            for k, (offset, index) in enumerate(sorted(indexes.items()))
         ]
 
 
-def _offset(index: Any) -> int:
-    return int(index.chunk_start_offset)
-
-
-def _scan(chunk: _Chunk, topics: Collection[str]) -> Iterator[tuple[Any, ...]]:
+def _scan(
+    chunk: _Chunk, topics: Collection[str], allowance: Allowance
+) -> Iterator[tuple[Any, ...]]:
     """Messages of a chunk: log time, rank, offset, topic, bytes of the chunk, end."""
-    try:
-        chunk.stream.seek(chunk.offset + RECORD.size)
-        stream, length = get_chunk_data_stream(Chunk.read(ReadDataStream(chunk.stream)))
-        data = stream.read(length)
-        position = 0
-        while position < length:
-            opcode, size = RECORD.unpack_from(data, position)
-            position += RECORD.size + size
-            if opcode != MESSAGE_OPCODE:
-                continue
-            key, _, log_time, _ = MESSAGE.unpack_from(data, position - size)
-            topic = chunk.channels.get(key)
-            if topic in topics:
-                first = position - size + MESSAGE.size
-                yield log_time, chunk.rank, first, topic, data, position
-    except Exception as error:  # in a broken file, any length or string can be wrong
-        reason = str(error) or type(error).__name__
-        raise BagError(f'{chunk.stream.name} cannot be read: {reason}') from None
+    record = mcap_records.record_at(chunk.data, chunk.offset, Opcode.CHUNK)
+    data = None if record is None else mcap_records.unpacked(record, allowance)
+    if data is None:
+        raise BagError(f'{chunk.path} cannot be read: a chunk is broken')
+    block = mcap_records.messages_of(data, allowance)
+    if block is None:
+        raise BagError(f'{chunk.path} cannot be read: a chunk is broken')
+    heads = block.heads()
+    wanted = [key for key, topic in chunk.channels.items() if topic in topics]
+    here = np.isin(heads['channel'], wanted)
+    rows = zip(block.starts[here].tolist(), heads[here].tolist(), strict=True)
+    for start, (length, channel, _, log_time, _) in rows:
+        payload = start + mcap_records.HEAD + mcap_records.MESSAGE_HEAD
+        end = start + mcap_records.HEAD + length
+        yield log_time, chunk.rank, payload, chunk.channels[channel], data, end
 
 
 def _message(item: tuple[Any, ...]) -> RecordedMessage:
     log_time, _, first, topic, data, end = item
-    return RecordedMessage(log_time, topic, data[first:end])
+    return RecordedMessage(log_time, topic, bytes(data[first:end]))
 
 
 def _latched(profiles: str) -> int:
     """History of all latched publishers together, from `offered_qos_profiles`."""
     try:
-        latched = [p for p in yaml.safe_load(profiles) if p['durability'] in TRANSIENT_LOCAL]
+        latched = [p for p in plain_data.load(profiles) if p['durability'] in TRANSIENT_LOCAL]
         return sum(max(1, min(int(p['depth']), 1000)) for p in latched)
-    except (KeyError, TypeError, ValueError, yaml.YAMLError):
+    except (KeyError, TypeError, ValueError):
         return 0

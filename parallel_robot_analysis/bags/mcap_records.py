@@ -6,7 +6,7 @@ import contextlib
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
+from parallel_robot_analysis.bags.limits import ATTACHMENT, CHUNK, DESCRIPTION, Allowance
 from parallel_robot_model.kernel import kernel
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -24,7 +25,7 @@ HEAD = 9  # bytes before the content of a record: opcode and length
 MESSAGE_HEAD = 22  # bytes of a message's content before its payload
 FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
 TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
-LARGEST = 1 << 28  # bytes; a chunk that claims to unpack to more is damaged
+PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes among which the next chunk is looked for
 BATCH = 1 << 16  # messages outside chunks that make one block
 MESSAGE = np.dtype(
     {
@@ -35,7 +36,7 @@ MESSAGE = np.dtype(
     }
 )
 LENGTH = struct.Struct('<Q')
-CHUNK = struct.Struct('<QQQII')  # first and last time, size, CRC, length of the compression's name
+CHUNK_HEAD = struct.Struct('<QQQII')  # times, size, CRC, length of the compression's name
 CHUNK_BEGIN = re.compile(rb'\x06.{7}\x00.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd)', re.DOTALL)
 PARSED: dict[int, Any] = {
     Opcode.HEADER: Header,
@@ -43,6 +44,11 @@ PARSED: dict[int, Any] = {
     Opcode.CHANNEL: Channel,
     Opcode.ATTACHMENT: Attachment,
     Opcode.METADATA: Metadata,
+    Opcode.STATISTICS: Statistics,
+}
+SUMMARISED: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics,
 }
 
@@ -74,6 +80,8 @@ class Block(NamedTuple):
             Shape (M,), of a type of L bytes.
         """
         kind = np.dtype(f'V{length}')
+        if not len(self.starts):
+            return np.empty(0, kind)
         count = len(self.data) - length + 1
         every = np.ndarray((count,), kind, self.data, strides=(1,))  # at each offset, overlapping
         return every[self.starts[where] + begin]
@@ -94,7 +102,7 @@ class Damage(NamedTuple):
 Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage
 
 
-def scan(data: memoryview) -> Iterator[Record]:
+def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
     """Yield what a file holds: what its summary repeats, then its data in their order.
 
     Memory stays within the size of one chunk, whatever the lengths in the file say. After damage
@@ -102,8 +110,12 @@ def scan(data: memoryview) -> Iterator[Record]:
 
     Args:
         data: The file.
+        allowance: What reading it may take.
+
+    Raises:
+        BagError: it takes more.
     """
-    summary, repeated = _summary(data)
+    summary, repeated = summarised(data, allowance)
     yield from repeated
     channels = np.zeros(1 << 16, bool)  # which are known, by their number
     channels[[record.id for record in repeated if isinstance(record, Channel)]] = True
@@ -122,6 +134,7 @@ def scan(data: memoryview) -> Iterator[Record]:
             sound, offset = False, resume
             continue
         record = data[offset:end]
+        allowance.walk(1)
         if opcode == Opcode.DATA_END:
             (crc,) = struct.unpack_from('<I', record, HEAD)
             if sound and crc and crc != zlib.crc32(data[:offset]):
@@ -130,15 +143,17 @@ def scan(data: memoryview) -> Iterator[Record]:
             break
         if opcode == Opcode.MESSAGE:
             starts, end = _starts(np.frombuffer(data, np.uint8), offset, stop, opcode, BATCH)
+            allowance.walk(len(starts))
             yield from _known(Block(data, starts), channels)
         elif opcode == Opcode.CHUNK:
-            content = _unpacked(record)
+            content = unpacked(record, allowance)
             if content is None:
                 sound = False
                 yield Damage('chunk', len(record))
             else:
-                yield from _contents(content, channels)
+                yield from _contents(content, channels, allowance)
         elif opcode in PARSED:
+            allowance.describe()
             parsed = _parsed(record)
             if isinstance(parsed, Channel):
                 channels[parsed.id] = True
@@ -148,17 +163,34 @@ def scan(data: memoryview) -> Iterator[Record]:
         yield Damage('end', len(data) - offset)
 
 
-def plain(payload: bytes) -> bytes:
-    """A payload, unpacked if its recorder packed each by itself; as it is when that fails."""
+def plain(payload: bytes, allowance: Allowance) -> bytes:
+    """A payload, unpacked if its recorder packed each by itself; as it is when that fails.
+
+    Raises:
+        BagError: it takes more than is allowed.
+    """
     if payload.startswith(zstandard.FRAME_HEADER):
         with contextlib.suppress(zstandard.ZstdError):
             size = zstandard.frame_content_size(payload)
-            return _unpack_zstd(payload, size) if 0 <= size <= LARGEST else payload
+            if 0 <= size <= CHUNK:
+                allowance.unpack(size)
+                return _unpack_zstd(payload, size)
     return payload
 
 
-def _summary(data: memoryview) -> tuple[int | None, list[Any]]:
-    """Where the summary begins and what it repeats; None when the file has no sound end."""
+def summarised(
+    data: memoryview, allowance: Allowance, kinds: Mapping[int, Any] = SUMMARISED
+) -> tuple[int | None, list[Any]]:
+    """Where the summary begins and what it repeats; None when the file has no sound end.
+
+    Args:
+        data: The file.
+        allowance: What reading it may take.
+        kinds: Records that are wanted.
+
+    Raises:
+        BagError: it takes more.
+    """
     tail = len(data) - TAIL
     if tail < len(MAGIC) or data[tail : tail + HEAD] != FOOTER or data[-len(MAGIC) :] != MAGIC:
         return None, []
@@ -169,12 +201,48 @@ def _summary(data: memoryview) -> tuple[int | None, list[Any]]:
     if not len(MAGIC) <= begin <= tail or (crc and crc != zlib.crc32(data[begin:checked])):
         return None, []
     starts, _ = _starts(np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD)
-    records = [
-        _parsed(data[start : start + HEAD + LENGTH.unpack_from(data, start + 1)[0]])
-        for start in starts.tolist()
-        if data[start] in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)
-    ]
+    wanted = starts[np.isin(np.frombuffer(data, np.uint8)[starts], list(kinds))].tolist()
+    allowance.describe(len(wanted))
+    records = [_parsed(_record(data, start), kinds) for start in wanted]
     return begin, [record for record in records if record is not None]
+
+
+def unpacked(record: memoryview, allowance: Allowance) -> memoryview | None:
+    """Verified content of a chunk; None when it is damaged.
+
+    Raises:
+        BagError: it takes more than is allowed.
+    """
+    parts = _packed(record)
+    if parts is None or parts[1] > CHUNK:
+        return None
+    compression, size, crc, rest = parts
+    allowance.unpack(size)
+    try:
+        content = UNPACK[compression](rest, size) if size else b''
+    except Exception:  # in broken bytes, anything can go wrong
+        return None
+    if len(content) != size or (crc and crc != zlib.crc32(content)):
+        return None
+    return memoryview(content)
+
+
+def messages_of(content: memoryview, allowance: Allowance) -> Block | None:
+    """All messages of a verified chunk; None when its records do not fill it.
+
+    Raises:
+        BagError: they are more than is allowed.
+    """
+    starts = _filling(content, allowance)
+    if starts is None:
+        return None
+    return Block(content, starts[_opcodes(content, starts) == Opcode.MESSAGE])
+
+
+def record_at(data: memoryview, offset: int, opcode: int) -> memoryview | None:
+    """The record of a kind at an offset; None when there is none."""
+    end = _end(data, offset, len(data)) if 0 <= offset < len(data) else None
+    return None if end is None or data[offset] != opcode else data[offset:end]
 
 
 def _end(data: memoryview, offset: int, stop: int) -> int | None:
@@ -204,51 +272,46 @@ def _end(data: memoryview, offset: int, stop: int) -> int | None:
 
 def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
     """Where the next chunk begins whose lengths fit together; `stop` when there is none."""
-    while match := CHUNK_BEGIN.search(data, offset, stop):
-        if _end(data, match.start(), stop) is not None:
-            return match.start()
-        offset = match.start() + 1
+    raw = np.frombuffer(data, np.uint8)
+    size = PIECE
+    while offset < stop:
+        found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == Opcode.CHUNK)
+        found = found[found + HEAD <= stop]
+        for start in found[raw[found + HEAD - 1] == 0].tolist():
+            if CHUNK_BEGIN.match(data, start, stop) and _end(data, start, stop) is not None:
+                return int(start)
+        offset, size = offset + size, min(2 * size, LARGEST_PIECE)
     return stop
 
 
-def _parsed(record: memoryview) -> Any:
+def _record(data: memoryview, start: int) -> memoryview:
+    return data[start : start + HEAD + LENGTH.unpack_from(data, start + 1)[0]]
+
+
+def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED) -> Any:
     """A record as mcap's class; None unless it would be written with these very bytes."""
+    if len(record) > (ATTACHMENT if record[0] == Opcode.ATTACHMENT else DESCRIPTION):
+        return None
     builder = RecordBuilder()
     try:
-        parsed = PARSED[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
+        parsed = kinds[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
         parsed.write(builder)
     except Exception:  # in broken bytes, any length or string can be wrong
         return None
     return parsed if builder.end() == record else None
 
 
-def _packed(record: memoryview) -> tuple[str, int, int, memoryview] | None:
+def _packed(record: memoryview) -> tuple[bytes, int, int, memoryview] | None:
     """Compression, size, CRC and packed content of a chunk; None if its lengths are wrong."""
-    if len(record) < HEAD + CHUNK.size:
+    if len(record) < HEAD + CHUNK_HEAD.size:
         return None
-    _, _, size, crc, name_length = CHUNK.unpack_from(record, HEAD)
-    name = record[HEAD + CHUNK.size :][:name_length]
-    packed = record[HEAD + CHUNK.size + name_length + LENGTH.size :]
-    written = record[HEAD + CHUNK.size + name_length :][: LENGTH.size]
+    _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(record, HEAD)
+    name = record[HEAD + CHUNK_HEAD.size :][:name_length]
+    packed = record[HEAD + CHUNK_HEAD.size + name_length + LENGTH.size :]
+    written = record[HEAD + CHUNK_HEAD.size + name_length :][: LENGTH.size]
     if written != LENGTH.pack(len(packed)) or bytes(name) not in UNPACK:
         return None
-    return bytes(name).decode(), size, crc, packed
-
-
-def _unpacked(record: memoryview) -> memoryview | None:
-    """Verified content of a chunk; None when it is damaged."""
-    packed = _packed(record)
-    assert packed is not None
-    compression, size, crc, rest = packed
-    if size > LARGEST:
-        return None
-    try:
-        content = UNPACK[compression.encode()](rest, size)
-    except Exception:  # in broken bytes, anything can go wrong
-        return None
-    if len(content) != size or (crc and crc != zlib.crc32(content)):
-        return None
-    return memoryview(content)
+    return bytes(name), size, crc, packed
 
 
 def _unpack_zstd(packed: bytes | memoryview, size: int) -> bytes:
@@ -269,21 +332,37 @@ UNPACK: dict[bytes, Callable[[memoryview, int], bytes | memoryview]] = {
 }
 
 
-def _contents(content: memoryview, channels: np.ndarray) -> Iterator[Any]:
+def _contents(content: memoryview, channels: np.ndarray, allowance: Allowance) -> Iterator[Any]:
     """Records of a verified chunk; adds to the known `channels`."""
-    raw = np.frombuffer(content, np.uint8)
-    starts, end = _starts(raw, 0, len(raw), 0, len(raw) // HEAD)
-    if end != len(raw):
-        yield Damage('chunk', len(raw))
+    starts = _filling(content, allowance)
+    if starts is None:
+        yield Damage('chunk', len(content))
         return
-    opcodes = raw[starts]
-    for start in starts[(opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)].tolist():
-        parsed = _parsed(content[start : start + HEAD + LENGTH.unpack_from(content, start + 1)[0]])
+    opcodes = _opcodes(content, starts)
+    described = starts[(opcodes == Opcode.SCHEMA) | (opcodes == Opcode.CHANNEL)].tolist()
+    allowance.describe(len(described))
+    for start in described:
+        parsed = _parsed(_record(content, start))
         if isinstance(parsed, Channel):
             channels[parsed.id] = True
         if parsed is not None:
             yield parsed
     yield from _known(Block(content, starts[opcodes == Opcode.MESSAGE]), channels)
+
+
+def _filling(content: memoryview, allowance: Allowance) -> np.ndarray | None:
+    """Where the records of a chunk begin, shape (N,); None when they do not fill it."""
+    if not len(content):
+        return np.empty(0, np.int64)
+    raw = np.frombuffer(content, np.uint8)
+    most = min(len(raw) // HEAD, allowance.records + 1)
+    starts, end = _starts(raw, 0, len(raw), 0, most)
+    allowance.walk(len(starts))
+    return starts if end == len(raw) else None
+
+
+def _opcodes(content: memoryview, starts: np.ndarray) -> np.ndarray:
+    return np.frombuffer(content, np.uint8)[starts] if len(starts) else np.empty(0, np.uint8)
 
 
 def _known(block: Block, channels: np.ndarray) -> Iterator[Block | Damage]:

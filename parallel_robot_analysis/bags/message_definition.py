@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_interface.errors import InputError
+from parallel_robot_interface.ros_types import prefixes
 
 SEPARATOR = '\n' + '=' * 80 + '\nMSG: {}\n'
 BUILT_IN = (
@@ -30,16 +29,15 @@ def definition(type_name: str) -> str:
     store = get_typestore(Stores.ROS2_JAZZY)
     if type_name in store.types:
         return store.generate_msgdef(type_name, ros_version=2)[0]
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    return concatenate(type_name, [Path(prefix) for prefix in (*prefixes, sys.prefix) if prefix])
+    return concatenate(type_name, prefixes())
 
 
-def concatenate(type_name: str, prefixes: Sequence[Path]) -> str:
+def concatenate(type_name: str, places: Sequence[Path]) -> str:
     """Join the .msg files of a type and of the types in it, each once.
 
     Args:
         type_name: ROS type.
-        prefixes: Where packages are installed; the first that has a file wins.
+        places: Where packages are installed; the first that has a file wins.
 
     Raises:
         InputError: a .msg file is missing.
@@ -49,7 +47,7 @@ def concatenate(type_name: str, prefixes: Sequence[Path]) -> str:
     while open_types:
         name = open_types.pop(0)
         if name not in texts:
-            texts[name] = _read(name, prefixes)
+            texts[name] = _read(name, places)
             open_types += _parts(name, texts[name])
     first, *others = texts
     return texts[first] + ''.join(
@@ -57,9 +55,9 @@ def concatenate(type_name: str, prefixes: Sequence[Path]) -> str:
     )
 
 
-def _read(type_name: str, prefixes: Sequence[Path]) -> str:
+def _read(type_name: str, places: Sequence[Path]) -> str:
     package, _, name = type_name.partition('/msg/')
-    for prefix in prefixes:
+    for prefix in places:
         path = prefix / 'share' / package / 'msg' / f'{name}.msg'
         if name and path.is_file():
             return path.read_text()

@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
-from parallel_robot_analysis.bags import answers, bag_reader
+from parallel_robot_analysis.bags import answers, bag_reader, experiment
 from parallel_robot_analysis.bags.answers import UNKNOWN, Answered, Used
-from parallel_robot_analysis.bags.bag_writer import METADATA
 from parallel_robot_analysis.bags.counts import TopicCount, count
-from parallel_robot_analysis.bags.samples import Samples, decoder, whole
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import BagError, InputError
-from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_analysis.bags.limits import MEMORY
+from parallel_robot_analysis.bags.samples import Samples, decoder, physical, whole
+from parallel_robot_interface import cdr, topics
+from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import RECORDED, Topic
 
 NOTHING = np.zeros((0, 0))
@@ -72,33 +70,41 @@ class RunLog(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def read(bag: str | Path) -> RunLog:
+def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
 
     What is damaged is left out, and said in `warnings`.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
+        memory: What may be held of it [bytes].
 
     Raises:
-        BagError: not a bag, or a topic that the log needs is not in it.
+        BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
+            log needs is not in it.
     """
     bag = Path(bag)
-    found = bag_reader.read(bag, RECORDED, decoder(bag))
-    streams = _streams(bag, found.streams)
+    found = bag_reader.read(bag, RECORDED, decoder(bag), memory)
+    streams = streams_of(bag, found.streams)
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if needed not in streams:
             raise BagError(f'{bag} has no messages on {needed.name}')
-    values, loop, start = _configuration(bag, found.metadata)
+    values, loop, start = experiment.configuration(bag, found.metadata)
     states, references, commands = (
         whole(bag, topic, streams[topic], loop.joints)
         for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
     )
+    warnings = [*found.warnings]
+    states = _physical(bag, topics.JOINT_STATES, states, warnings)
+    references = _physical(bag, topics.REFERENCE, references, warnings)
+    commands.numbers['data'][~physical(commands)] = np.nan  # which is as good as none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     used = (states.stamps >= start) & (states.stamps >= references.stamps[0])
     if not used.any():
         raise BagError(f'{bag}: no state has a reference at or before its stamp')
     stamps = states.stamps[used]
+    if len(stamps) > 1 and not (stamps[-1] > stamps[0] and np.median(np.diff(stamps)) > 0.0):
+        raise BagError(f'{bag}: the stamps of {topics.JOINT_STATES.name} do not go on')
     answered = answers.align(commands.log_times, streams.get(topics.ANSWERED, []))
     answer, command_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
@@ -121,7 +127,7 @@ def read(bag: str | Path) -> RunLog:
         states.log_times[used],
         command_states,
         in_use,
-        found.warnings,
+        tuple(warnings),
     )
 
 
@@ -135,65 +141,38 @@ def head(log: RunLog, count: int) -> RunLog:
     return log._replace(**rows, used=None if log.used is None else log.used.head(count))
 
 
-def columns(log: RunLog) -> dict[str, np.ndarray]:
-    """A run as columns, one row a state: name with unit to numbers, shape (N,)."""
-    quantities = {
-        'position_rad': log.position,
-        'velocity_rad_per_s': log.velocity,
-        'effort_nm': log.effort,
-        'reference_position_rad': log.reference_position,
-        'reference_velocity_rad_per_s': log.reference_velocity,
-        'reference_acceleration_rad_per_s2': log.reference_acceleration,
-        'command_nm': log.answer,
-    }
-    return {'time_s': log.time, 'stamp_ns': log.stamps} | {
-        f'{joint}_{quantity}': numbers[:, k]
-        for quantity, numbers in quantities.items()
-        for k, joint in enumerate(log.joints)
-    }
-
-
-def to_frame(log: RunLog) -> Any:
-    """A run as a pandas DataFrame, see :func:`columns`.
+def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
+    """Samples without those whose numbers no robot can have; says so in `warnings`.
 
     Raises:
-        InputError: pandas is not installed.
+        BagError: nothing is left.
     """
-    try:
-        import pandas  # optional
-    except ImportError:
-        raise InputError('pandas is not installed; pip install pandas') from None
-    return pandas.DataFrame(columns(log))
+    kept = physical(samples)
+    count = len(kept) - int(kept.sum())
+    if not count:
+        return samples
+    if count == len(kept):
+        raise BagError(f'{bag}: no message on {topic.name} has numbers that a robot can have')
+    what = f'{count} messages on {topic.name} have numbers that no robot can have'
+    warnings.append(f'{bag}: {what}; they are left out')
+    numbers = {name: values[kept] for name, values in samples.numbers.items()}
+    return Samples(samples.joints, samples.log_times[kept], samples.stamps[kept], numbers)
 
 
-def _configuration(
-    bag: Path, metadata: dict[str, str]
-) -> tuple[dict[str, Any], LoopParameters, int]:
-    """Configuration of the run over the defaults, so that bags of older versions stay readable.
-
-    Returns:
-        All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
-    """
-    values = config.resolve('paper_circle')
-    if not metadata:
-        values = values | {'scenario': 'unknown', 'law': 'unknown'}
-    try:
-        if metadata:
-            stored = yaml.load(metadata['config'], config.LOADER)
-            values = values | {str(key): value for key, value in stored.items()}
-        start = int(metadata.get('start_stamp', 0))
-        return values, config.group(values, LoopParameters, ''), start
-    except (AttributeError, KeyError, ValueError, InputError, yaml.YAMLError):
-        raise BagError(f'{bag}: its metadata {METADATA} hold no usable config') from None
-
-
-def _streams(bag: Path, found: dict[str, list[list[Samples]]]) -> dict[Topic, list[Samples]]:
+def streams_of(
+    bag: Path, found: dict[str, list[list[Samples]]], of_robot: Topic = topics.JOINT_STATES
+) -> dict[Topic, list[Samples]]:
     """Streams of the suite's topics, all in one namespace.
 
+    Args:
+        bag: For messages.
+        found: Messages by full name of the topic.
+        of_robot: A topic that each robot has.
+
     Raises:
-        BagError: the states of several robots are there.
+        BagError: those of several robots are there.
     """
-    end = f'/{topics.JOINT_STATES.name}'
+    end = f'/{of_robot.name}'
     spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
     if len(spaces) > 1 and '' not in spaces:
         raise BagError(f'{bag} holds several runs, in {", ".join(sorted(spaces))}')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,12 +10,20 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_analysis.bags.bag_reader import Messages
+from parallel_robot_analysis.bags.limits import KINDS, MESSAGE, NAME
 from parallel_robot_interface import cdr, topics
 from parallel_robot_interface.errors import BagError
 from parallel_robot_interface.topics import Topic
 
+Kind = tuple[cdr.Layout, tuple[str, ...]]  # and the joints
+LayoutOf = Callable[[Any], Kind]  # from a decoded message
+FIELDS = {
+    topics.JOINT_STATES: ('position', 'velocity', 'effort'),
+    topics.REFERENCE: ('position', 'velocity', 'acceleration'),
+    topics.COMMANDS: ('data',),
+}
+LARGEST = 1e12  # rad, rad/s, rad/s^2, N m; squares of it are still numbers
 STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
-KINDS = 100  # how many kinds of messages a topic may have: joints and their order
 
 
 class Samples(NamedTuple):
@@ -34,29 +42,42 @@ class Samples(NamedTuple):
     numbers: dict[str, np.ndarray]
 
 
-def decoder(bag: Path) -> Callable[[Topic, Messages], list[Samples]]:
+def decoder(
+    bag: Path, layouts: Mapping[Topic, LayoutOf] | None = None
+) -> Callable[[Topic, Messages], list[Samples]]:
     """Function that decodes messages of a topic, by kind of message.
 
-    Of the topics that only are counted, it decodes the stamps. It raises BagError when messages
-    are not those of their topic.
+    Of topics without a layout, it decodes the stamps. It raises BagError when messages are not
+    those of their topic.
+
+    Args:
+        bag: For messages.
+        layouts: How to find the layout of a topic's messages from one of them; None: LAYOUTS.
     """
-    kinds: dict[Topic, tuple[cdr.Layout, tuple[str, ...]]] = {}  # of the newest messages
+    layouts = LAYOUTS if layouts is None else layouts
+    kinds: dict[Topic, list[Kind]] = {}  # that are known, the last used first
 
     def decode(topic: Topic, messages: Messages) -> list[Samples]:
-        if topic not in LAYOUTS:
+        if topic not in layouts:
             return [Samples((), messages.log_times, _header_stamps(topic, messages.payloads), {})]
         decoded: list[Samples] = []
+        known = kinds.setdefault(topic, [])
         while len(messages.payloads):
-            same = np.zeros(len(messages.payloads), bool)
-            if topic in kinds:
-                same = _has_layout(messages.payloads, kinds[topic][0])
-            if not same.any():
-                kinds[topic] = _layout(bag, topic, messages.payloads[0].tobytes())
-                same = _has_layout(messages.payloads, kinds[topic][0])
-            if not same.any() or len(decoded) == KINDS:
+            for kind in known:
+                same = _has_layout(messages.payloads, kind[0])
+                if same.any():
+                    break
+            else:
+                first = messages.payloads[0, : MESSAGE + 1].tobytes()
+                kind = _kind(bag, topic, first, layouts[topic])
+                same = _has_layout(messages.payloads, kind[0])
+                known.append(kind)
+            if not same.any() or len(known) > KINDS:
                 raise BagError(f'{bag}: the messages on {topic.name} are not those of one run')
+            known.remove(kind)
+            known.insert(0, kind)
             alike = messages if same.all() else Messages(*(each[same] for each in messages))
-            decoded.append(_samples(alike, *kinds[topic]))
+            decoded.append(_samples(alike, *kind))
             messages = Messages(*(each[~same] for each in messages))
         return decoded
 
@@ -69,10 +90,17 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
     Raises:
         BagError: a joint or a field is not in all of them.
     """
-    fields = tuple(parts[0].numbers)
-    if any(tuple(part.numbers) != fields for part in parts):
-        raise BagError(f'{bag}: the messages on {topic.name} differ in their fields')
-    orders = [_order(bag, topic, joints, part.joints) for part in parts]
+    fields = FIELDS.get(topic, ('position',))
+    if not all({*fields} <= {*part.numbers} for part in parts):
+        raise BagError(f'{bag}: not all messages on {topic.name} have {", ".join(fields)}')
+    if topic == topics.COMMANDS:
+        widths = {part.numbers['data'].shape[1] for part in parts} - {len(joints)}
+        if widths:
+            what = f'{min(widths)} numbers for {len(joints)} joints'
+            raise BagError(f'{bag}: messages on {topic.name} have {what}')
+        orders = [[*range(len(joints))] for _ in parts]
+    else:
+        orders = [_order(bag, topic, joints, part.joints) for part in parts]
     times = np.concatenate([part.log_times for part in parts])
     by_time = np.argsort(times, kind='stable')
     pairs = [*zip(parts, orders, strict=True)]
@@ -87,12 +115,23 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
     )
 
 
-def _layout(bag: Path, topic: Topic, message: bytes) -> tuple[cdr.Layout, tuple[str, ...]]:
+def physical(samples: Samples) -> np.ndarray:
+    """Which messages have numbers that a robot can have, shape (N,); NaN and infinity are none."""
+    return np.all(
+        [(np.abs(numbers) <= LARGEST).all(axis=1) for numbers in samples.numbers.values()], axis=0
+    )
+
+
+def _kind(bag: Path, topic: Topic, message: bytes, layout_of: LayoutOf) -> Kind:
     try:
-        first = STORE.deserialize_cdr(message, topic.type)
-        return LAYOUTS[topic](first)
+        if len(message) > MESSAGE:
+            raise ValueError(f'a message of more than {MESSAGE} bytes')
+        layout, joints = layout_of(STORE.deserialize_cdr(message, topic.type))
+        if not all(joint.isprintable() and len(joint) <= NAME for joint in joints):
+            raise ValueError('the name of a joint is too long or cannot be printed')
     except Exception as error:  # in broken bytes, any length or string can be wrong
         raise BagError(f'{bag}: {topic.name} is not understood: {error}') from None
+    return layout, joints
 
 
 def _has_layout(payloads: np.ndarray, layout: cdr.Layout) -> np.ndarray:
@@ -117,25 +156,32 @@ def _samples(messages: Messages, layout: cdr.Layout, joints: tuple[str, ...]) ->
     return Samples(joints, messages.log_times, stamps, numbers)
 
 
-def _state_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+def _state_layout(message: Any) -> Kind:
     names = tuple(message.name)
     return cdr.joint_state(names, frame=message.header.frame_id), names
 
 
-def _reference_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+def _reference_layout(message: Any) -> Kind:
     names = tuple(message.joint_names)
     return cdr.joint_trajectory(names, message.header.frame_id), names
 
 
-def _numbers_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+def _numbers_layout(message: Any) -> Kind:
     return cdr.float64_multi_array(len(message.data)), ()  # in the order of the joints
 
 
-def _stamps_layout(message: Any) -> tuple[cdr.Layout, tuple[str, ...]]:
+def _stamps_layout(message: Any) -> Kind:
     return cdr.int64_multi_array(len(message.data)), ()
 
 
-LAYOUTS = {
+def error_layout(message: Any) -> Kind:
+    """Layout of telemetry: a position for each joint, and what else there is."""
+    fields = tuple(name for name in FIELDS[topics.JOINT_STATES] if len(getattr(message, name)))
+    names = tuple(message.name)
+    return cdr.joint_state(names, fields, message.header.frame_id), names
+
+
+LAYOUTS: dict[Topic, LayoutOf] = {
     topics.JOINT_STATES: _state_layout,
     topics.REFERENCE: _reference_layout,
     topics.COMMANDS: _numbers_layout,
@@ -145,8 +191,6 @@ LAYOUTS = {
 
 def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
     """Where each joint stands in the messages of a topic."""
-    if topic == topics.COMMANDS:
-        return list(range(len(joints)))
     for joint in joints:
         if names.count(joint) != 1:
             raise BagError(f'{bag}: {topic.name} has no {joint}, only {", ".join(names)}')

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_analysis.bags.bag_writer import LAWS, BagWriter, certify
-from parallel_robot_analysis.bags.experiment import SIMULATION, describe, sources
+from parallel_robot_analysis.bags.experiment import SIMULATION, describe, law_source
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_control.messages import (
     Status,
@@ -70,8 +70,9 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         **telemetry_messages(loop.joints, stamps[slow], telemetry),
     }
     facts = describe(loop, values, STEP_START, SIMULATION)
+    laws = dict(map(law_source, values['own_laws']))
     with BagWriter(directory, topics.RECORDED, facts) as writer:
-        for name, source in sources(values).items():
+        for name, source in laws.items():
             writer.attach(LAWS + name, source)
         writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
         status = None

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import errno
 import json
 import os
 import sys
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis import metrics, new_files, timing
 from parallel_robot_analysis.bags import history, run_log
+from parallel_robot_analysis.bags.limits import add_memory_argument
 from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE, head
 from parallel_robot_analysis.report import figures
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
@@ -25,13 +24,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', type=Path, help='directory of a bag')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
     parser.add_argument(
-        '--figure', type=Path, metavar='FILE', help='picture, default: BAG/run.png; png, pdf, svg'
+        '--figure',
+        type=Path,
+        metavar='FILE',
+        help='picture; png, pdf, svg; default: BAG/run.png, where there is none yet',
     )
+    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    log, past = run_log.read(arguments.bag), history.read(arguments.bag)
+    directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
+    figure = arguments.figure or directory / 'run.png'
+    if arguments.json:
+        new_files.check(arguments.json, '--json')
+    if arguments.figure:
+        figures.check_format(figure)
+        new_files.check(figure, '--figure')
+    memory = arguments.max_memory
+    log, past = run_log.read(arguments.bag, memory), history.read(arguments.bag, memory)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     timed = timing.evaluate(log, past)
@@ -43,13 +54,13 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {cut}', file=sys.stderr)
     found = metrics.evaluate(log, poses)
     result = summarise(log, found, timed)
-    directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
-    figure = arguments.figure or directory / 'run.png'
+    kept = not arguments.figure and os.path.lexists(figure)
     try:
-        with contextlib.ExitStack() as drafts:
+        with contextlib.ExitStack() as written:
             if arguments.json:
-                drafts.enter_context(json_draft(arguments.json, result))
-            figures.draw_run(log, poses, figure)
+                written.enter_context(new_files.written(arguments.json, as_json(result)))
+            if not kept:
+                figures.draw_run(log, poses, figure)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):
@@ -58,26 +69,14 @@ def execute(arguments: argparse.Namespace) -> int:
     quiet = ['no limit acted, no fault'] if past.statuses else []
     for text in [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]:
         print(f'  {text}')
-    print(f'bag     {arguments.bag}\nfigure  {figure}')
+    old = ' exists and is kept; --figure draws another' if kept else ''
+    print(f'bag     {arguments.bag}\nfigure  {figure}{old}')
     return 0
 
 
-@contextlib.contextmanager
-def json_draft(path: Path, result: dict[str, Any]) -> Iterator[None]:
-    """Write JSON beside `path`; it takes its place only when the block succeeds.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    draft = path.with_name(f'{path.name}.part')
-    try:
-        draft.write_text(json.dumps(result, indent=2) + '\n')
-        yield
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+def as_json(result: dict[str, Any]) -> bytes:
+    """Figures as JSON for a file."""
+    return (json.dumps(result, indent=2) + '\n').encode()
 
 
 def summarise(

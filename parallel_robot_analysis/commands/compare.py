@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import claims, metrics
+from parallel_robot_analysis import claims, metrics, new_files
 from parallel_robot_analysis.commands import simulate
-from parallel_robot_analysis.commands.analyze import json_draft
+from parallel_robot_analysis.commands.analyze import as_json
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_control.laws import available
@@ -36,6 +36,8 @@ def execute(arguments: argparse.Namespace) -> int:
     for law in laws:
         if law not in known:
             raise UnknownNameError('law', law, known)
+    if arguments.json:
+        new_files.check(arguments.json, '--json')
     results = {}
     notes: list[str] = []
     for law in tracked(laws, len(laws), 'laws'):
@@ -47,8 +49,8 @@ def execute(arguments: argparse.Namespace) -> int:
     verdicts = claims.judge(arguments.scenario, results)
     if arguments.json:
         try:
-            with json_draft(arguments.json, as_data(arguments.scenario, results, verdicts)):
-                pass
+            data = as_data(arguments.scenario, results, verdicts)
+            new_files.write(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
     print(table(arguments.scenario, results))

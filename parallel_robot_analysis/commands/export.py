@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import errno
 import io
 import sys
 from collections.abc import Callable, Mapping
@@ -12,11 +13,14 @@ from typing import IO
 
 import numpy as np
 
-from parallel_robot_analysis.bags import run_log
+from parallel_robot_analysis import new_files, table
+from parallel_robot_analysis.bags.limits import add_memory_argument
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_interface.errors import InputError, RunError, UnknownNameError
 
-Table = Mapping[str, np.ndarray]
+FORMULA = ('=', '+', '-', '@', '\t', '\r')
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+Columns = Mapping[str, np.ndarray]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='must not exist; its suffix chooses: .csv or .parquet',
     )
+    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -36,40 +41,38 @@ def execute(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     if out.suffix not in FORMATS:
         raise UnknownNameError('table format', out.suffix, FORMATS)
-    if out.exists():
-        raise InputError(f'{out} exists; nothing is overwritten, choose another --out')
-    log = run_log.read(arguments.bag)
-    for warning in log.warnings:
+    new_files.check(out, '--out')
+    found, warnings = table.read(arguments.bag, arguments.max_memory)
+    for warning in warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    table = run_log.columns(log)
     content = io.BytesIO()
-    FORMATS[out.suffix](table, content)
+    FORMATS[out.suffix](found, content)
     try:
-        file = out.open('xb')
+        new_files.write(out, content.getbuffer())
     except OSError as error:
-        raise InputError(f'cannot write {out}: {error.strerror}') from None
-    try:
-        with file:
-            file.write(content.getbuffer())
-    except OSError as error:
-        out.unlink()
-        raise RunError(f'cannot write {out}: {error.strerror}') from None
-    print(f'table   {out}, {len(log.time)} rows, {len(table)} columns')
+        kind = RunError if error.errno in FULL else InputError
+        raise kind(f'cannot write {out}: {error.strerror}') from None
+    print(f'table   {out}, {len(found["time_s"])} rows, {len(found)} columns')
     return 0
 
 
-def write_csv(table: Table, stream: IO[bytes]) -> None:
+def write_csv(columns: Columns, stream: IO[bytes]) -> None:
     """Write comma-separated values; numbers as short as reads back the same."""
     text = io.TextIOWrapper(stream, newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(table)
-    rows = zip(*(column.tolist() for column in table.values()), strict=True)
-    count = len(next(iter(table.values())))
+    writer.writerow(map(harmless, columns))
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    count = len(next(iter(columns.values())))
     writer.writerows(tracked(rows, count, 'rows'))
     text.detach()
 
 
-def write_parquet(table: Table, stream: IO[bytes]) -> None:
+def harmless(text: str) -> str:
+    """Text for a cell: a spreadsheet would run as a formula what begins as one."""
+    return f"'{text}" if text.startswith(FORMULA) else text
+
+
+def write_parquet(columns: Columns, stream: IO[bytes]) -> None:
     """Write Apache Parquet.
 
     Raises:
@@ -82,11 +85,11 @@ def write_parquet(table: Table, stream: IO[bytes]) -> None:
         raise InputError(
             'pyarrow is not installed; pip install pyarrow, or export to .csv'
         ) from None
-    arrays = {name: np.ascontiguousarray(column) for name, column in table.items()}
+    arrays = {name: np.ascontiguousarray(column) for name, column in columns.items()}
     pyarrow.parquet.write_table(pyarrow.table(arrays), stream)
 
 
-FORMATS: dict[str, Callable[[Table, IO[bytes]], None]] = {
+FORMATS: dict[str, Callable[[Columns, IO[bytes]], None]] = {
     '.csv': write_csv,
     '.parquet': write_parquet,
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 from collections import Counter
 from dataclasses import dataclass, field
@@ -11,8 +12,17 @@ from pathlib import Path
 from mcap import records as mcap
 
 from parallel_robot_analysis.bags import bag_reader, run_log
+from parallel_robot_analysis.bags.bag_reader import File, open_file
 from parallel_robot_analysis.bags.bag_writer import MESSAGES, METADATA, BagWriter, Channel, check
-from parallel_robot_analysis.bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain
+from parallel_robot_analysis.bags.limits import MEMORY, add_memory_argument
+from parallel_robot_analysis.bags.mcap_records import (
+    HEAD,
+    MESSAGE_HEAD,
+    Block,
+    Damage,
+    plain,
+    scan,
+)
 from parallel_robot_analysis.progress import Progress
 from parallel_robot_interface.errors import BagError, RunError
 
@@ -26,14 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='bag; must not exist; default: BAG_recovered'
     )
+    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag = arguments.bag.resolve()
+    bag = Path(os.path.realpath(arguments.bag))  # in a loop of links too
     name = bag.name.removesuffix('.zstd').removesuffix('.mcap')
     out = arguments.out or bag.parent / f'{name}_recovered'
-    print('\n'.join(recover(arguments.bag, out).lines()))
+    print('\n'.join(recover(arguments.bag, out, arguments.max_memory).lines()))
     print(f'bag     {out}')
     return 0
 
@@ -79,15 +90,16 @@ class Recovery:
         return lines
 
 
-def recover(bag: str | Path, out: str | Path) -> Recovery:
+def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:
     """Write all that is intact in a bag as a new bag; leave nothing when that fails.
 
     Args:
         bag: Directory of the broken bag, or one file of it.
         out: Directory of the new one; must not exist.
+        memory: What may be held of the bag [bytes].
 
     Raises:
-        BagError: nothing is intact, or `out` exists or cannot be created.
+        BagError: nothing is intact, the bag takes too much, or `out` exists or cannot be created.
         RunError: the disk is full.
     """
     bag, out = Path(bag), Path(out)
@@ -97,25 +109,25 @@ def recover(bag: str | Path, out: str | Path) -> Recovery:
     numbers: dict[Channel, int] = {}
     created = False
     try:
-        with BagWriter(out, (), _facts(bag, files)) as writer:
+        with BagWriter(out, (), _facts(bag, files, memory)) as writer:
             created = True
             with Progress(sum(file.stat().st_size for file in files) // 1000, 'kB') as progress:
                 for file in files:
-                    _copy(file, writer, numbers, recovery, progress)
+                    _copy(open_file(file, memory), writer, numbers, recovery, progress)
             if not recovery.kept:
                 raise BagError(f'{bag} holds no message that is intact')
-        recovery.missing = _missing(out)
     except BaseException as error:
         if created:  # and not by somebody else since the check
             shutil.rmtree(out, ignore_errors=True)
         if isinstance(error, OSError):
             raise RunError(f'cannot write {out}: {error.strerror}') from None
         raise
+    recovery.missing = _missing(out, memory)  # whatever it finds, the new bag stays
     return recovery
 
 
 def _copy(
-    file: Path,
+    file: File,
     writer: BagWriter,
     numbers: dict[Channel, int],
     recovery: Recovery,
@@ -125,7 +137,7 @@ def _copy(
     schemas: dict[int, mcap.Schema] = {}
     channels: dict[int, Channel] = {}
     written: dict[int, int] = {}
-    for record in bag_reader.scan_file(file):
+    for record in scan(*file):
         if isinstance(record, mcap.Schema):
             schemas[record.id] = record
         elif isinstance(record, mcap.Channel):
@@ -148,7 +160,8 @@ def _copy(
                 if channel not in numbers:
                     numbers[channel] = writer.add(channel)
                 payload = bytes(record.data[start + HEAD + MESSAGE_HEAD : start + HEAD + length])
-                writer.append(numbers[channel], log_time, plain(payload), publish_time, sequence)
+                payload = plain(payload, file.allowance)
+                writer.append(numbers[channel], log_time, payload, publish_time, sequence)
                 recovery.kept[channel.topic] += 1
     for source, count in written.items():
         if source in channels:
@@ -161,11 +174,11 @@ def _channel(channel: mcap.Channel, schema: mcap.Schema | None) -> Channel:
     return Channel(channel.topic, schema.name, schema.encoding, schema.data, metadata)
 
 
-def _facts(bag: Path, files: list[Path]) -> dict[str, str]:
+def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
     """What the suite wrote about the experiment."""
     facts = bag_reader.custom_data(bag)
     for file in files if not facts else ():
-        for record in bag_reader.scan_file(file):
+        for record in bag_reader.scan_file(file, memory):
             if isinstance(record, mcap.Metadata) and record.name == METADATA:
                 return record.metadata
             if isinstance(record, Block):
@@ -173,9 +186,10 @@ def _facts(bag: Path, files: list[Path]) -> dict[str, str]:
     return facts
 
 
-def _missing(out: Path) -> dict[str, int]:
+def _missing(out: Path, memory: int) -> dict[str, int]:
     """Gaps in the rhythm of a bag's topics; empty when it is not a run of the suite."""
     try:
-        return {name: count.missing for name, count in run_log.read(out).messages.items()}
+        messages = run_log.read(out, memory).messages
+        return {name: count.missing for name, count in messages.items()}
     except BagError:
         return {}

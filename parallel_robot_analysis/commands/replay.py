@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_analysis import new_files
 from parallel_robot_analysis.bags import history, replayed, run_log
 from parallel_robot_analysis.bags.history import History
+from parallel_robot_analysis.bags.limits import add_memory_argument
 from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.commands.simulate import add_set_argument
 from parallel_robot_analysis.report import figures
@@ -33,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='picture of both torques; with --law or --set: default BAG/replay_LAW.png',
     )
+    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -45,7 +48,8 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.figure is not None:
         _check_figure(arguments.figure)
     bag = arguments.bag
-    log, past = run_log.read(bag), history.read(bag)
+    memory = arguments.max_memory
+    log, past = run_log.read(bag, memory), history.read(bag, memory)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     if np.isnan(log.answer).all():
@@ -54,7 +58,8 @@ def execute(arguments: argparse.Namespace) -> int:
         values = configuration(log, past, Path(directory), changes)
         law = str(values['law'])
         if law not in available(values) and not changes:
-            raise BagError(f'{bag} does not say which law ran; --law tries one')
+            what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
+            raise BagError(f'{bag} does not {what}; --law tries one')
         figure = arguments.figure
         if changes and figure is None:
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{law}.png'
@@ -143,5 +148,4 @@ def table(log: RunLog, result: replayed.Replay) -> list[str]:
 
 def _check_figure(figure: Path) -> None:
     figures.check_format(figure)
-    if figure.exists():
-        raise InputError(f'{figure} exists; nothing is overwritten, choose another --figure')
+    new_files.check(figure, '--figure')

@@ -8,6 +8,7 @@ import tempfile
 from pathlib import Path
 
 from parallel_robot_analysis.bags import bag_writer
+from parallel_robot_analysis.bags.limits import add_memory_argument
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import page, paper_figures
 from parallel_robot_analysis.report.charts import charts
@@ -26,12 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, required=True, metavar='DIR', help='of the report; must not exist'
     )
+    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag_writer.check(arguments.out)
-    groups = read_runs(arguments.bags)
+    groups = read_runs(arguments.bags, arguments.max_memory)
     try:
         figures = write(groups, arguments.out)
     except OSError as error:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot_analysis.bags import history, recorded_controller, run_log
-from parallel_robot_analysis.bags.experiment import SIMULATION, software
+from parallel_robot_analysis.bags.experiment import SIMULATION, of_nodes, software
 from parallel_robot_analysis.bags.history import History
 from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_analysis.bags.limits import MEMORY, Allowance, add_memory_argument
 from parallel_robot_analysis.commands import run, simulate
+from parallel_robot_analysis.printable import printable
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import BagError
 
+OBJECT = 200  # bytes that a message takes beside its own
 MADE_BY = ('version', 'revision')  # facts that say which code made a bag
 
 
@@ -25,32 +29,50 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='new bag; must not exist; default: BAG_rerun'
     )
+    parser.add_argument(
+        '--duration', type=float, metavar='S', help='seconds of motion, default: as recorded'
+    )
+    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag = arguments.bag.resolve()
+    bag, memory = Path(os.path.realpath(arguments.bag)), arguments.max_memory
     out = arguments.out or bag.parent / f'{bag.name.removesuffix(".mcap")}_rerun'
-    log, past = run_log.read(bag), history.read(bag)
+    log, past = run_log.read(bag, memory), history.read(bag, memory)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
-    lockstep = past.facts['time_mode'] == 'lockstep'
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
         if past.laws:
             print(f'runs the code of {", ".join(past.laws)}, which the bag holds', file=sys.stderr)
         own_laws = past.own_laws(Path(directory)) or log.config['own_laws']
-        values = {**log.config, 'own_laws': own_laws}
+        values = of_nodes(log.config, past.parameters) | {'own_laws': own_laws}
+        recorded = values['duration'] or length(log)
+        values['duration'] = recorded if arguments.duration is None else arguments.duration
         for text in (*log.warnings, *doubts(values, past)):
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if simulated else run.record
-        code = record(past.facts['scenario'], changes(values), out)
-    if not (simulated or lockstep):
-        print('a run in real time: bytes cannot be compared')
+        code = record(values['scenario'], changes(values), out)
+    unlike = ''
+    if not simulated and values['time_mode'] != 'lockstep':
+        unlike = 'a run in real time'
+    elif past.facts.get('start_stamp', '0') == '0':
+        unlike = 'nodes that were started by hand'
+    elif values['duration'] != recorded:
+        unlike = f'a bag of {recorded:g} s'
+    if unlike:
+        print(f'{unlike}: bytes cannot be compared')
         return code
-    count, difference = compare(bag, out)
+    count, difference = compare(bag, out, memory)
     print(f'differs: {difference}' if difference else f'identical: {count} messages')
     return code or int(bool(difference))
+
+
+def length(log: run_log.RunLog) -> float:
+    """Length of the motion that a bag holds, in whole periods [s]."""
+    period = log.config['period']
+    return float(round(round(log.time[-1] / period) * period, 9))
 
 
 def changes(values: dict[str, Any]) -> dict[str, Any]:
@@ -73,7 +95,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     """Why a rerun may not be the same."""
     lines = []
     now = software()
-    others = [f'{key} {past.facts[key]}' for key in MADE_BY if key in past.facts]
+    others = [f'{key} {printable(past.facts[key])}' for key in MADE_BY if key in past.facts]
     ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
     if others != ours:
         lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
@@ -93,20 +115,21 @@ class _Difference(NamedTuple):
     what: str
 
 
-def compare(bag: str | Path, other: str | Path) -> tuple[int, str]:
+def compare(bag: str | Path, other: str | Path, memory: int = MEMORY) -> tuple[int, str]:
     """Compare two bags topic by topic, message by message.
 
     Args:
         bag: A bag.
         other: Another.
+        memory: What may be held of them [bytes].
 
     Returns:
         How many messages the first has, and the first difference in words; empty without one.
 
     Raises:
-        BagError: one cannot be read to its end.
+        BagError: one cannot be read to its end, or takes too much.
     """
-    first, second = _streams(bag), _streams(other)
+    first, second = _streams(bag, memory), _streams(other, memory)
     found = []
     for topic in sorted({*first, *second}):
         pair = first.get(topic, []), second.get(topic, [])
@@ -132,11 +155,12 @@ def compare(bag: str | Path, other: str | Path) -> tuple[int, str]:
     )
 
 
-def _streams(bag: str | Path) -> dict[str, list[tuple[int, bytes]]]:
+def _streams(bag: str | Path, memory: int) -> dict[str, list[tuple[int, bytes]]]:
     """Time and bytes of all messages by topic."""
-    reader = BagReader(bag)
+    reader, allowance = BagReader(bag, memory), Allowance(Path(bag), 0, memory)
     streams: dict[str, list[tuple[int, bytes]]] = {}
     for message in reader.messages(reader.topics, reader.start):
+        allowance.hold(OBJECT + len(message.data))
         streams.setdefault(message.topic, []).append((message.log_time, message.data))
     reader.close()
     return streams

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from parallel_robot_analysis import new_files
 from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_analysis.report.printable import printable, without_mathematics
+from parallel_robot_analysis.printable import printable, without_mathematics
 from parallel_robot_interface.errors import UnknownNameError
 
 FORMATS = ('.png', '.pdf', '.svg')
@@ -22,11 +24,11 @@ def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
     Args:
         log: The run.
         pose: Its poses.
-        path: File to write; its suffix chooses the format.
+        path: File to write, which must not exist; its suffix chooses the format.
 
     Raises:
         InputError: the suffix is of no picture format.
-        OSError: the file cannot be written.
+        OSError: the file exists or cannot be written; with its name.
     """
     figure = _figure(f'{printable(log.scenario)}, {printable(log.law)}', path)
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
@@ -60,7 +62,7 @@ def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
         axes.legend(loc='upper right', ncols=3, fontsize='small')
     for axes in figure.axes:
         axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=130)
+    _save(figure, path)
 
 
 def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) -> None:
@@ -70,11 +72,11 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         log: The run.
         torque: The other torques [N m], shape (N, n).
         law: What they are of.
-        path: File to write; its suffix chooses the format.
+        path: File to write, which must not exist; its suffix chooses the format.
 
     Raises:
         InputError: the suffix is of no picture format.
-        OSError: the file cannot be written.
+        OSError: the file exists or cannot be written; with its name.
     """
     figure = _figure(f'{printable(log.scenario)}: torques on the same motion', path)
     rows = figure.subplots(len(log.joints), 1, sharex=True)
@@ -88,7 +90,13 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=2, fontsize='small')
     rows[-1].set(xlabel='t [s]')
-    figure.savefig(path, dpi=130)
+    _save(figure, path)
+
+
+def _save(figure: Any, path: str | Path) -> None:
+    content = io.BytesIO()
+    figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
+    new_files.write(Path(path), content.getbuffer())
 
 
 def check_format(path: str | Path) -> None:

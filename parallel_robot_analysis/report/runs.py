@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from mcap.reader import make_reader
-from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_analysis import metrics, timing
-from parallel_robot_analysis.bags import history, run_log
+from parallel_robot_analysis.bags import history, run_log, telemetry
+from parallel_robot_analysis.bags.limits import MEMORY
+from parallel_robot_analysis.bags.samples import physical
+from parallel_robot_analysis.printable import printable
 from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import palette
-from parallel_robot_analysis.report.printable import printable
 from parallel_robot_analysis.timing import Timing
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import BagError, InputError, KinematicsError
@@ -63,8 +63,12 @@ class Run(NamedTuple):
     cut: str
 
 
-def read_runs(bags: Sequence[str | Path]) -> dict[str, list[Run]]:
+def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
     """Read bags.
+
+    Args:
+        bags: Their directories, or one file of each.
+        memory: What may be held of each [bytes].
 
     Returns:
         Name of a scenario to its runs, in the order of `bags`.
@@ -77,27 +81,28 @@ def read_runs(bags: Sequence[str | Path]) -> dict[str, list[Run]]:
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
     logs: dict[str, list[tuple[Path, run_log.RunLog]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
-        log = run_log.read(bag)
+        log = run_log.read(bag, memory)
         logs.setdefault(printable(log.scenario, LONGEST), []).append((bag, log))
     found = {}
     for scenario, members in logs.items():
         labels = _labels([(bag, printable(log.law, LONGEST)) for bag, log in members])
         slots = palette.slots([printable(log.law) for _, log in members])
         found[scenario] = [
-            _measure(bag, label, f'run{slot}', log)
+            _measure(bag, label, f'run{slot}', log, memory)
             for (bag, log), label, slot in zip(members, labels, slots, strict=True)
         ]
     return found
 
 
-def _measure(bag: Path, label: str, style: str, log: run_log.RunLog) -> Run:
-    timed = timing.evaluate(log, history.read(bag))
+def _measure(bag: Path, label: str, style: str, log: run_log.RunLog, memory: int) -> Run:
+    timed = timing.evaluate(log, history.read(bag, memory))
     try:
         log, poses, cut = metrics.with_poses(log)
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
     result = metrics.evaluate(log, poses)
-    return Run(bag, label, style, log, poses, result, cross_coupling(bag, log), timed, cut)
+    coupling = cross_coupling(bag, log, memory)
+    return Run(bag, label, style, log, poses, result, coupling, timed, cut)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:
@@ -115,23 +120,13 @@ def _labels(members: list[tuple[Path, str]]) -> list[str]:
     return numbered
 
 
-def cross_coupling(bag: Path, log: run_log.RunLog) -> Series | None:
+def cross_coupling(bag: Path, log: run_log.RunLog, memory: int = MEMORY) -> Series | None:
     """Cross-coupling errors of a bag that `log` was read from; None when it has none for it."""
-    file = sorted(bag.glob('*.mcap'))[0] if bag.is_dir() else bag
-    store = get_typestore(Stores.ROS2_JAZZY)
-    stamps, rows = [], []
-    with file.open('rb') as stream:
-        messages = make_reader(stream).iter_messages(topics=[f'/{CROSS_COUPLING_ERROR.name}'])
-        for _, _, message in messages:
-            try:
-                state: Any = store.deserialize_cdr(message.data, CROSS_COUPLING_ERROR.type)
-                order = [list(state.name).index(joint) for joint in log.joints]
-                rows.append(np.asarray(state.position)[order])
-            except Exception:  # somebody else's topic of the same name
-                return None
-            stamps.append(state.header.stamp.sec * NANOSECONDS + state.header.stamp.nanosec)
-    used = np.array(stamps, dtype=np.int64) >= log.start_stamp
+    errors = telemetry.read(bag, log, CROSS_COUPLING_ERROR, memory)
+    if errors is None:
+        return None
+    used = physical(errors) & (errors.stamps >= log.start_stamp)
     if not used.any():
         return None
-    time = (np.array(stamps)[used] - log.start_stamp) / NANOSECONDS
-    return Series(time, np.array(rows)[used])
+    time = (errors.stamps[used] - log.start_stamp) / NANOSECONDS
+    return Series(time, errors.numbers['position'][used])

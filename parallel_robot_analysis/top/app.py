@@ -11,7 +11,7 @@ from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 from textual.widgets import Footer, OptionList, Static
 
-from parallel_robot_analysis.report.printable import printable
+from parallel_robot_analysis.printable import printable
 from parallel_robot_analysis.top import view
 from parallel_robot_analysis.top.graph import Graph, Tell
 from parallel_robot_analysis.top.robots import ERROR, OK, Robots

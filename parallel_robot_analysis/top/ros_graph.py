@@ -28,7 +28,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_analysis.top.graph import Tell
 from parallel_robot_analysis.top.robots import Robot, Robots
 from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.ros_node import message_class
+from parallel_robot_interface.ros_types import message_class
 from parallel_robot_interface.topics import Topic
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)

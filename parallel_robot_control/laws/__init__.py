@@ -24,6 +24,7 @@ from parallel_robot_control.laws import (
     smc,
     smc_k,
     super_twisting,
+    trial,
 )
 from parallel_robot_interface import config, plugins
 from parallel_robot_interface.errors import InputError, UnknownNameError, first_line
@@ -103,8 +104,8 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
 
     Raises:
         UnknownNameError: no such law.
-        InputError: a gain is wrong, the theory of the law forbids the set, or its update does not
-            compile.
+        InputError: a gain is wrong, the theory of the law forbids the set, or a law of one's own
+            does not compile or does not pass its trial.
     """
     law, gains, warnings = judged(name, values)
     if not hasattr(law.update, 'py_func'):
@@ -126,6 +127,8 @@ def prepare(name: str, values: Mapping[str, Any], joints: int = 3) -> PreparedLa
             f'{name}: update must return ControlOutput(torque, sliding_variable, coupled_error, '
             'memory), three float arrays and a memory of the type of initial_memory'
         )
+    if name not in LAWS:
+        warnings += trial.warnings_of(name, law, gains, joints)
     return PreparedLaw(name, gains, memory, update, warnings)
 
 

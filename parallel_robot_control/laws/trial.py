@@ -1,0 +1,174 @@
+"""Trial of a law of one's own before it acts, in a process of its own.
+
+Compiled code looks at no bounds: what reads beyond an array goes on with foreign memory. So the
+law is compiled once more, with bounds checked, and given some samples. Whether it has passed is
+kept for its source beside the machine code.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import typeof
+
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_interface import fields, plugins
+from parallel_robot_interface.errors import InputError, first_line
+from parallel_robot_interface.module_process import command
+from parallel_robot_model import kernel_cache
+from parallel_robot_model.dynamics import Model
+
+LIMIT = 1.0  # s, within which each function of a law must return
+COMPILING = 120.0  # s, for the process as a whole
+OTHERS = (1, 2, 5)  # numbers of joints that a law should be able to have, too
+UPDATES = 5  # with each number of joints
+SIZES = (0.0, 1e-3, 1.0, 10.0)  # of the samples
+ROWS = ('torque', 'sliding_variable', 'coupled_error')
+
+
+def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]:
+    """Try a law; once for its source.
+
+    Args:
+        name: Of the law.
+        law: Its module, from a file.
+        gains: Those to try it with.
+        joints: How many it will control.
+
+    Returns:
+        What it can do less than the laws of the suite.
+
+    Raises:
+        InputError: it reads beyond an array, does not return, or returns what is none of its own.
+    """
+    file = Path(law.__file__)
+    mark = f'tried_{hashlib.sha256(file.read_bytes()).hexdigest()[:16]}_{joints}'
+    verdict = kernel_cache.marked(mark)
+    if verdict is None:
+        verdict = _try(name, file, gains, joints)
+        kernel_cache.mark(mark, verdict)
+    return tuple(f'{name}: {line}' for line in verdict.splitlines())
+
+
+def _try(name: str, file: Path, gains: Any, joints: int) -> str:
+    """Run the trial; the warnings, one a line.
+
+    Raises:
+        InputError: the law is refused.
+    """
+    environment = {**os.environ, 'NUMBA_BOUNDSCHECK': '1'}
+    environment['NUMBA_CACHE_DIR'] = kernel_cache.subdirectory('checked')
+    task = json.dumps({'file': str(file), 'gains': gains, 'joints': joints})
+    try:
+        child = subprocess.run(
+            command(__name__, task),
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors='replace',
+            timeout=COMPILING,
+        )
+    except subprocess.TimeoutExpired:
+        raise InputError(f'{name}: it is not compiled within {COMPILING:g} s') from None
+    said = child.stdout.splitlines()
+    if child.returncode == 0 and said:
+        result: dict[str, str] = json.loads(said[-1])
+        if 'refused' in result:
+            raise InputError(f'{name}: {result["refused"]}')
+        return result['warnings']
+    if 'Timeout' in child.stderr:
+        raise InputError(f'{name}: {said[-1]} does not return within {LIMIT:g} s')
+    code = child.returncode
+    how = signal.Signals(-code).name if code < 0 else f'exit code {code}'
+    raise InputError(f'{name}: {said[-1] if said else "its trial"} ends with {how}')
+
+
+def main() -> int:
+    """Try a law with the task on the command line, and print the verdict as the last line."""
+    task = json.loads(sys.argv[1])
+    _, law = plugins.load(task['file'])
+    names = [parameter.key for parameter in fields.parameters(law.Gains)]
+    gains = fields.build(law.Gains, dict(zip(names, task['gains'], strict=True)))
+    result = {'warnings': ''}
+    try:
+        for joints in (task['joints'], *OTHERS):
+            try:
+                _run(law, gains, joints)
+            except Exception as error:
+                text = str(error) if isinstance(error, InputError) else first_line(error)
+                if joints == task['joints']:
+                    raise InputError(text) from None
+                result['warnings'] = f'written for {task["joints"]} joints; with {joints}: {text}'
+                break
+    except InputError as error:
+        result = {'refused': str(error)}
+    print('\n' + json.dumps(result), flush=True)
+    return 0
+
+
+def _run(law: Any, gains: Any, joints: int) -> None:
+    """Update a law some times with a number of joints."""
+    with _limited('initial_memory'):
+        memory = first = law.initial_memory(joints)
+    random = np.random.default_rng(joints)
+    for k in range(UPDATES * len(SIZES)):
+        rows = random.normal(scale=SIZES[k % len(SIZES)], size=(6, joints))
+        model = Model(np.eye(joints), np.eye(joints))
+        words = (gains, model, JointReference(*rows[:3]), Feedback(*rows[3:]), memory, 1e-3)
+        if k == 0:
+            law.update.compile(tuple(map(typeof, words)))
+        with _limited('update'):
+            output = law.update(*words)
+        _check(output, joints, first)
+        memory = output.memory
+
+
+def _check(output: ControlOutput, joints: int, first: Any) -> None:
+    """Look at the shapes of what a law returns.
+
+    Raises:
+        InputError: one is wrong.
+    """
+    for field in ROWS:
+        shape = np.shape(getattr(output, field))
+        if shape != (joints,):
+            raise InputError(f'update returns a {field} of shape {shape}, not {(joints,)}')
+    before, after = list(_leaves(first)), list(_leaves(output.memory))
+    if before != after:
+        raise InputError(f'update returns a memory of shapes {after}, not {before}')
+
+
+def _leaves(memory: Any) -> Iterator[tuple[int, ...]]:
+    """Shapes of the numbers in a memory."""
+    if isinstance(memory, tuple):
+        for part in memory:
+            yield from _leaves(part)
+    else:
+        yield np.shape(memory)
+
+
+@contextlib.contextmanager
+def _limited(what: str) -> Iterator[None]:
+    """End this process where a function of the law does not return: nothing else could."""
+    print(f'\n{what}', flush=True)
+    faulthandler.dump_traceback_later(LIMIT, exit=True)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,20 @@
+"""Command lines that run a module of the suite in a process of its own."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+# As ``python -m``, which would put the current directory first on the path; nothing of it is to be
+# imported. The code of this process is: its own folder goes there unless it is on the path anyway.
+START = (
+    'import sys; sys.path[:1] = [entry for entry in sys.path[:1] if entry]; '
+    'root = sys.argv.pop(1); root in sys.path or sys.path.insert(0, root); '
+    "import runpy; runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)"
+)
+
+
+def command(module: str, *words: str) -> list[str]:
+    """Command line that runs a module of the suite, the same code as here, from anywhere."""
+    root = Path(__file__).parents[1]  # as on the path, not resolved
+    return [sys.executable, '-c', START, str(root), module, *words]

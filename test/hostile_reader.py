@@ -1,0 +1,114 @@
+"""Gives hostile bags to a command, one after the other, in a process whose end says enough.
+
+Usage: python hostile_reader.py COMMAND SECONDS GIGABYTES OUT BAG...
+"""
+
+import contextlib
+import io
+import json
+import resource
+import signal
+import sys
+import time
+import traceback
+from pathlib import Path
+
+from parallel_robot_analysis.bags import history, run_log
+from parallel_robot_analysis.bags.indexed_reader import BagReader
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.commands import run
+from parallel_robot_analysis.player import Player, PlayerOptions
+from parallel_robot_interface.errors import ParallelRobotError, RunError
+
+WORDS = {
+    'analyze': lambda bag, out: [
+        'analyze',
+        bag,
+        '--figure',
+        f'{out}.png',
+        '--json',
+        f'{out}.json',
+    ],
+    'report': lambda bag, out: ['report', bag, '--out', out],
+    'export': lambda bag, out: ['export', bag, '--out', f'{out}.csv'],
+    'recover': lambda bag, out: ['recover', bag, '--out', out],
+    'replay': lambda bag, out: ['replay', bag],
+    'other law': lambda bag, out: ['replay', bag, '--law', 'smc', '--figure', f'{out}.svg'],
+    'rerun': lambda bag, out: ['rerun', bag, '--out', out],
+}
+
+
+def one_line(function):
+    """A function of a bag as a command: what it raises costs one line."""
+
+    def command(bag, out):
+        try:
+            function(Path(bag))
+        except ParallelRobotError as error:
+            print(str(error).replace('\n', ' '), file=sys.stderr)
+            return 2
+        return 0
+
+    return command
+
+
+def play(bag):
+    reader = BagReader(bag)
+    options = PlayerOptions(str(bag), fast=True)
+    sent = []
+    Player(reader, reader.topics, options, lambda _, data: sent.append(len(data)), print).run()
+    reader.latched(reader.topics, reader.end)
+    reader.close()
+
+
+def no_nodes(*_):
+    raise RunError('starts nodes')
+
+
+COMMANDS = {
+    **{name: lambda bag, out, words=words: main(words(bag, out)) for name, words in WORDS.items()},
+    'log': one_line(run_log.read),
+    'history': one_line(history.read),
+    'player': one_line(play),
+}
+
+
+def late(*_):
+    raise TimeoutError
+
+
+def try_one(command, bag, out, seconds):
+    """What a command makes of a bag, as plain data."""
+    stdout, stderr = io.StringIO(), io.StringIO()
+    code, trace = None, ''
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    begun = time.perf_counter()
+    try:
+        with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
+            code = COMMANDS[command](bag, out)
+    except BaseException:
+        trace = traceback.format_exc()
+    finally:
+        taken = time.perf_counter() - begun
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    return {
+        'code': code,
+        'seconds': taken,
+        'trace': trace,
+        'out': stdout.getvalue(),
+        'err': stderr.getvalue(),
+        'peak': resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,  # GB
+    }
+
+
+if __name__ == '__main__':
+    command, seconds, gigabytes, out, *bags = sys.argv[1:]
+    limit = int(float(gigabytes) * 2**30)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.signal(signal.SIGALRM, late)
+    run.record = no_nodes
+    for k, bag in enumerate(bags):
+        print(json.dumps(['begin', bag]), flush=True)
+        found = try_one(command, bag, f'{out}/{command}_{k}', float(seconds))
+        print(json.dumps(['end', found]), flush=True)
