@@ -5,7 +5,9 @@ BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
   launch/* config/*.yaml config/*/*.* parallel_robot_*/*.py parallel_robot_*/*/*.py \
   parallel_robot_*/*/templates/* trajectory_gen/*.py))
-WARM := from parallel_robot_control.controller import Controller; \
+WARM := import logging, sys; \
+  sys.stderr.isatty() and logging.basicConfig(format='  %(message)s', level='INFO'); \
+  from parallel_robot_control.controller import Controller; \
   from parallel_robot_interface import config; \
   from parallel_robot_sim.simulator import Simulator; \
   values = config.resolve('paper_circle'); Controller(values); Simulator(values).warm()
@@ -57,17 +59,17 @@ $(BIN)/python:
 	{ echo 'error: "$(PYTHON)" is not a Python 3.10 to 3.13; name one: make setup PYTHON=python3.12' >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2> /dev/null || \
 	{ echo 'error: "$(PYTHON)" cannot make environments; on Debian: apt install python3-venv' >&2; exit 1; }
-	@echo "Creating .venv with $$($(PYTHON) --version) ..."
+	@echo "Setup, 1 of 3: creating .venv with $$($(PYTHON) --version) ..."
 	@$(PYTHON) -m venv --clear .venv
 
 $(DEPENDENCIES): | $(BIN)/python
-	@echo 'Installing dependencies (some minutes the first time) ...'
+	@echo 'Setup, 2 of 3: ROS 2, libraries, tools of the tests: some 140 packages, minutes the first time ...'
 	@rm -f .venv/dependencies-*
 	@$(BIN)/python -m pip install -qq '.[ros,test]'
 	@touch $@
 
 $(INSTALLED): $(DEPENDENCIES)
-	@echo 'Installing parallel_robot and compiling its kernels ...'
+	@echo 'Setup, 3 of 3: parallel_robot; its some 120 kernels are compiled, about two minutes ...'
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build

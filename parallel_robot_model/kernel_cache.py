@@ -29,6 +29,8 @@ COMPLETE = 'complete'  # file that says that all kernels of the suite have been 
 KEPT = 3  # versions of the same place, this one included
 UNUSED = 21 * 86400.0  # s, after which the code of any place is removed
 NOTICE = 'compiling; after an installation this takes about a minute, once'
+ALL = 119  # pieces of machine code that `make setup` leaves, about
+AGAIN = 10.0  # s, between two lines that say how far it is
 
 
 def directory() -> str:
@@ -72,6 +74,14 @@ def mark(name: str, text: str = '') -> None:
 def subdirectory(name: str) -> str:
     """Directory for other machine code of the same sources; empty if there can be none."""
     return str(Path(_OWN) / name) if _OWN else ''
+
+
+def compiled() -> str:
+    """How far the machine code of the suite is compiled; empty where nobody knows."""
+    if not _OWN:
+        return ''
+    done = sum(1 for _ in Path(_OWN).rglob('*.nbc'))
+    return f'{min(done, ALL)} of about {ALL} kernels are compiled'
 
 
 def prune(root: Path, place: str) -> None:
@@ -130,6 +140,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         """Save machine code, if there is a place for it: a full disk stops nobody."""
         with contextlib.suppress(OSError):
             super().save_overload(signature, data)
+            _report()
 
 
 class NoCache(NullCache):  # type: ignore[misc]
@@ -144,6 +155,18 @@ class NoCache(NullCache):  # type: ignore[misc]
 def _announce() -> None:
     """Tell that something is compiled, once."""
     logging.getLogger('parallel_robot').info(NOTICE)
+
+
+def _report() -> None:
+    """Tell now and then how far it is."""
+    global _due
+    if time.monotonic() >= _due:
+        _due = time.monotonic() + AGAIN
+        if compiled():
+            logging.getLogger('parallel_robot').info(compiled())
+
+
+_due = time.monotonic() + AGAIN
 
 
 # Not what Numba has read from a .numba_config.yaml in the current directory, where anybody may

@@ -238,7 +238,7 @@ def test_settings_are_used_and_recorded(bag, tmp_path):
     [
         ('anlyze', "'anlyze'; did you mean 'analyze'? (known: a"),
         ('replai', "'replai'; did you mean 'replay'? (known: a"),
-        ('nope', "'nope' (known: a"),
+        ('zzz', "'zzz' (known: a"),
     ],
 )
 def test_an_unknown_command_names_the_nearest(word, hint, capsys):

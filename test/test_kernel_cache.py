@@ -1,6 +1,7 @@
 """The cache of machine code: never stale, quick, in nobody's way, and not for ever."""
 
 import logging
+import math
 import os
 import shutil
 import stat
@@ -110,6 +111,7 @@ def test_what_others_have_not_used_for_long_is_removed(tree):
 def told(caplog, monkeypatch):
     """What is told of compiling, in a process that has not told it."""
     kernel_cache._announce.cache_clear()
+    monkeypatch.setattr(kernel_cache, '_due', math.inf)
     caplog.set_level(logging.INFO, 'parallel_robot')
     return lambda: caplog.messages
 
@@ -129,6 +131,20 @@ def test_a_process_that_loses_its_cache_compiles_and_tells_so_once(told, tmp_pat
     assert lost(2.0) == 4.0 and sum(lost.stats.cache_hits.values()) == 0
     assert told() == [kernel_cache.NOTICE]
     assert any((tmp_path / 'cache').rglob('*.nbc'))  # for the next
+
+
+def test_how_far_it_is_is_told_now_and_then(told, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache.numba.config, 'CACHE_DIR', str(tmp_path / 'cache'))
+    monkeypatch.setattr(kernel_cache, '_OWN', str(tmp_path / 'cache'))
+    monkeypatch.setattr(kernel_cache, '_due', 0.0)
+    for factor in (4.0, 5.0, 6.0):
+        assert kernel(lambda x, factor=factor: factor * x)(1.0) == factor
+    text = f'1 of about {kernel_cache.ALL} kernels are compiled'
+    assert told() == [kernel_cache.NOTICE, text]  # and then not for some seconds
+    assert kernel_cache.compiled() == text.replace('1', '3', 1)
+    monkeypatch.setattr(kernel_cache, '_due', 0.0)
+    monkeypatch.setattr(kernel_cache, '_OWN', '')
+    assert kernel(lambda x: 7.0 * x)(1.0) == 7.0 and len(told()) == 2  # where nobody knows
 
 
 def test_a_cache_that_cannot_be_written_stops_nobody(told, tmp_path, monkeypatch):

@@ -8,6 +8,9 @@ import pytest
 from parallel_robot_analysis import progress
 from parallel_robot_analysis.commands import run
 from parallel_robot_analysis.progress import CLEAR, Progress, tracked
+from parallel_robot_analysis.report import runs
+from parallel_robot_interface.errors import BagError
+from parallel_robot_model import kernel_cache
 from parallel_robot_model.kernel_cache import NOTICE
 
 
@@ -65,7 +68,20 @@ def test_nothing_to_do_and_more_than_expected(terminal):
     )
 
 
-def test_nodes_that_compile_are_told_of_once_and_shown(terminal, capsys):
+def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
+    def read(bag, _):
+        if bag.name == 'third':
+            raise BagError('broken')
+        return SimpleNamespace(scenario='line', law='smc')
+
+    monkeypatch.setattr(runs.run_log, 'read', read)
+    with pytest.raises(BagError, match='broken'):
+        runs.read_runs(['first', 'second', 'third'])
+    assert '2 of 3 bags read' in terminal.getvalue()
+
+
+def test_nodes_that_compile_are_told_of_once_and_shown(terminal, capsys, monkeypatch):
+    monkeypatch.setattr(kernel_cache, 'compiled', lambda: '7 of about 119 kernels are compiled')
     processes = SimpleNamespace(compiling=lambda name: name == 'plant')
     with Progress(4, 'nodes ready') as bar:
         tell = run._telling(processes, bar)
@@ -77,4 +93,6 @@ def test_nodes_that_compile_are_told_of_once_and_shown(terminal, capsys):
     assert said == [f'parallel_robot run: the nodes are {NOTICE}']
     pictures = terminal.getvalue().split(CLEAR)
     assert pictures[1].endswith('2 of 4 nodes ready ')
-    assert pictures[3].endswith('3 of 4 nodes ready (plant compiling)')
+    assert pictures[3].endswith(
+        '3 of 4 nodes ready (plant compiling; 7 of about 119 kernels are compiled)'
+    )

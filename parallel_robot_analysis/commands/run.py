@@ -22,7 +22,7 @@ from parallel_robot_interface import config
 from parallel_robot_interface.cdr import NANOSECONDS
 from parallel_robot_interface.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
-from parallel_robot_model.kernel_cache import NOTICE
+from parallel_robot_model import kernel_cache
 from parallel_robot_sim.simulation import assemble
 
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
@@ -165,8 +165,10 @@ def _telling(processes: NodeProcesses, progress: Progress) -> Callable[[Collecti
         compiling = [name for name in waiting if processes.compiling(name)]
         if compiling and not told:
             told = True
-            print(f'parallel_robot run: the nodes are {NOTICE}', file=sys.stderr)
-        what = f'({", ".join(compiling)} compiling)' if compiling else ''
+            print(f'parallel_robot run: the nodes are {kernel_cache.NOTICE}', file=sys.stderr)
+        what = (
+            f'({", ".join(compiling)} compiling; {kernel_cache.compiled()})' if compiling else ''
+        )
         progress.show(len(MODULES) - len(waiting), what)
 
     return tell

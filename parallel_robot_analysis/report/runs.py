@@ -14,6 +14,7 @@ from parallel_robot_analysis.bags import history, run_log, telemetry
 from parallel_robot_analysis.bags.limits import MEMORY
 from parallel_robot_analysis.bags.samples import physical
 from parallel_robot_analysis.printable import printable
+from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.timing import Timing
 from parallel_robot_interface.cdr import NANOSECONDS
@@ -79,7 +80,7 @@ def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, lis
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
     logs: dict[str, list[tuple[Path, run_log.RunLog]]] = {}
-    for bag in map(Path, bags):
+    for bag in tracked(map(Path, bags), len(bags), 'bags read'):
         log = run_log.read(bag, memory)
         logs.setdefault(printable(log.scenario, LONGEST), []).append((bag, log))
     found = {}
