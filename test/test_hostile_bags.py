@@ -230,6 +230,14 @@ def test_memory_is_asked_for(good, tmp_path, capsys):
             main([*words, wrong])
 
 
+def test_a_rerun_is_not_far_longer_than_the_run(good, tmp_path, capsys):
+    data = hostile_bags.configured(good, duration=1e4)
+    hostile_bags.put(good, tmp_path / 'bag', data=data)
+    assert main(['rerun', str(tmp_path / 'bag')]) == 2
+    assert 'holds 61 states of 10000000' in capsys.readouterr().err
+    assert not (tmp_path / 'bag_rerun').exists()
+
+
 def test_what_is_paid_for():
     allowance = Allowance(Path('bag'), 1 << 30, 1 << 20)
     allowance.unpack(RATIO << 30)

@@ -116,13 +116,13 @@ class BagReader:
             ready = bisect.bisect_left(pending, (chunk.first,))
             yield from map(_message, pending[:ready])
             pending = pending[ready:]
+            held = {item[1]: len(item[4]) for item in pending}
+            if sum(held.values()) > self._memory // COPIES:
+                raise BagError(f'{self._bag}: too many chunks are of the same time')
             pending += (
                 item for item in _scan(chunk, topics, allowance) if start <= item[0] <= end
             )
             pending.sort()
-            held = {item[1]: len(item[4]) for item in pending}
-            if sum(held.values()) > self._memory // COPIES:
-                raise BagError(f'{self._bag}: too many chunks are of the same time')
         yield from map(_message, pending)
 
     def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
@@ -201,19 +201,19 @@ def _scan(
     block = mcap_records.messages_of(data, allowance)
     if block is None:
         raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
-    heads = block.heads()
+    heads, content = block.heads(), bytes(data)
     wanted = [key for key, topic in chunk.channels.items() if topic in topics]
     here = np.isin(heads['channel'], wanted)
     rows = zip(block.starts[here].tolist(), heads[here].tolist(), strict=True)
     for start, (length, channel, _, log_time, _) in rows:
         payload = start + mcap_records.HEAD + mcap_records.MESSAGE_HEAD
         end = start + mcap_records.HEAD + length
-        yield log_time, chunk.rank, payload, chunk.channels[channel], data, end
+        yield log_time, chunk.rank, payload, chunk.channels[channel], content, end
 
 
 def _message(item: tuple[Any, ...]) -> RecordedMessage:
     log_time, _, first, topic, data, end = item
-    return RecordedMessage(log_time, topic, bytes(data[first:end]))
+    return RecordedMessage(log_time, topic, data[first:end])
 
 
 def _latched(profiles: str) -> int:
