@@ -1,5 +1,6 @@
 """Bags as somebody who means harm, or a broken disk, would make them, all from one good bag."""
 
+import functools
 import json
 import math
 import os
@@ -388,6 +389,7 @@ EXTREMES = {
 }
 
 
+@functools.cache
 def files():
     """Name to a function that makes of the good bag the content of one file."""
     found = {
@@ -521,7 +523,7 @@ def files():
         # attachments
         **{
             f'attachment: {name}': lambda good, title=title: bag(good, attachments=[
-                (title, b'import os; os.mkdir("/tmp/owned")')])
+                (title, b'not Python')])
             for name, title in ATTACHMENTS.items()
         },
         'a thousand attachments': lambda good: bag(good, attachments=[

@@ -18,6 +18,7 @@ from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import run
 from parallel_robot_analysis.player import Player, PlayerOptions
+from parallel_robot_analysis.printable import LONGEST_LINE, printable
 from parallel_robot_interface.errors import ParallelRobotError, RunError
 
 WORDS = {
@@ -45,7 +46,7 @@ def one_line(function):
         try:
             function(Path(bag))
         except ParallelRobotError as error:
-            print(str(error).replace('\n', ' '), file=sys.stderr)
+            print(printable(str(error).replace('\n', ' '), LONGEST_LINE), file=sys.stderr)
             return 2
         return 0
 
@@ -73,8 +74,12 @@ COMMANDS = {
 }
 
 
+class Late(BaseException):
+    """Not an Exception: nobody else shall catch it."""
+
+
 def late(*_):
-    raise TimeoutError
+    raise Late
 
 
 def try_one(command, bag, out, seconds):

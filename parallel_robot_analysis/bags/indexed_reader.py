@@ -16,10 +16,12 @@ from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from parallel_robot_analysis.bags import mcap_records, plain_data
 from parallel_robot_analysis.bags.bag_reader import File, files, open_file
 from parallel_robot_analysis.bags.limits import COPIES, MEMORY, Allowance
+from parallel_robot_analysis.printable import LONGEST_LINE, printable
 from parallel_robot_interface.errors import BagError
 
 TRANSIENT_LOCAL = ('transient_local', 1)  # as bags say it: today, and before Iron
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
+TYPE = re.compile(r'[A-Za-z]\w*/(\w+/)?\w+', re.ASCII)
 LAST = 1 << 61  # ns, that a stamp can say
 INDEX = mcap_records.SUMMARISED | {Opcode.CHUNK_INDEX: ChunkIndex}
 
@@ -114,13 +116,13 @@ class BagReader:
             ready = bisect.bisect_left(pending, (chunk.first,))
             yield from map(_message, pending[:ready])
             pending = pending[ready:]
+            held = {item[1]: len(item[4]) for item in pending}
+            if sum(held.values()) > self._memory // COPIES:
+                raise BagError(f'{self._bag}: too many chunks are of the same time')
             pending += (
                 item for item in _scan(chunk, topics, allowance) if start <= item[0] <= end
             )
             pending.sort()
-            held = {item[1]: len(item[4]) for item in pending}
-            if sum(held.values()) > self._memory // COPIES:
-                raise BagError(f'{self._bag}: too many chunks are of the same time')
         yield from map(_message, pending)
 
     def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
@@ -147,25 +149,26 @@ class BagReader:
         self._chunks = []
 
     def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
+        name = printable(path, LONGEST_LINE)
         end, records = mcap_records.summarised(*file, INDEX)
         if end is None:
-            raise BagError(f'{path} cannot be read: it is no MCAP file, or was cut off')
+            raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off')
         statistics = next((r for r in records if isinstance(r, Statistics)), None)
         indexes = {r.chunk_start_offset: r for r in records if isinstance(r, ChunkIndex)}
         if statistics is None:
-            raise BagError(f'{path} has no index: its recording was cut off')
+            raise BagError(f'{name} has no index: its recording was cut off')
         if statistics.message_count and not indexes:
-            raise BagError(f'{path} has no index: it was written without chunks')
+            raise BagError(f'{name} has no index: it was written without chunks')
         if max((index.message_end_time for index in indexes.values()), default=0) > LAST:
-            raise BagError(f'{path} has log times that no clock can have')
+            raise BagError(f'{name} has log times that no clock can have')
         schemas = {r.id: r.name for r in records if isinstance(r, Schema)}
-        names = {}
+        topic_of = {}
         for channel in (r for r in records if isinstance(r, Channel)):
             type_name = schemas.get(channel.schema_id, '')
-            cdr = type_name and channel.message_encoding == 'cdr'
-            if not cdr or not TOPIC.fullmatch(channel.topic):
+            known = TYPE.fullmatch(type_name) and TOPIC.fullmatch(channel.topic)
+            if not known or channel.message_encoding != 'cdr':
                 continue
-            names[channel.id] = channel.topic
+            topic_of[channel.id] = channel.topic
             latched = _latched(channel.metadata.get('offered_qos_profiles', ''))
             self.topics[channel.topic] = RecordedTopic(channel.topic, type_name, latched)
             self.counts[channel.topic] += statistics.channel_message_counts.get(channel.id, 0)
@@ -178,8 +181,8 @@ class BagReader:
                 file.data,
                 offset,
                 {
-                    key: name
-                    for key, name in names.items()
+                    key: topic
+                    for key, topic in topic_of.items()
                     if key in index.message_index_offsets or not index.message_index_offsets
                 },
             )
@@ -194,23 +197,23 @@ def _scan(
     record = mcap_records.record_at(chunk.data, chunk.offset, Opcode.CHUNK)
     data = None if record is None else mcap_records.unpacked(record, allowance)
     if data is None:
-        raise BagError(f'{chunk.path} cannot be read: a chunk is broken')
+        raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
     block = mcap_records.messages_of(data, allowance)
     if block is None:
-        raise BagError(f'{chunk.path} cannot be read: a chunk is broken')
-    heads = block.heads()
+        raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
+    heads, content = block.heads(), bytes(data)
     wanted = [key for key, topic in chunk.channels.items() if topic in topics]
     here = np.isin(heads['channel'], wanted)
     rows = zip(block.starts[here].tolist(), heads[here].tolist(), strict=True)
     for start, (length, channel, _, log_time, _) in rows:
         payload = start + mcap_records.HEAD + mcap_records.MESSAGE_HEAD
         end = start + mcap_records.HEAD + length
-        yield log_time, chunk.rank, payload, chunk.channels[channel], data, end
+        yield log_time, chunk.rank, payload, chunk.channels[channel], content, end
 
 
 def _message(item: tuple[Any, ...]) -> RecordedMessage:
     log_time, _, first, topic, data, end = item
-    return RecordedMessage(log_time, topic, bytes(data[first:end]))
+    return RecordedMessage(log_time, topic, data[first:end])
 
 
 def _latched(profiles: str) -> int:

@@ -117,9 +117,11 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
 
 def physical(samples: Samples) -> np.ndarray:
     """Which messages have numbers that a robot can have, shape (N,); NaN and infinity are none."""
-    return np.all(
-        [(np.abs(numbers) <= LARGEST).all(axis=1) for numbers in samples.numbers.values()], axis=0
-    )
+    kept = np.ones(len(samples.stamps), bool)
+    for numbers in samples.numbers.values():
+        if not (numbers.max() <= LARGEST and numbers.min() >= -LARGEST):  # nor with NaN
+            kept &= (np.abs(numbers) <= LARGEST).all(axis=1)
+    return kept
 
 
 def _kind(bag: Path, topic: Topic, message: bytes, layout_of: LayoutOf) -> Kind:

@@ -20,7 +20,9 @@ from parallel_robot_analysis.printable import printable
 from parallel_robot_control.laws import available
 from parallel_robot_interface import config
 from parallel_robot_interface.errors import BagError
+from parallel_robot_interface.loop import LoopParameters
 
+LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own
 MADE_BY = ('version', 'revision')  # facts that say which code made a bag
 
@@ -45,6 +47,11 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past = run_log.read(bag, memory), history.read(bag, memory)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
+    planned = config.group(log.config, LoopParameters, '').samples or 0
+    if arguments.duration is None and planned > max(LONGER * len(log.time), SHORT):
+        raise BagError(
+            f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
+        )
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
         laws = own_laws(bag, past.laws, Path(directory), arguments.trust)
