@@ -8,7 +8,8 @@ import pytest
 
 from parallel_robot_control import faults, safety
 from parallel_robot_control.laws import LAWS
-from parallel_robot_interface import config
+from parallel_robot_interface import cdr, config, ros_joints
+from parallel_robot_interface import ros_parameter_services as services
 from parallel_robot_interface.fields import parameters
 from parallel_robot_sim.simulation import simulate
 
@@ -52,6 +53,17 @@ def test_every_limit_is_in_the_table_of_safety():
         where = text if parameter.key in ('action', 'damping', 'stiffness') else table
         assert parameter.key.replace('damping', 'damping').replace('stiffness', 'spring') in where
     assert len(table.splitlines()) >= len(faults.FAULT_TEXT)
+
+
+def test_the_limits_of_the_wire_are_those_of_the_code():
+    text = (DOCS / 'security.md').read_text()
+    for limit in (
+        f'{services.MOST_NAMES} names, {services.MOST_PREFIXES} prefixes',
+        f'{services.LONGEST_NAME} characters of a name, {services.LONGEST_VALUE} characters or',
+        f'looked at up to {ros_joints.LONGEST >> 10} KiB',
+        f'layouts of {cdr.KINDS} kinds',
+    ):
+        assert limit in text
 
 
 def test_the_example_law_is_short_and_tracks():
