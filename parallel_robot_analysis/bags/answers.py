@@ -133,7 +133,7 @@ def used(stamps: np.ndarray, known: np.ndarray, references: Samples) -> Used:
     ordered = references.stamps[order]
     at = np.maximum(np.searchsorted(ordered, known, side='right') - 1, 0)
     newest = np.searchsorted(ordered, stamps, side='right') - 1
-    answered = known > 0
+    answered = (known > 0) & (ordered[at] > 0)  # zero is no time
     found = np.where(answered, ordered[at], 0)
     older = np.flatnonzero(answered & (found != stamps))
     samples = [references.numbers[name][order[at[older]]] for name in EXTRAPOLATED]

@@ -19,7 +19,7 @@ import numpy as np
 import zstandard
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from parallel_robot_analysis.bags import plain_data
+from parallel_robot_analysis.bags import limits, plain_data
 from parallel_robot_analysis.bags.bag_writer import LAWS, METADATA
 from parallel_robot_analysis.bags.limits import (
     CHANNELS,
@@ -32,7 +32,6 @@ from parallel_robot_analysis.bags.limits import (
     YAML,
     Allowance,
 )
-from parallel_robot_analysis.bags.limits import LAWS as MOST_LAWS
 from parallel_robot_analysis.bags.mcap_records import (
     HEAD,
     MESSAGE_HEAD,
@@ -140,8 +139,8 @@ def read(
                 if law.isidentifier() and len(law.encode()) <= NAME and len(record.data) <= LAW:
                     held.hold(len(record.data))
                     laws[law] = record.data
-                if len(laws) > MOST_LAWS:
-                    raise BagError(f'{file} holds more than {MOST_LAWS} laws')
+                if len(laws) > limits.LAWS:
+                    raise BagError(f'{file} holds more than {limits.LAWS} laws')
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):

@@ -8,6 +8,7 @@ from pathlib import Path
 from parallel_robot_interface.errors import BagError
 
 MEMORY = 2 << 30  # bytes that a command may take for what is in bags
+TRUSTED = 1 << 50  # the same, for a bag that this process has just seen written
 COPIES = 4  # of what is read, that are in memory at once while it is evaluated
 RATIO = 200  # bytes that one byte of a file may unpack to, where that is more than the memory
 RECORDS = 250_000  # records of a small file; a larger one has at most one in RECORD bytes

@@ -53,12 +53,8 @@ def mapping(text: str) -> dict[str, Any]:
         found = load(text)
     except ValueError:
         return {}
-    return {key: value for key, value in found.items() if flat(value)} if is_mapping(found) else {}
-
-
-def is_mapping(value: Any) -> bool:
-    """Whether a value is a mapping."""
-    return isinstance(value, dict)
+    items = found.items() if isinstance(found, dict) else ()
+    return {key: value for key, value in items if flat(value)}
 
 
 def flat(value: Any) -> bool:

@@ -54,7 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past = run_log.read(bag, memory), history.read(bag, memory)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    if np.isnan(log.answer).all():
+    if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
         raise BagError(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:
         laws = changes.get('own_laws', [])

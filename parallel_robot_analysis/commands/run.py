@@ -14,6 +14,7 @@ from typing import Any
 from parallel_robot_analysis import figures_of_merit, metrics, timing
 from parallel_robot_analysis.bags import bag_writer, history, run_log
 from parallel_robot_analysis.bags.experiment import command_line
+from parallel_robot_analysis.bags.limits import TRUSTED
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.namespaces import add_namespace_argument, full
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
@@ -92,7 +93,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
     driven_out = _supervise(parameters, loop, namespace)
-    log, past = run_log.read(out), history.read(out)
+    log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     for text in (*parts.law.warnings, *remarks, *timing.remarks(timed, past)):
