@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import TypeVar
 
-from parallel_robot_analysis.printable import as_it_is
+from parallel_robot_analysis.printable_output import as_it_is
 
 Item = TypeVar('Item')
 

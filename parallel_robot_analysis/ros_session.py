@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from parallel_robot_analysis.bags.plain_data import whole_number
 from parallel_robot_interface import ros_middleware
 from parallel_robot_interface.errors import DRIVEN_OUT, RunError
 from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
@@ -150,8 +151,9 @@ class Session:
         parameter = Parameter('start_stamp', Parameter.Type.INTEGER, stamp).to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
         answer = self._call(self._set[name], request, START_PATIENCE)
-        if answer is None or not answer.results[0].successful:
-            reason = answer.results[0].reason if answer else SILENT
+        result = answer.results[0] if answer and answer.results else None
+        if result is None or not result.successful:
+            reason = result.reason if result else SILENT
             raise RunError(f'{name} does not start: {reason}')
 
     def _call(self, client: Any, request: Any, seconds: float = PATIENCE) -> Any:
@@ -173,5 +175,5 @@ class Session:
             alarm = status.level == DiagnosticStatus.ERROR and status.name.endswith(PLANT)
             self.driven_out |= alarm and status.message.startswith(DRIVEN_OUT)
             for item in status.values:
-                if item.key == 'state' and item.value.isdigit():
-                    self.state = int(item.value)
+                if item.key == 'state':
+                    self.state = whole_number(item.value) or self.state

@@ -89,13 +89,14 @@ def evaluate(log: RunLog, history: History) -> Timing:
     told = int(history.facts.get('start_stamp', 0))
     says = bool((log.command_states > 0).any())
     first = told if told or not says else int(log.command_states[log.command_states > 0].min())
-    last = int(log.command_states.max()) if says else log.stamps[-1]
+    # Of a motion that was planned every state counts, also where the controller fell silent.
+    last = int(log.command_states.max()) if says and not told else log.stamps[-1]
     due = (log.stamps >= first) & (log.stamps <= last)
     answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
     lag, uncommanded = _lags(log, first, period) if says else (np.zeros(0, np.int64), 0)
     delay = (log.heard - log.stamps) / NANOSECONDS
     nodes = history.facts.get('source', NODES) == NODES
-    stepped = history.facts.get('time_mode') == 'lockstep'
+    stepped = log.config['time_mode'] == 'lockstep'
     wall = nodes and not stepped and np.median(np.abs(delay)) * NANOSECONDS < SAME_CLOCK
     return Timing(
         int(due.sum()),

@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-LONGEST = 200  # characters of a text of somebody else's in a line of ours
+from parallel_robot_interface.printable import printable
+
 NEAR = 0.6  # similarity of names, from 0 to 1, from which one may stand for the other
 DRIVEN_OUT = 'the robot was driven out of its workspace'  # begin of the plant's alarm, too
 
@@ -31,7 +32,7 @@ class UnknownNameError(InputError):
         self.kind = kind
         self.name = name
         self.choices = sorted(choices)
-        name = shortened(name)
+        name = printable(name)
         near = difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
         shown = ', '.join(self.choices) if len(self.choices) <= 12 else ''
         hint = f'; did you mean {near[0]!r}?' if near else ''
@@ -71,12 +72,7 @@ class RunError(ParallelRobotError):
     """A run that did not come to its end."""
 
 
-def shortened(text: str) -> str:
-    """A text that fits into a line, whatever somebody else made of it."""
-    return text if len(text) <= LONGEST else f'{text[:LONGEST]}...'
-
-
 def first_line(error: BaseException) -> str:
     """Kind of an error of somebody else's code, and what it says first."""
     text = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
-    return type(error).__name__ + (f': {shortened(text)}' if text else '')
+    return type(error).__name__ + (f': {printable(text)}' if text else '')

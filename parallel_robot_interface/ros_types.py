@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_interface.errors import InputError, shortened
+from parallel_robot_interface.errors import InputError
+from parallel_robot_interface.printable import printable
 
 NAME = re.compile(r'([a-z][a-z0-9_]*)/(msg|srv|action)/([A-Za-z][A-Za-z0-9_]*)')
 INDEX = Path('share', 'ament_index', 'resource_index', 'rosidl_interfaces')
@@ -36,4 +37,4 @@ def message_class(type_name: str) -> Any:
             return getattr(importlib.import_module(f'{match[1]}.{match[2]}'), match[3])
         except (ImportError, AttributeError):
             pass  # as if it were not there
-    raise InputError(f'no type {shortened(type_name)} is installed')
+    raise InputError(f'no type {printable(type_name)} is installed')

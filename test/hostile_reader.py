@@ -18,8 +18,9 @@ from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import run
 from parallel_robot_analysis.player import Player, PlayerOptions
-from parallel_robot_analysis.printable import LONGEST_LINE, printable
+from parallel_robot_analysis.printable_output import LONGEST_LINE
 from parallel_robot_interface.errors import ParallelRobotError, RunError
+from parallel_robot_interface.printable import printable
 
 WORDS = {
     'analyze': lambda bag, out: [

@@ -78,7 +78,7 @@ def test_whole_numbers(text, number):
 def configuration(facts):
     """Configuration of a bag; None when it is refused in one line."""
     with contextlib.suppress(BagError):
-        return experiment.configuration('bag', facts)
+        return experiment.configuration('bag', facts, {})
 
 
 @given(st.dictionaries(st.sampled_from([*DEFAULTS, 'own.gain']), PLAIN | EXTREMES, max_size=3))

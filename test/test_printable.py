@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from parallel_robot_analysis import progress
-from parallel_robot_analysis.printable import LONGEST_LINE, printable, printable_output
+from parallel_robot_analysis.printable_output import LONGEST_LINE, printable_output
+from parallel_robot_interface.printable import printable
 
 
 @given(st.text() | st.lists(st.text()) | st.floats())

@@ -32,9 +32,14 @@ def test_a_running_loop_is_shown_and_obeys(launch, peer, capsys):
         def until(condition):
             peer.until(lambda: graph.look() or condition(robots['/left']))
 
-        until(lambda robot: robot.error and robot.figure('controller', 'rate [Hz]') > '1')
+        nodes = ('trajectory', 'plant', 'controller')
+        until(
+            lambda robot: (
+                robot.error and all(robot.figure(node, 'rate [Hz]') > '1' for node in nodes)
+            )
+        )
         robot = robots['/left']
-        for node in ('trajectory', 'plant', 'controller'):
+        for node in nodes:
             assert float(robot.figure(node, 'rate [Hz]')) >= 0.0
             assert float(robot.figure(node, 'processor [%]')) > 0.0
         assert robot.law == 'computed_torque' and {'smc', 's_fotsmc'} < set(robot.laws)

@@ -16,8 +16,9 @@ from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from parallel_robot_analysis.bags import mcap_records, plain_data
 from parallel_robot_analysis.bags.bag_reader import File, files, open_file
 from parallel_robot_analysis.bags.limits import COPIES, MEMORY, Allowance
-from parallel_robot_analysis.printable import LONGEST_LINE, printable
+from parallel_robot_analysis.printable_output import LONGEST_LINE
 from parallel_robot_interface.errors import BagError
+from parallel_robot_interface.printable import printable
 
 TRANSIENT_LOCAL = ('transient_local', 1)  # as bags say it: today, and before Iron
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows

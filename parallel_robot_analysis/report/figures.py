@@ -11,8 +11,9 @@ import numpy as np
 from parallel_robot_analysis import new_files
 from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_analysis.printable import printable, without_mathematics
+from parallel_robot_analysis.printable_output import without_mathematics
 from parallel_robot_interface.errors import UnknownNameError
+from parallel_robot_interface.printable import printable
 
 FORMATS = ('.png', '.pdf', '.svg')
 COLORS = ('#2952a3', '#d1495b', '#3a8f5c')

@@ -7,13 +7,13 @@ from typing import Any
 
 from parallel_robot_analysis import claims
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
-from parallel_robot_analysis.printable import printable
 from parallel_robot_analysis.report.animation import animation
 from parallel_robot_analysis.report.charts import Chart
 from parallel_robot_analysis.report.decimation import INTERVALS
 from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.plots import plot
 from parallel_robot_analysis.report.runs import Run
+from parallel_robot_interface.printable import printable
 
 
 def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from parallel_robot_analysis.printable import without_mathematics
+from parallel_robot_analysis.printable_output import without_mathematics
 from parallel_robot_analysis.report.charts import Chart, Panel
 from parallel_robot_analysis.report.decimation import envelope
 from parallel_robot_analysis.report.palette import STYLES, Style

@@ -175,8 +175,8 @@ def _statuses(data: bytes) -> list[Any]:
 def _said(answer: Any) -> tuple[bool, str]:
     """Whether a node did what it was asked for, and what it says."""
     if isinstance(answer, SetParameters.Response):
-        result = answer.results[0]
-        done, text = bool(result.successful), str(result.reason)
+        done = any(result.successful for result in answer.results)
+        text = ', '.join(result.reason for result in answer.results)
     else:
         done, text = bool(answer.success), str(answer.message)
     return done, text if done else f'refused: {text}'

@@ -1,4 +1,4 @@
-"""Names and values of a bag as text that is safe to show: one line, no control characters."""
+"""What is printed, without the control characters of texts that somebody else wrote."""
 
 from __future__ import annotations
 
@@ -8,21 +8,10 @@ import sys
 from collections.abc import Iterator
 from typing import Any, TextIO
 
-LONGEST = 200  # characters
+from parallel_robot_interface.printable import printable
+
 LONGEST_LINE = 2000  # characters of what a terminal gets
 ASCII = re.compile(r'[ -~\n]*')
-
-
-def printable(value: Any, longest: int = LONGEST) -> str:
-    """Text of a value that somebody else wrote.
-
-    Args:
-        value: Anything.
-        longest: Characters after which the text is cut off with an ellipsis.
-    """
-    text = str(value)[: longest + 1]
-    text = ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
-    return text if len(text) <= longest else text[: longest - 1] + '…'
 
 
 def without_mathematics(text: str) -> str:

@@ -1,0 +1,19 @@
+"""Texts that somebody else wrote as text that is safe to show: one line, no control characters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+LONGEST = 200  # characters
+
+
+def printable(value: Any, longest: int = LONGEST) -> str:
+    """Text of a value that somebody else wrote.
+
+    Args:
+        value: Anything.
+        longest: Characters after which the text is cut off with an ellipsis.
+    """
+    text = str(value)[: longest + 1]
+    text = ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
+    return text if len(text) <= longest else text[: longest - 1] + '…'
