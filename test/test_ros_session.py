@@ -3,6 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from parallel_robot_analysis import ros_session
 from parallel_robot_analysis.ros_session import Session
@@ -104,3 +105,24 @@ def test_a_node_that_says_what_it_lacks_is_quoted(monkeypatch):
     world.says = SimpleNamespace(success=False, message='no publisher of reference')
     with pytest.raises(RunError, match=r'^plant is not ready after 20 s: no publisher of ref'):
         world.wait(monkeypatch, seconds=20.0)
+
+
+@pytest.mark.parametrize(
+    ('said', 'state'),
+    [
+        ('17', 17),
+        ('held', -1),
+        ('\u00b2', -1),
+        ('9' * 5000, -1),
+        ('-5', -1),
+        ('', -1),
+        ('1e3', -1),
+    ],
+)
+def test_a_diagnostic_of_whoever_does_not_end_a_run(said, state):
+    session = Session(['plant'], lambda: None)
+    status = DiagnosticStatus(
+        name='plant: loop', hardware_id='/plant', values=[KeyValue(key='state', value=said)]
+    )
+    session._on_diagnostics(DiagnosticArray(status=[status]))
+    assert session.state == state

@@ -239,3 +239,12 @@ def test_an_older_bag_says_nothing_about_lost_commands(tmp_path, capsys):
     assert timed.realtime is None and timed.answered is None and timing.as_json(timed)
     assert main(['analyze', str(tmp_path / 'bag')]) == 2  # its angles are of no robot
     assert Path(tmp_path / 'bag').exists() and 'forward kinematics' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('facts', 'states'), [(FACTS, N + 1), ({}, 501)])
+def test_a_controller_that_falls_silent_has_not_held_real_time(facts, states, read):
+    """In a motion that was planned; nodes that were started by hand may be ended one by one."""
+    found, _ = loop(np.ones(N + 1, int), range(501, N + 1))
+    timed = timing.evaluate(read(found), NOTHING._replace(facts=facts))
+    assert (timed.answered, timed.states) == (501, states)
+    assert timed.realtime is (not facts)
