@@ -245,6 +245,9 @@ def test_an_older_bag_says_nothing_about_lost_commands(tmp_path, capsys):
 def test_a_controller_that_falls_silent_has_not_held_real_time(facts, states, read):
     """In a motion that was planned; nodes that were started by hand may be ended one by one."""
     found, _ = loop(np.ones(N + 1, int), range(501, N + 1))
+    effort = TORQUES[np.r_[0, 0:N]]
+    effort[0], effort[502:] = 0.0, 0.125  # the safe action of the motors
+    found[topics.JOINT_STATES] = streams(REST, REST, effort, start=START)[topics.JOINT_STATES]
     timed = timing.evaluate(read(found), NOTHING._replace(facts=facts))
     assert (timed.answered, timed.states) == (501, states)
     assert timed.realtime is (not facts)
