@@ -512,7 +512,7 @@ def run_node(
         granted = realtime.acquire(node.priority if asks else 0)
         node.show_granted(realtime=granted, middleware=transport)
         node.begin()
-        while node.exit_code is None and not stop:
+        while node.exit_code is None and not stop and rclpy.ok():
             try:
                 # A new one each time: SingleThreadedExecutor leaves a callback in it.
                 executor.spin_until_future_complete(Future(), timeout_sec=PATIENCE)

@@ -40,24 +40,20 @@ class BoundedParameterService(ParameterService):  # type: ignore[misc]
         return response
 
     def _get_parameters_callback(self, request: Any, response: Any) -> Any:
-        if len(request.names) > MOST_NAMES:
-            return response
-        return super()._get_parameters_callback(request, response)
+        few = len(request.names) <= MOST_NAMES
+        return super()._get_parameters_callback(request, response) if few else response
 
     def _get_parameter_types_callback(self, request: Any, response: Any) -> Any:
-        if len(request.names) > MOST_NAMES:
-            return response
-        return super()._get_parameter_types_callback(request, response)
+        few = len(request.names) <= MOST_NAMES
+        return super()._get_parameter_types_callback(request, response) if few else response
 
     def _describe_parameters_callback(self, request: Any, response: Any) -> Any:
-        if len(request.names) > MOST_NAMES:
-            return response
-        return super()._describe_parameters_callback(request, response)
+        few = len(request.names) <= MOST_NAMES
+        return super()._describe_parameters_callback(request, response) if few else response
 
     def _list_parameters_callback(self, request: Any, response: Any) -> Any:
-        if len(request.prefixes) > MOST_PREFIXES:
-            return response
-        return super()._list_parameters_callback(request, response)
+        few = len(request.prefixes) <= MOST_PREFIXES
+        return super()._list_parameters_callback(request, response) if few else response
 
 
 def set_together(node: Node, messages: Sequence[ParameterMessage]) -> SetParametersResult:

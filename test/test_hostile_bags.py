@@ -34,7 +34,8 @@ FOR_ALL = (
     'joint_states stamps all equal', 'joint_states position nan 7', 'attachment: NUL',
 )  # fmt: skip
 SLOW = {
-    'analyze': (*FOR_ALL[1:], 'joint that is mathematics', 'reference stamps largest',
+    'analyze': (*FOR_ALL[1:], 'joint that is mathematics', 'joints with long names',
+        'reference stamps largest',
                 "'trajectory.shape': [1]", 'joint_states effort 1e+155 1', 'cut 37'),
     'other law': (
         'reference stamps zero', "'plant.torque_limit': [1, 2]", 'joint that is an escape',

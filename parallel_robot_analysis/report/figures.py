@@ -16,6 +16,7 @@ from parallel_robot_interface.errors import UnknownNameError
 from parallel_robot_interface.printable import printable
 
 FORMATS = ('.png', '.pdf', '.svg')
+LABEL = 40  # characters of a name
 COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
 
 
@@ -31,7 +32,7 @@ def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    figure = _figure(f'{printable(log.scenario)}, {printable(log.law)}', path)
+    figure = _figure(f'{printable(log.scenario, LABEL)}, {printable(log.law, LABEL)}', path)
     grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
 
     xy = figure.add_subplot(grid[:, 0])
@@ -51,12 +52,14 @@ def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
     joints = figure.add_subplot(grid[1, 1], sharex=distance)
     error = 1e6 * np.abs(log.reference_position - log.position)
     for column, name, color in zip(error.T, log.joints, COLORS, strict=True):
-        joints.semilogy(log.time, np.maximum(column, 1e-4), color=color, lw=0.8, label=name)
+        joints.semilogy(
+            log.time, np.maximum(column, 1e-4), color=color, lw=0.8, label=_label(name)
+        )
     joints.set(ylabel='|error| [µrad]', title='Joint errors', ylim=(1e-3, None))
 
     torque = figure.add_subplot(grid[2, 1], sharex=distance)
     for column, name, color in zip(log.effort.T, log.joints, COLORS, strict=True):
-        torque.plot(log.time, column, color=color, lw=0.8, label=name)
+        torque.plot(log.time, column, color=color, lw=0.8, label=_label(name))
     torque.set(xlabel='t [s]', ylabel='[N m]', title='Torques')
 
     for axes in (distance, joints, torque):
@@ -79,19 +82,24 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    figure = _figure(f'{printable(log.scenario)}: torques on the same motion', path)
+    figure = _figure(f'{printable(log.scenario, LABEL)}: torques on the same motion', path)
     rows = figure.subplots(len(log.joints), 1, sharex=True)
     curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
     for axes, joint, recorded, replayed in curves:
-        label = without_mathematics(f'recorded, {printable(log.law)}')
+        label = f'recorded, {_label(log.law)}'
         axes.plot(log.time, recorded, color='0.6', lw=2.0, label=label)
-        label = without_mathematics(f'replayed, {printable(law)}')
+        label = f'replayed, {_label(law)}'
         axes.plot(log.time, replayed, color=COLORS[0], lw=0.8, label=label)
-        axes.set(ylabel='[N m]', title=without_mathematics(printable(joint)))
+        axes.set(ylabel='[N m]', title=_label(joint))
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=2, fontsize='small')
     rows[-1].set(xlabel='t [s]')
     _save(figure, path)
+
+
+def _label(name: str) -> str:
+    """A name in a picture, where a long one would leave no place for the curves."""
+    return without_mathematics(printable(name, LABEL))
 
 
 def _save(figure: Any, path: str | Path) -> None:
