@@ -14,6 +14,7 @@ from parallel_robot_analysis.processes import MODULES
 from parallel_robot_control.laws import LAWS, prepare, trial
 from parallel_robot_interface import cdr, config, plugins, topics
 from parallel_robot_interface.errors import InputError
+from parallel_robot_model import kernel_cache
 from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import simulate
 
@@ -196,6 +197,14 @@ def test_what_a_law_does_wrong_is_found_before_it_acts(name, write):
     replaced, reason = UNFIT[name]
     with pytest.raises(InputError, match=f'^{name}: .*{re.escape(reason)}'):
         prepare(name, values_of(write(name, replaced)))
+
+
+def test_the_trial_takes_no_code_of_the_ordinary_cache(write, monkeypatch):
+    """Not even where the user has chosen that cache (NUMBA_CACHE_DIR)."""
+    monkeypatch.setattr(kernel_cache, '_OWN', '')
+    replaced, reason = UNFIT['beyond']
+    with pytest.raises(InputError, match=reason):
+        prepare('aloof', values_of(write('aloof', replaced)))
 
 
 def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypatch):

@@ -62,19 +62,19 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
             if not file.is_file() or file.read_bytes() != source:  # changed since
                 file = Path(directory, f'{name}.py')
                 file.write_bytes(source)
-            verdict = _try(name, file, gains, joints)
+            cache = kernel_cache.subdirectory('checked') or directory
+            verdict = _try(name, file, gains, joints, cache)
         kernel_cache.mark(mark, verdict)
     return tuple(f'{name}: {line}' for line in verdict.splitlines())
 
 
-def _try(name: str, file: Path, gains: Any, joints: int) -> str:
-    """Run the trial; the warnings, one a line.
+def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
+    """Run the trial with a cache of its own; the warnings, one a line.
 
     Raises:
         InputError: the law is refused.
     """
-    environment = {**os.environ, 'NUMBA_BOUNDSCHECK': '1'}
-    environment['NUMBA_CACHE_DIR'] = kernel_cache.subdirectory('checked')
+    environment = {**os.environ, 'NUMBA_BOUNDSCHECK': '1', 'NUMBA_CACHE_DIR': cache}
     task = json.dumps({'file': str(file), 'gains': gains, 'joints': joints})
     try:
         child = subprocess.run(
