@@ -8,7 +8,7 @@ SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resou
 WARM := import logging, sys; \
   sys.stderr.isatty() and logging.basicConfig(format='  %(message)s', level='INFO'); \
   from parallel_robot_control.controller import Controller; \
-  from parallel_robot_interface import config; \
+  from parallel_robot_base import config; \
   from parallel_robot_sim.simulator import Simulator; \
   values = config.resolve('paper_circle'); Controller(values); Simulator(values).warm()
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))

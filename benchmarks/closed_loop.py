@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from parallel_robot_interface import config
+from parallel_robot_base import config
 from parallel_robot_sim.simulation import assemble, simulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))

@@ -37,8 +37,9 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from parallel_robot_interface import config, realtime, ros_middleware, topics
-from parallel_robot_interface.ros_node import listen, qos_of
+from parallel_robot_base import config, realtime, topics
+from parallel_robot_ros import middleware
+from parallel_robot_ros.suite_node import listen, qos_of
 
 AHEAD = 20_000_000  # ns, how long before its stamp a reference is sent
 BATCH = 200  # samples that the references are at most ahead (lockstep)
@@ -184,7 +185,7 @@ def main() -> None:
     arguments = parser.parse_args()
     stop: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stop.append(number))
-    with ros_middleware.transport(arguments.middleware):
+    with middleware.transport(arguments.middleware):
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = ROLES[arguments.role](arguments)
     while not (stop or node.matched()):

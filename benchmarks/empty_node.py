@@ -11,11 +11,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.ros_node import qos_of
-from parallel_robot_interface.ros_types import message_class
-from parallel_robot_interface.topics import Topic
+from parallel_robot_base import cdr, topics
+from parallel_robot_base.deadline import DeadlineThread
+from parallel_robot_base.topics import Topic
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.suite_node import qos_of
 
 PERIOD = 1_000_000  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')

@@ -28,9 +28,9 @@ from reliability.judging import Outcome, judge
 from reliability.rows import ROWS, Row
 
 from parallel_robot_analysis.processes import domain_lock
+from parallel_robot_base import config
+from parallel_robot_base.errors import ParallelRobotError, RunError
 from parallel_robot_control.controller import Controller
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import ParallelRobotError, RunError
 from parallel_robot_sim.simulator import Simulator
 
 ATTEMPTS = 3  # to start a loop

@@ -22,7 +22,7 @@ from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface import topics
+from parallel_robot_base import topics
 
 PERIOD = 1e-3  # s
 PATIENCE = 180.0  # s, for the first state of the motion

@@ -17,7 +17,7 @@ from checkout import ROOT
 from graph_processes import end, nodes_below, start
 
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface import topics
+from parallel_robot_base import topics
 
 COMMAND = ('-m', 'parallel_robot_analysis.command_line')
 TWIN = ('benchmarks/empty_graph.py',)

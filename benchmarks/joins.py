@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis.bags import history, run_log
+from parallel_robot_bags import history, run_log
 
 LIMITS = (0.02, 0.05, 0.2)  # s; with the last, the plant's time-out, the torque changes
 SECONDS = 10.0  # for a join, at most

@@ -15,14 +15,14 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 
+from parallel_robot_base import cdr, config, topics
+from parallel_robot_base.kernel import kernel
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.cycle import run_cycle
 from parallel_robot_control.laws import LAWS
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.ros_node import qos_of
-from parallel_robot_interface.ros_types import message_class
-from parallel_robot_model.kernel import kernel
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.suite_node import qos_of
 from parallel_robot_sim.simulation import assemble
 from trajectory_gen.messages import reference_messages
 

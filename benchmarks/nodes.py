@@ -28,9 +28,9 @@ from graph_processes import busy, end, start
 from graphs import revision, warm
 
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface import topics
-from parallel_robot_interface.ros_node import qos_of
-from parallel_robot_interface.ros_types import message_class
+from parallel_robot_base import topics
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.suite_node import qos_of
 
 FIRST = {
     'trajectory': topics.REFERENCE,

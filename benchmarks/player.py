@@ -22,11 +22,11 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.processes import command
-from parallel_robot_interface import topics
-from parallel_robot_interface.ros_node import qos_of
-from parallel_robot_interface.ros_types import message_class
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_base import topics
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.suite_node import qos_of
 
 PLAYED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 NAMES = [f'/{topic.name}' for topic in PLAYED]
@@ -66,7 +66,7 @@ def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> None:
 
     subscriptions = [listen(topic) for topic in PLAYED]
     client = node.create_client(Trigger, 'player/resume')
-    module = 'parallel_robot_analysis.player_node'
+    module = 'parallel_robot_bags.player_node'
     process = subprocess.Popen(
         command(module, str(bag), '--pause', '--topics', *NAMES, *words), stderr=subprocess.DEVNULL
     )

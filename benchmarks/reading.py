@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from rosbags.highlevel import AnyReader
 
-from parallel_robot_analysis.bags import run_log, simulation_bag
-from parallel_robot_interface import config, topics
+from parallel_robot_bags import run_log, simulation_bag
+from parallel_robot_base import config, topics
 from parallel_robot_sim.simulation import simulate
 
 DURATION = 60.0  # s of motion

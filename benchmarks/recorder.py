@@ -20,12 +20,12 @@ from mcap.reader import make_reader
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from parallel_robot_analysis.bags.bag_writer import MESSAGES
 from parallel_robot_analysis.processes import command
-from parallel_robot_interface import cdr
-from parallel_robot_interface.deadline import DeadlineThread
-from parallel_robot_interface.ros_types import message_class
-from parallel_robot_interface.topics import DEPTH
+from parallel_robot_bags.bag_writer import MESSAGES
+from parallel_robot_base import cdr
+from parallel_robot_base.deadline import DeadlineThread
+from parallel_robot_base.topics import DEPTH
+from parallel_robot_ros.message_types import message_class
 
 JOINTS = ('joint1', 'joint2', 'joint3')
 TOPICS = {
@@ -76,7 +76,7 @@ def main() -> None:
         names = ', '.join(f'"{name}"' for name in TOPICS)
         recorder = subprocess.Popen(
             [
-                *command('parallel_robot_analysis.recorder_node', '--ros-args'),
+                *command('parallel_robot_bags.recorder_node', '--ros-args'),
                 *('-p', f'recorder.out:={bag}', '-p', f'recorder.topics:=[{names}]'),
             ],
             stderr=subprocess.DEVNULL,

@@ -20,8 +20,8 @@ from pathlib import Path
 import yaml
 from reliability import endurance, page
 
-from parallel_robot_analysis.bags import history, run_log
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_bags import history, run_log
 
 DURATION = 600.0  # s
 LOOK = 1.0  # s, between two looks at the memory

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from parallel_robot_base import config
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
-from parallel_robot_interface import config
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.trajectory import Trajectory
 

@@ -4,10 +4,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.contract import ControlOutput
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.kernel import kernel
-from parallel_robot_model.kinematics import multiply
 
 
 class Gains(NamedTuple):

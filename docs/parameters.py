@@ -5,14 +5,15 @@ import sys
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from parallel_robot_analysis import monitor, recorder_node
+from parallel_robot_analysis import monitor
+from parallel_robot_bags import recorder_node
+from parallel_robot_base import config
+from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control.controller import ControllerParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_interface import config
-from parallel_robot_interface.fields import Field, parameters
-from parallel_robot_interface.loop import LoopParameters
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantParameters

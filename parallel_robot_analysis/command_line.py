@@ -11,9 +11,9 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
-from parallel_robot_analysis.printable_output import LONGEST_LINE, printable_output
-from parallel_robot_interface.errors import InputError, ParallelRobotError, UnknownNameError
-from parallel_robot_interface.printable import printable
+from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
+from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError
+from parallel_robot_base.printable import printable
 
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',

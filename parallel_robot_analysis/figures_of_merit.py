@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from parallel_robot_analysis.bags.counts import TopicCount
 from parallel_robot_analysis.metrics import Metrics
+from parallel_robot_bags.counts import TopicCount
 
 
 class Merit(NamedTuple):

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot_analysis.bags.run_log import RunLog, head
+from parallel_robot_bags.run_log import RunLog, head
+from parallel_robot_base import config
+from parallel_robot_base.errors import KinematicsError
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import KinematicsError
-from parallel_robot_model.kinematics import pose_of
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.kinematics import pose_of
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 SMOOTH = 0.02  # s, over which a torque that does not chatter hardly changes
 

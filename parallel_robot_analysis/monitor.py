@@ -10,15 +10,15 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags.run_log import reference_at
+from parallel_robot_bags.run_log import reference_at
+from parallel_robot_base import config
+from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.fields import Field
+from parallel_robot_base.topics import DEPTH
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.controller import first_guess
-from parallel_robot_interface import config
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import KinematicsError
-from parallel_robot_interface.fields import Field
-from parallel_robot_interface.topics import DEPTH
-from parallel_robot_model.kinematics import pose_of
-from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_model.planar_3rrr.kinematics import pose_of
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
 
 PERIOD = NANOSECONDS // 10  # ns of motion between two sets of figures
 OLDEST = NANOSECONDS // 10  # ns, age of a reference that still says where the robot should be

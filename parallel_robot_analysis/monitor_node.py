@@ -7,11 +7,11 @@ import sys
 from std_msgs.msg import Float64
 
 from parallel_robot_analysis.monitor import Figures, Monitor, MonitorParameters
-from parallel_robot_interface import topics
-from parallel_robot_interface.ros_joints import JointReader
-from parallel_robot_interface.ros_node import SuiteNode, run_node
-from parallel_robot_interface.topics import Topic
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_base import topics
+from parallel_robot_base.topics import Topic
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_ros.joint_reader import JointReader
+from parallel_robot_ros.suite_node import SuiteNode, run_node
 
 
 class MonitorNode(SuiteNode):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 
-from parallel_robot_interface.errors import InputError
+from parallel_robot_base.errors import InputError
 
 LONGEST = 100  # characters; the middleware has 247 for a whole name
 NAMESPACE = re.compile(r'(?!.*__)(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*|/?)', re.ASCII)

@@ -17,16 +17,16 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from parallel_robot_interface.errors import RunError
-from parallel_robot_interface.module_process import START, command
-from parallel_robot_model.kernel_cache import NOTICE
-from parallel_robot_model.user_directory import user_directories
+from parallel_robot_base.errors import RunError
+from parallel_robot_base.kernel_cache import NOTICE
+from parallel_robot_base.module_process import START, command
+from parallel_robot_base.user_directory import user_directories
 
 MODULES = {
     'trajectory': 'trajectory_gen.trajectory_node',
     'plant': 'parallel_robot_sim.plant_node',
     'controller': 'parallel_robot_control.controller_node',
-    'recorder': 'parallel_robot_analysis.recorder_node',
+    'recorder': 'parallel_robot_bags.recorder_node',
 }
 STOP_ORDER = (('controller',), ('recorder', 'plant', 'trajectory'))  # zero torque first
 GRACE = 30.0  # s, from SIGINT to SIGKILL

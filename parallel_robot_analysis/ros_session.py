@@ -14,10 +14,10 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.bags.plain_data import whole_number
-from parallel_robot_interface import ros_middleware
-from parallel_robot_interface.errors import DRIVEN_OUT, RunError
-from parallel_robot_interface.topics import COMMANDS, JOINT_STATES, REFERENCE
+from parallel_robot_bags.plain_data import whole_number
+from parallel_robot_base.errors import DRIVEN_OUT, RunError
+from parallel_robot_base.topics import COMMANDS, JOINT_STATES, REFERENCE
+from parallel_robot_ros import middleware
 
 PATIENCE = 0.2  # s, for the answer to a question that can be asked again
 LOOK = 2.0  # s, between two looks at how busy the nodes are
@@ -59,7 +59,7 @@ class Session:
 
     def __enter__(self) -> Session:
         """Create the node."""
-        with ros_middleware.transport(self._middleware):
+        with middleware.transport(self._middleware):
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             self._node = rclpy.create_node('parallel_robot_run', namespace=self._namespace)
         self._ready = {

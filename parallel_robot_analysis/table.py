@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import answers, run_log, telemetry
-from parallel_robot_analysis.bags.limits import MEMORY
-from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.metrics import Poses
+from parallel_robot_bags import answers, run_log, telemetry
+from parallel_robot_bags.limits import MEMORY
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base.errors import InputError, ParallelRobotError
+from parallel_robot_base.topics import SLIDING_VARIABLE
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_interface.errors import InputError, ParallelRobotError
-from parallel_robot_interface.topics import SLIDING_VARIABLE
 
 POSE = ('x_m', 'y_m', 'phi_rad')
 

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_analysis.bags.experiment import NODES
-from parallel_robot_analysis.bags.history import NOTHING, History
-from parallel_robot_analysis.bags.run_log import RunLog
-from parallel_robot_interface import config
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.loop import LoopParameters
-from parallel_robot_model.kernel import inner, kernel
+from parallel_robot_bags.experiment import NODES
+from parallel_robot_bags.history import NOTHING, History
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base import config
+from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.units import NANOSECONDS
 
 # Real time is held up to these: a little beyond, the figures of some law change (docs/bags.md).
 ANSWERED = 0.9  # smallest share of the states that are answered

@@ -15,6 +15,10 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
+from parallel_robot_base import cdr
+from parallel_robot_base.kernel import entry_point, in_memory, inner, kernel
+from parallel_robot_base.topics import SLOW
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
@@ -29,11 +33,7 @@ from parallel_robot_control.laws import LAWS, PreparedLaw
 from parallel_robot_control.reference_buffer import MISSING, TOO_OLD, reference_at
 from parallel_robot_control.safety import Last, Limits
 from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
-from parallel_robot_interface import cdr
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.topics import SLOW
-from parallel_robot_model.kernel import entry_point, in_memory, inner, kernel
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 

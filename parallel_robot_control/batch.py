@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.kernel import kernel
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState, cycle_of
 from parallel_robot_control.safety import Limits
-from parallel_robot_model.kernel import kernel
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.dynamics import Model
+from parallel_robot_model.contract import Model
 
 Array = NDArray[np.float64]
 

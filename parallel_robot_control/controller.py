@@ -11,6 +11,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base import cache_directory, cdr, config
+from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.kernel import entry_point
+from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import answering, faults
 from parallel_robot_control.answering import (
     ACTED,
@@ -42,14 +48,7 @@ from parallel_robot_control.messages import Status, Telemetry, answers_message
 from parallel_robot_control.reference_buffer import ReferenceBuffer, append_message
 from parallel_robot_control.safety import SafetyParameters, limits_of
 from parallel_robot_control.wire import wire_of
-from parallel_robot_interface import cdr, config
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_interface.fields import Field, parameters
-from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
-from parallel_robot_model import kernel_cache
-from parallel_robot_model.kernel import entry_point
-from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
 from trajectory_gen.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -178,7 +177,9 @@ class Controller:
         active = str(values['law'])
         self._core = self._compiled(active, values)
         later = (
-            set(LAWS) if lazy and kernel_cache.marked(kernel_cache.COMPLETE) is not None else set()
+            set(LAWS)
+            if lazy and cache_directory.marked(cache_directory.COMPLETE) is not None
+            else set()
         )
         self._unloaded = [name for name in LAWS if name in later and name != active]
         for name in available(values):  # compiled now, not at a switch
@@ -186,7 +187,7 @@ class Controller:
             if name not in (active, *later):
                 self._compiled(name, values)
         if not later:
-            kernel_cache.mark(kernel_cache.COMPLETE)
+            cache_directory.mark(cache_directory.COMPLETE)
 
     def load(self) -> bool:
         """Load a law that was left out; for a thread beside the loop.

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
+from parallel_robot_base import cdr, realtime, topics
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
 from parallel_robot_control.answering import (
     ANSWERED,
@@ -43,10 +45,9 @@ from parallel_robot_control.messages import (
     telemetry_layouts,
 )
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_interface import cdr, realtime, topics
-from parallel_robot_interface.ros_joints import JointReader
-from parallel_robot_interface.ros_node import SuiteNode, run_node
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_ros.joint_reader import JointReader
+from parallel_robot_ros.suite_node import SuiteNode, run_node
 
 LAST_WORD = 0.5  # s, for which the node stays after its zero torque, so that it is read
 LOADING = 0.03  # s, between two laws that are loaded beside the loop
@@ -101,7 +102,7 @@ class ControllerNode(SuiteNode):
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = self.values['safety.state_timeout']
-        self._state_timeout = round(timeout * cdr.NANOSECONDS)
+        self._state_timeout = round(timeout * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
 

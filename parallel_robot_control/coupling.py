@@ -1,13 +1,11 @@
-"""Synchronisation errors of joints that stand in a ring, eqs. (8)-(9), and sig(x)."""
+"""Synchronisation errors of joints that stand in a ring, eqs. (8)-(9)."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.kernel import kernel
+from parallel_robot_base.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -24,22 +22,4 @@ def coupling(error: Array) -> Array:
     result = np.empty(n)
     for i in range(n):
         result[i] = 2.0 * error[i] - error[i - 1] - error[(i + 1) % n]
-    return result
-
-
-@kernel
-def sig(x: Array, exponent: float) -> Array:
-    """|x|^exponent sgn(x), element-wise, shape (n,)."""
-    result = np.empty(len(x))
-    for i in range(len(x)):
-        result[i] = math.copysign(abs(x[i]) ** exponent, x[i])
-    return result
-
-
-@kernel
-def saturate(x: Array) -> Array:
-    """Each element of `x` clipped to -1 ... 1, shape (n,)."""
-    result = np.empty(len(x))
-    for i in range(len(x)):
-        result[i] = min(max(x[i], -1.0), 1.0)
     return result

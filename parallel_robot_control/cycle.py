@@ -7,13 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.function_value import FirstClass
+from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
-from parallel_robot_model.dynamics import Model, actuated_dynamics
-from parallel_robot_model.kernel import FirstClass, inner, kernel
-from parallel_robot_model.kinematics import FOUND, forward_kinematics
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.contract import Model
+from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
+from parallel_robot_model.planar_3rrr.kinematics import FOUND, forward_kinematics
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.kinematics import FOUND, STATUS_TEXT
+from parallel_robot_model.planar_3rrr.kinematics import FOUND, STATUS_TEXT
 
 NONE = FOUND  # the outcomes of the forward kinematics are the first faults
 TORQUE_NOT_FINITE = 10

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.kernel import kernel
+from parallel_robot_base.kernel import kernel
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_base import cdr, topics
 from parallel_robot_control import faults, safety
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_interface import cdr, topics
 
 OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 

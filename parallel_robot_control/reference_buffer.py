@@ -9,10 +9,10 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
+from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_model.kernel import inner, kernel
 
 Array = NDArray[np.float64]
 

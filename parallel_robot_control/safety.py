@@ -7,13 +7,13 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import inlined, kernel
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.kernel import inlined, kernel
-from parallel_robot_model.kinematics import FOUND, Assembly
-from parallel_robot_model.parameters import RobotParameters
-from parallel_robot_model.singularity import measures
+from parallel_robot_model.planar_3rrr.kinematics import FOUND, Assembly
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.singularity import measures
 
 Array = NDArray[np.float64]
 PerJoint = tuple[float, float, float]

@@ -10,9 +10,10 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
-from parallel_robot_interface import cdr
-from parallel_robot_interface.cdr import ENCAPSULATION, NANOSECONDS, SPARE
-from parallel_robot_model.kernel import inner, kernel
+from parallel_robot_base import cdr
+from parallel_robot_base.cdr import ENCAPSULATION, SPARE
+from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.units import NANOSECONDS
 
 Array = NDArray[np.float64]
 

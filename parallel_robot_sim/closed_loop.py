@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.function_value import FirstClass
+from parallel_robot_base.kernel import kernel
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState, cycle_of, is_finite
 from parallel_robot_control.safety import Limits
-from parallel_robot_model.kernel import FirstClass, kernel
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantState, Stepping, measure, step

@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.kernel import kernel
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
 
 Array = NDArray[np.float64]
 

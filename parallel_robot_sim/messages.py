@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_interface import cdr
+from parallel_robot_base import cdr
 
 
 def state_layout(joints: tuple[str, ...], passive: bool) -> cdr.Layout:

@@ -7,18 +7,13 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_interface.errors import InputError
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.dynamics import pose_dynamics
-from parallel_robot_model.kernel import kernel
-from parallel_robot_model.kinematics import (
-    inverse,
-    inverse_kinematics,
-    multiply,
-    multiply_transposed,
-    velocity_maps,
-)
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.linear_algebra import inverse, multiply, multiply_transposed
+from parallel_robot_model.planar_3rrr.dynamics import pose_dynamics
+from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics, velocity_maps
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_sim.disturbance import DisturbanceParameters, disturbance_torque
 from parallel_robot_sim.friction import FrictionParameters, friction_torque
 from parallel_robot_sim.integrators import ode3, rk4

@@ -9,10 +9,10 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.wire import lay_open, vector
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_model.kernel import kernel
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantState, Stepping, measure, step

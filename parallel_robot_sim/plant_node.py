@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import cdr, realtime, topics
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import InputError, RunError
-from parallel_robot_interface.loop import STEP_START, WAIT
-from parallel_robot_interface.ros_node import SuiteNode, run_node
+from parallel_robot_base import cdr, realtime, topics
+from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.loop import STEP_START, WAIT
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_ros.suite_node import SuiteNode, run_node
 from parallel_robot_sim.ros_markers import RobotMarkers
 from parallel_robot_sim.simulator import GROUPS, Simulator
 from trajectory_gen.messages import pose_fields

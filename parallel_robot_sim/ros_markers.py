@@ -10,11 +10,11 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.topics import FRAME
-from parallel_robot_model.kinematics import inverse_kinematics
-from parallel_robot_model.parameters import RobotParameters
-from parallel_robot_model.skeleton import skeleton
+from parallel_robot_base.topics import FRAME
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.skeleton import skeleton
 
 PROXIMAL = ColorRGBA(r=0.16, g=0.32, b=0.75, a=1.0)
 DISTAL = ColorRGBA(r=0.40, g=0.62, b=0.90, a=1.0)

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.kernel import in_memory
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.loop import validate as validate_loop
 from parallel_robot_control.controller import first_guess
 from parallel_robot_control.cycle import CycleState, initial_state, run_cycle
 from parallel_robot_control.laws import LAWS, PreparedLaw, available, prepare
 from parallel_robot_control.safety import Limits, SafetyParameters, limits_of
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError, RunError
-from parallel_robot_interface.loop import LoopParameters
-from parallel_robot_interface.loop import validate as validate_loop
-from parallel_robot_model.kernel import in_memory
-from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
 from parallel_robot_sim.closed_loop import ClosedLoopRun, compiled_loop, run
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen import preflight

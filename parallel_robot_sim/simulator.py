@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_base import cdr, config
+from parallel_robot_base.errors import RunError
+from parallel_robot_base.kernel import entry_point
+from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control.safety import SafetyParameters, safe_action, safe_torque
 from parallel_robot_control.wire import wire_of
-from parallel_robot_interface import cdr, config
-from parallel_robot_interface.errors import RunError
-from parallel_robot_interface.loop import LoopParameters
-from parallel_robot_model.kernel import entry_point
-from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
 from parallel_robot_sim.disturbance import DisturbanceParameters
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.messages import state_layout

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base import config
 from parallel_robot_control import laws
 from parallel_robot_control.cycle import initial_state
 from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_interface import config
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_sim import plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.disturbance import DisturbanceParameters

@@ -3,8 +3,8 @@
 import pytest
 from hypothesis import HealthCheck, settings
 
-from parallel_robot_interface import config
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_base import config
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 settings.register_profile(
     'suite',

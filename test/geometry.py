@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
-from parallel_robot_interface import config
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_base import config
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 

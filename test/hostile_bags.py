@@ -16,8 +16,8 @@ import zstandard
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from parallel_robot_analysis.bags import bag_writer, simulation_bag
-from parallel_robot_interface import cdr, config, topics
+from parallel_robot_bags import bag_writer, simulation_bag
+from parallel_robot_base import cdr, config, topics
 from parallel_robot_sim.simulation import simulate
 
 MAGIC = b'\x89MCAP0\r\n'

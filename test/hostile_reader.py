@@ -13,14 +13,14 @@ import time
 import traceback
 from pathlib import Path
 
-from parallel_robot_analysis.bags import history, run_log
-from parallel_robot_analysis.bags.indexed_reader import BagReader
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import run
-from parallel_robot_analysis.player import Player, PlayerOptions
-from parallel_robot_analysis.printable_output import LONGEST_LINE
-from parallel_robot_interface.errors import ParallelRobotError, RunError
-from parallel_robot_interface.printable import printable
+from parallel_robot_bags import history, run_log
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_bags.player import Player, PlayerOptions
+from parallel_robot_bags.printable_output import LONGEST_LINE
+from parallel_robot_base.errors import ParallelRobotError, RunError
+from parallel_robot_base.printable import printable
 
 WORDS = {
     'analyze': lambda bag, out: [

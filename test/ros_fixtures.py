@@ -19,10 +19,10 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
 from parallel_robot_analysis.processes import children, command
+from parallel_robot_base import config
 from parallel_robot_control.controller import Controller
-from parallel_robot_interface import config
-from parallel_robot_interface.ros_node import qos_of
-from parallel_robot_interface.ros_types import message_class
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.suite_node import qos_of
 from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]

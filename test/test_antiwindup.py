@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from rig import Rig
 
+from parallel_robot_base import config
 from parallel_robot_control.answering import EXCESS
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.laws import LAWS
-from parallel_robot_interface import config
 from parallel_robot_sim.simulation import simulate
 
 WITH_INTEGRAL = [

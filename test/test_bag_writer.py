@@ -13,12 +13,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis.bags import bag_reader
-from parallel_robot_analysis.bags.bag_writer import BagWriter
-from parallel_robot_analysis.bags.mcap_records import Block, Damage
+from parallel_robot_bags import bag_reader
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.mcap_records import Block, Damage
+from parallel_robot_base import cdr, topics
+from parallel_robot_base.errors import BagError
 from parallel_robot_control.messages import Status, status_message
-from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.errors import BagError
 
 JOINTS = ('joint1', 'joint2', 'joint3')
 METADATA = {'scenario': 'Kreis: "ä"\n', 'law': 's_fotsmc', 'config': 'a: [1, 2]\nb: 3\n'}

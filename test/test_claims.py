@@ -7,11 +7,11 @@ import re
 import pytest
 
 from parallel_robot_analysis import claims, figures_of_merit
-from parallel_robot_analysis.bags.counts import TopicCount
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.figures_of_merit import shown
 from parallel_robot_analysis.metrics import Errors, Metrics, Torque, Transient
-from parallel_robot_interface import config
+from parallel_robot_bags.counts import TopicCount
+from parallel_robot_base import config
 
 
 def figures(error, settled, chattering):

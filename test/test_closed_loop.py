@@ -10,12 +10,12 @@ from geometry import PAPER_START, closure, legs
 from mujoco_robot import open_loop as mujoco_open_loop
 from test_s_fotsmc import ring
 
+from parallel_robot_base import config
 from parallel_robot_control import laws
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import initial_state, run_cycle
 from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_interface import config
-from parallel_robot_model.kinematics import GUESS_OUT_OF_REACH
+from parallel_robot_model.planar_3rrr.kinematics import GUESS_OUT_OF_REACH
 from parallel_robot_sim.plant import measure
 
 HEAVY = {'true_robot.m1': 1.1 * 5.12, 'true_robot.m2': 1.1 * 7.39, 'true_robot.mp': 1.1 * 3.84}

@@ -10,12 +10,12 @@ import pytest
 from bags import full_disk
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import history, run_log, simulation_bag
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import recover, rerun, run
 from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
-from parallel_robot_interface import config
+from parallel_robot_bags import history, run_log, simulation_bag
+from parallel_robot_base import config
 from parallel_robot_sim import simulation
 
 CIRCLE = ['paper_circle', '--duration', '0.2']

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot_analysis.bags import experiment
+from parallel_robot_bags import experiment
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
 from parallel_robot_sim.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
@@ -204,7 +204,7 @@ def test_a_group_takes_only_its_own_keys(values):
 def test_an_installed_package_finds_its_files(tmp_path, monkeypatch, place):
     share = tmp_path / 'prefix' / 'share' / config.PACKAGE / 'config'
     shutil.copytree(config.directory(), share)
-    module = tmp_path / 'prefix' / place / 'parallel_robot_interface' / 'config.py'
+    module = tmp_path / 'prefix' / place / 'parallel_robot_base' / 'config.py'
     monkeypatch.setattr(config, '__file__', str(module))
     if 'elsewhere' in place:
         monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from parallel_robot_control.answering import STATUS
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_control.faults import EMERGENCY_STOP, FAULT_TEXT, REFERENCE_STALE
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError
 from trajectory_gen.trajectory import Trajectory
 
 MS = 10**6  # ns

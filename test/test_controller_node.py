@@ -7,10 +7,10 @@ import pytest
 from rclpy.clock import ClockType
 from rclpy.time import Time
 
+from parallel_robot_base import cdr, config
 from parallel_robot_control import controller as module
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.faults import NONE, STATES_STALE
-from parallel_robot_interface import cdr, config
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.messages import reference_messages
 from trajectory_gen.trajectory import Trajectory

@@ -6,7 +6,8 @@ from geometry import rows
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_control.coupling import coupling, sig, synchronisation_error
+from parallel_robot_control.coupling import coupling, synchronisation_error
+from parallel_robot_control.switching_functions import sig
 
 ANY = st.integers(2, 8).flatmap(lambda n: rows(10.0, n))
 L = np.array([[2, -1, -1], [-1, 2, -1], [-1, -1, 2]])

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from geometry import PAPER_START, PI12_START, legs
 
+from parallel_robot_base import config
 from parallel_robot_control import laws
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import Cycle, CycleState, initial_state, run_cycle
 from parallel_robot_control.faults import FAULT_TEXT, NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_interface import config
-from parallel_robot_model.dynamics import actuated_dynamics
-from parallel_robot_model.kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
+from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
+from parallel_robot_model.planar_3rrr.kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
 
 LIMITS = limits_of(config.group(config.resolve('paper_circle'), SafetyParameters, 'safety'))
 

@@ -3,7 +3,7 @@
 import numpy as np
 from assembly import make_plant, open_loop
 
-from parallel_robot_interface import config
+from parallel_robot_base import config
 from parallel_robot_sim.disturbance import DisturbanceParameters, disturbance_torque
 
 DISTURBED = config.resolve('disturbed_circle')

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from parallel_robot_base import cdr, config
+from parallel_robot_base.fields import parameters
 from parallel_robot_control import faults, safety
 from parallel_robot_control.laws import LAWS
-from parallel_robot_interface import cdr, config, ros_joints
-from parallel_robot_interface import ros_parameter_services as services
-from parallel_robot_interface.fields import parameters
+from parallel_robot_ros import joint_reader
+from parallel_robot_ros import parameter_services as services
 from parallel_robot_sim.simulation import simulate
 
 DOCS = Path(__file__).parents[1] / 'docs'
@@ -60,7 +61,7 @@ def test_the_limits_of_the_wire_are_those_of_the_code():
     for limit in (
         f'{services.MOST_NAMES} names, {services.MOST_PREFIXES} prefixes',
         f'{services.LONGEST_NAME} characters of a name, {services.LONGEST_VALUE} characters or',
-        f'looked at up to {ros_joints.LONGEST >> 10} KiB',
+        f'looked at up to {joint_reader.LONGEST >> 10} KiB',
         f'layouts of {cdr.KINDS} kinds',
     ):
         assert limit in text

@@ -9,16 +9,16 @@ from bags import MS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from test_replay import START, live
 
-from parallel_robot_analysis.bags import run_log
-from parallel_robot_analysis.bags.bag_writer import BagWriter
-from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import run
-from parallel_robot_analysis.progress import Progress
 from parallel_robot_analysis.ros_session import Session
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import DRIVEN_OUT
-from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_bags import run_log
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.experiment import describe
+from parallel_robot_bags.progress import Progress
+from parallel_robot_base import cdr, config, topics
+from parallel_robot_base.errors import DRIVEN_OUT
+from parallel_robot_base.loop import LoopParameters
 
 END = 201  # states inside the workspace
 AT = f'{DRIVEN_OUT} at pose [1.0, 0.9, 0.1] (m, m, rad)'

@@ -4,8 +4,8 @@ import numpy as np
 from geometry import ROBOT, kinetic_energy, legs, poses, rows
 from hypothesis import given
 
-from parallel_robot_model.dynamics import actuated_dynamics, pose_dynamics
-from parallel_robot_model.kinematics import pose_of, velocity_maps
+from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics, pose_dynamics
+from parallel_robot_model.planar_3rrr.kinematics import pose_of, velocity_maps
 
 STILL = np.zeros(3)
 

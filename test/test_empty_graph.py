@@ -11,7 +11,7 @@ from rclpy.task import Future
 from ros_fixtures import ROOT, until
 
 from parallel_robot_analysis.command_line import main
-from parallel_robot_interface import topics
+from parallel_robot_base import topics
 
 pytest_plugins = ['ros_fixtures']
 

@@ -8,8 +8,8 @@ from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.report import figures
+from parallel_robot_bags import run_log
 
 
 @pytest.fixture(scope='module')

@@ -11,9 +11,9 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from parallel_robot_base import config
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_interface import config
 from parallel_robot_sim.plant_node import PlantNode
 from trajectory_gen.trajectory import Trajectory
 

@@ -11,11 +11,11 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.bags import simulation_bag
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_bags import simulation_bag
+from parallel_robot_base import config
 from parallel_robot_control.laws import LAWS
-from parallel_robot_interface import config
-from parallel_robot_interface.ros_types import message_class
+from parallel_robot_ros.message_types import message_class
 from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']
@@ -26,7 +26,7 @@ GROWTH = 20e6  # bytes
 NODES = {
     **{name: MODULES[name] for name in ('trajectory', 'plant', 'controller', 'recorder')},
     'monitor': 'parallel_robot_analysis.monitor_node',
-    'player': 'parallel_robot_analysis.player_node',
+    'player': 'parallel_robot_bags.player_node',
 }
 KEYS = [
     'use_sim_times', 'use_sim_time', 'qos_overrides', 'qos_overrides./x', 'granted.x',

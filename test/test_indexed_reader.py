@@ -6,11 +6,11 @@ from bags import content, write_foreign
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from parallel_robot_analysis.bags import mcap_records
-from parallel_robot_analysis.bags.bag_writer import BagWriter
-from parallel_robot_analysis.bags.indexed_reader import BagReader
-from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.errors import BagError
+from parallel_robot_bags import mcap_records
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_base import cdr, topics
+from parallel_robot_base.errors import BagError
 
 LATCHED = topics.ACTIVE_LAW
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from parallel_robot_model.kernel import kernel
+from parallel_robot_base.kernel import kernel
 from parallel_robot_sim.integrators import ode3, rk4
 
 

@@ -9,7 +9,7 @@ from ros_fixtures import SLOW_LOOP
 
 from benchmarks.joins import joins
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface import config
+from parallel_robot_base import config
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from parallel_robot_model.kernel import FirstClass, kernel
+from parallel_robot_base.function_value import FirstClass
+from parallel_robot_base.kernel import kernel
 
 
 @kernel

@@ -19,18 +19,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from parallel_robot_interface.errors import KinematicsError
-from parallel_robot_model.kinematics import (
+from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.linear_algebra import determinant, inverse, multiply
+from parallel_robot_model.planar_3rrr.kinematics import (
     FOUND,
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
-    determinant,
     forward_kinematics,
-    inverse,
     inverse_kinematics,
     jacobian_q,
     jacobian_x,
-    multiply,
     pose_of,
     velocity_maps,
 )

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from assembly import simulate
 
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import LAWS, prepare
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError, UnknownNameError
-from parallel_robot_model.dynamics import Model
+from parallel_robot_model.contract import Model
 
 VALUES = config.resolve('paper_circle')
 DT = 1e-3

@@ -5,8 +5,8 @@ from contextlib import ExitStack
 from bags import content
 from domain_coordinator import domain_id
 
-from parallel_robot_analysis.bags import history
 from parallel_robot_analysis.command_line import main
+from parallel_robot_bags import history
 
 pytest_plugins = ['ros_fixtures']
 

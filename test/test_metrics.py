@@ -6,8 +6,8 @@ from bags import JOINTS
 from geometry import PAPER_START, legs
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags.run_log import RunLog
-from parallel_robot_interface import config
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base import config
 
 COUNT = 1000
 TIME = np.arange(COUNT + 1) * 1e-3

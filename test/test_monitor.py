@@ -5,9 +5,9 @@ import pytest
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.monitor import Monitor
-from parallel_robot_interface import config
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_model.kinematics import pose_of
+from parallel_robot_base import config
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.planar_3rrr.kinematics import pose_of
 from parallel_robot_sim import simulation
 
 START = 10**9  # ns

@@ -7,10 +7,10 @@ import pytest
 from bags import streams, write_foreign
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.monitor import Figures
-from parallel_robot_interface import config, topics
-from parallel_robot_interface.topics import Topic
+from parallel_robot_bags import run_log
+from parallel_robot_base import config, topics
+from parallel_robot_base.topics import Topic
 from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']

@@ -11,9 +11,9 @@ from rclpy.qos import QoSProfile
 from parallel_robot_analysis import processes
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.namespaces import full
-from parallel_robot_analysis.ros_parameters import ParameterWatch
 from parallel_robot_analysis.ros_session import Session
-from parallel_robot_interface.errors import InputError, RunError
+from parallel_robot_bags.ros_parameters import ParameterWatch
+from parallel_robot_base.errors import InputError, RunError
 
 pytest_plugins = ['ros_fixtures']
 

@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface import config, topics
+from parallel_robot_base import config, topics
 from parallel_robot_sim.simulation import simulate
 from trajectory_gen.trajectory import Trajectory
 

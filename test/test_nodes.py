@@ -14,12 +14,12 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_analysis.bags import run_log
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_bags import run_log
+from parallel_robot_base import config, topics
+from parallel_robot_base.kernel_cache import NOTICE
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
-from parallel_robot_interface import config, topics
-from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import simulate
 from trajectory_gen.trajectory import Trajectory
 

@@ -11,11 +11,10 @@ from rig import Rig
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_base import cdr, config, kernel_cache, plugins, topics
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.kernel_cache import NOTICE
 from parallel_robot_control.laws import LAWS, prepare, trial
-from parallel_robot_interface import cdr, config, plugins, topics
-from parallel_robot_interface.errors import InputError
-from parallel_robot_model import kernel_cache
-from parallel_robot_model.kernel_cache import NOTICE
 from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']

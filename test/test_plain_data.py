@@ -8,10 +8,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_analysis.bags import experiment, history, plain_data
-from parallel_robot_analysis.bags.limits import NAME
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import BagError
+from parallel_robot_bags import experiment, history, plain_data
+from parallel_robot_bags.limits import NAME
+from parallel_robot_base import config
+from parallel_robot_base.errors import BagError
 
 DEFAULTS = config.resolve('paper_circle')
 NUMBERS = st.integers(-(2**63), 2**63) | st.floats(allow_nan=False, allow_infinity=False)

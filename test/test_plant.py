@@ -6,8 +6,8 @@ from assembly import make_plant, open_loop
 from geometry import PAPER_START, PI12_START, closure, kinetic_energy, legs, wrap
 from mujoco_robot import open_loop as mujoco_open_loop
 
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from parallel_robot_sim import plant
 
 FREE = {'friction.viscous': [0.0] * 3, 'friction.coulomb': [0.0] * 3}

@@ -5,7 +5,7 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import cdr
+from parallel_robot_base import cdr
 from parallel_robot_sim.plant_node import PlantNode
 
 pytest_plugins = ['ros_fixtures']

@@ -6,11 +6,11 @@ import time
 import pytest
 from bags import MS
 
-from parallel_robot_analysis.bags.bag_writer import BagWriter
-from parallel_robot_analysis.bags.indexed_reader import BagReader
-from parallel_robot_analysis.player import Player, PlayerOptions
-from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.errors import InputError
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_bags.player import Player, PlayerOptions
+from parallel_robot_base import cdr, topics
+from parallel_robot_base.errors import InputError
 
 START = 10**9  # ns
 COUNT = 101  # messages, one a millisecond

@@ -10,14 +10,14 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.bags import simulation_bag
-from parallel_robot_interface import cdr, config, topics
+from parallel_robot_bags import simulation_bag
+from parallel_robot_base import cdr, config, topics
 from parallel_robot_sim import simulation
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
 
-PLAYER = 'parallel_robot_analysis.player_node'
+PLAYER = 'parallel_robot_bags.player_node'
 
 
 @pytest.fixture(scope='module')

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from geometry import ROBOT, jacobian, legs
 
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import MotionError
+from parallel_robot_base import config
+from parallel_robot_base.errors import MotionError
 from trajectory_gen.preflight import check
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 

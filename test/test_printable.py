@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_analysis import progress
-from parallel_robot_analysis.printable_output import LONGEST_LINE, printable_output
-from parallel_robot_interface.printable import printable
+from parallel_robot_bags import progress
+from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
+from parallel_robot_base.printable import printable
 
 
 @given(st.text() | st.lists(st.text()) | st.floats())

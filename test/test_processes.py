@@ -10,8 +10,8 @@ from rclpy.node import Node
 from ros_fixtures import until
 
 from parallel_robot_analysis import processes
-from parallel_robot_interface.errors import RunError
-from parallel_robot_model.user_directory import user_directories
+from parallel_robot_base.errors import RunError
+from parallel_robot_base.user_directory import user_directories
 
 pytest_plugins = ['ros_fixtures']  # for `until`
 

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from parallel_robot_analysis import progress
 from parallel_robot_analysis.commands import run
-from parallel_robot_analysis.progress import CLEAR, Progress, tracked
 from parallel_robot_analysis.report import runs
-from parallel_robot_interface.errors import BagError
-from parallel_robot_model import kernel_cache
-from parallel_robot_model.kernel_cache import NOTICE
+from parallel_robot_bags import progress
+from parallel_robot_bags.progress import CLEAR, Progress, tracked
+from parallel_robot_base import kernel_cache
+from parallel_robot_base.errors import BagError
+from parallel_robot_base.kernel_cache import NOTICE
 
 
 class Terminal(io.StringIO):

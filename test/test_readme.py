@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from parallel_robot_analysis.command_line import build_parser
-from parallel_robot_interface import config, topics
+from parallel_robot_base import config, topics
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_interface import realtime
+from parallel_robot_base import realtime
 
 SYS_NICE, IPC_LOCK = 23, 14  # capabilities
 NICE = os.getpriority(os.PRIO_PROCESS, 0)
 CHILD = """
 import ctypes, json, os, resource, sys, threading
-from parallel_robot_interface import realtime
+from parallel_robot_base import realtime
 
 without, limits, priority = map(json.loads, sys.argv[1:])
 libc = ctypes.CDLL(None)

@@ -12,16 +12,16 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot_analysis import recorder as module
-from parallel_robot_analysis.bags import bag_reader
-from parallel_robot_analysis.bags.bag_writer import MESSAGES, channel, channel_of, qos_profile
-from parallel_robot_analysis.bags.mcap_records import Block
-from parallel_robot_analysis.recorder import Recorder
+from parallel_robot_bags import bag_reader
+from parallel_robot_bags import recorder as module
+from parallel_robot_bags.bag_writer import MESSAGES, channel, channel_of, qos_profile
+from parallel_robot_bags.mcap_records import Block
+from parallel_robot_bags.recorder import Recorder
+from parallel_robot_base import cdr, config, topics
+from parallel_robot_base.errors import BagError
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.topics import Topic
 from parallel_robot_control.messages import Status, answers_message, status_message
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import BagError
-from parallel_robot_interface.loop import LoopParameters
-from parallel_robot_interface.topics import Topic
 
 START = 10**9  # ns; that of lockstep
 MS = 10**6  # ns
@@ -289,9 +289,9 @@ def test_a_full_disk_is_handed_over(tmp_path):
     script = f"""
         import os, resource, threading
         from pathlib import Path
-        from parallel_robot_analysis.recorder import Recorder
-        from parallel_robot_interface import cdr, config, topics
-        from parallel_robot_interface.loop import LoopParameters
+        from parallel_robot_bags.recorder import Recorder
+        from parallel_robot_base import cdr, config, topics
+        from parallel_robot_base.loop import LoopParameters
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
         failed, errors = threading.Event(), []

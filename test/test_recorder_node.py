@@ -11,17 +11,17 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
-from parallel_robot_analysis.bags import history
-from parallel_robot_analysis.bags.bag_writer import MESSAGES
-from parallel_robot_analysis.bags.indexed_reader import BagReader
-from parallel_robot_interface import topics
-from parallel_robot_interface.ros_node import qos_of
-from parallel_robot_interface.ros_types import message_class
+from parallel_robot_bags import history
+from parallel_robot_bags.bag_writer import MESSAGES
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_base import topics
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.suite_node import qos_of
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
 
-RECORDER = 'parallel_robot_analysis.recorder_node'
+RECORDER = 'parallel_robot_bags.recorder_node'
 COUNT = 50
 
 

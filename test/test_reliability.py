@@ -6,8 +6,8 @@ from reliability import endurance, page
 from reliability.effects import Effect, Line
 from reliability.judging import BOUND, QUIET, Outcome, Record, is_well, judge, recovery_time
 
-from parallel_robot_analysis.bags import run_log, simulation_bag
-from parallel_robot_interface import cdr, config
+from parallel_robot_bags import run_log, simulation_bag
+from parallel_robot_base import cdr, config
 from parallel_robot_sim.simulation import simulate
 
 TIME = np.arange(300) * 0.01  # s

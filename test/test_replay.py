@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from bags import streams, write_foreign
 
-from parallel_robot_analysis.bags import history, replayed, run_log, simulation_bag
-from parallel_robot_analysis.bags.bag_writer import BagWriter
-from parallel_robot_analysis.bags.experiment import describe
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.replay import replayed
+from parallel_robot_bags import history, run_log, simulation_bag
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.experiment import describe
+from parallel_robot_base import config, topics
+from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control import faults
 from parallel_robot_control.answering import LOG
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller, JointSample
 from parallel_robot_control.messages import status_message
-from parallel_robot_interface import config, topics
-from parallel_robot_interface.loop import LoopParameters
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.messages import reference_messages

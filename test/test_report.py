@@ -14,7 +14,7 @@ from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.report import page, runs
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.paper_figures import draw
-from parallel_robot_interface import topics
+from parallel_robot_base import topics
 
 pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
 

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from parallel_robot_analysis import ros_session
 from parallel_robot_analysis.ros_session import Session
-from parallel_robot_interface.errors import RunError
+from parallel_robot_base.errors import RunError
 
 ASKING = 0.5  # s, that a question takes
 

@@ -14,11 +14,12 @@ from rclpy.parameter import Parameter
 from ros_fixtures import ROOT, SLOW_LOOP
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis.bags import history, replayed, run_log
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface import topics
+from parallel_robot_analysis.replay import replayed
+from parallel_robot_bags import history, run_log
+from parallel_robot_base import topics
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time

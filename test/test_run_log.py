@@ -10,10 +10,10 @@ from bags import JOINTS, MS, START, content, streams, write_foreign, write_mcap
 from mcap.writer import CompressionType, IndexType
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.bags import run_log, simulation_bag
-from parallel_robot_analysis.bags.bag_writer import BagWriter
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import BagError
+from parallel_robot_bags import run_log, simulation_bag
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_base import cdr, config, topics
+from parallel_robot_base.errors import BagError
 from parallel_robot_sim.simulation import simulate
 
 COUNT = 100
@@ -223,7 +223,7 @@ def test_reading_needs_no_ros(tmp_path):
     write_foreign(tmp_path / 'bag', streams(REFERENCE, POSITION))
     code = (
         'import sys; from pathlib import Path\n'
-        'from parallel_robot_analysis.bags import run_log\n'
+        'from parallel_robot_bags import run_log\n'
         f'print(len(run_log.read(Path({str(tmp_path / "bag")!r})).time), "rclpy" in sys.modules)\n'
     )
     done = subprocess.run(

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from parallel_robot_base import config
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.integral import advanced
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_interface import config
-from parallel_robot_model.dynamics import Model
+from parallel_robot_model.contract import Model
 
 GAINS = config.group(config.resolve('paper_circle'), s_fotsmc.Gains, 's_fotsmc')
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 from rig import MS, Rig
 
+from parallel_robot_base import config
 from parallel_robot_control import controller as module
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import JointSample
@@ -40,8 +41,7 @@ from parallel_robot_control.safety import (
     limit_torque,
     limits_of,
 )
-from parallel_robot_interface import config
-from parallel_robot_model.kinematics import NOT_CONVERGED
+from parallel_robot_model.planar_3rrr.kinematics import NOT_CONVERGED
 
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md

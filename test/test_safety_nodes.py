@@ -11,8 +11,8 @@ from ros_fixtures import DAMPING, RECENT, SLOW_LOOP, Peer, Process
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_base import topics
 from parallel_robot_control.faults import EMERGENCY_STOP, FAULT_TEXT, STATES_DISAGREE, STATES_STALE
-from parallel_robot_interface import topics
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time

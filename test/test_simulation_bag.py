@@ -8,8 +8,8 @@ from bags import STORE
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis.bags import simulation_bag
-from parallel_robot_interface import config
+from parallel_robot_bags import simulation_bag
+from parallel_robot_base import config
 from parallel_robot_sim.plant import measure
 from parallel_robot_sim.simulation import simulate
 

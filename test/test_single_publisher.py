@@ -2,7 +2,7 @@
 
 import pytest
 
-from parallel_robot_interface.single_publisher import SETTLED, SinglePublisher
+from parallel_robot_ros.single_publisher import SETTLED, SinglePublisher
 
 PERIOD = 1e-3  # s
 

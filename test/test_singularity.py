@@ -6,8 +6,8 @@ from geometry import ROBOT, jacobian, legs, poses
 from hypothesis import given
 from scipy.optimize import brentq
 
-from parallel_robot_model.kinematics import inverse_kinematics
-from parallel_robot_model.singularity import condition_numbers, measures
+from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics
+from parallel_robot_model.planar_3rrr.singularity import condition_numbers, measures
 
 
 def on_circle(phi):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from geometry import PAPER_START, legs
 
-from parallel_robot_model.skeleton import skeleton
+from parallel_robot_model.planar_3rrr.skeleton import skeleton
 
 
 @pytest.mark.parametrize('count', [None, 5])

@@ -12,7 +12,7 @@ import numba
 import pytest
 
 from parallel_robot_analysis.processes import command
-from parallel_robot_model import kernel_cache
+from parallel_robot_base import cache_directory
 
 pytest_plugins = ['ros_fixtures']
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 HOSTILE = (  # what the suite imports early or late, itself or for Numba and rclpy
     *('numba', 'numpy', 'scipy', 'yaml', 'rclpy', 'mcap', 'rosbags', 'llvmlite', 'zstandard'),
     *('runpy', 'inspect', 'json', 'argparse', 'signal', 'logging', 'queue', 'statistics'),
-    *('trajectory_gen', 'parallel_robot_interface', 'parallel_robot_analysis'),
+    *('trajectory_gen', 'parallel_robot_base', 'parallel_robot_analysis'),
     *('controller', 'simulator', 'messages'),
 )
 CONSOLE_SCRIPT = (
@@ -100,7 +100,7 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
     )
     before, warmed = code(), loaded()
     made = sum(path.suffix == '.nbc' for path in before)
-    assert made > 0.8 * kernel_cache.ALL
+    assert made > 0.8 * cache_directory.ALL
     forget()
     start(script, 'run', *motion, tmp_path / 'bag', '--time-mode', 'lockstep')
     start(script, 'analyze', tmp_path / 'bag')

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from rig import Rig
 
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from parallel_robot_control.cycle import taking_over
 from parallel_robot_control.laws import LAWS, prepare
 from parallel_robot_control.safety import RAMP
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.simulation import assemble
 from trajectory_gen.trajectory import Reference

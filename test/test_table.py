@@ -7,10 +7,10 @@ import pytest
 from bags import JOINTS, MS, START, streams, write_foreign
 
 from parallel_robot_analysis import table
-from parallel_robot_analysis.bags import simulation_bag
+from parallel_robot_bags import simulation_bag
+from parallel_robot_base import cdr, config, topics
+from parallel_robot_base.errors import InputError
 from parallel_robot_control.messages import telemetry_layouts
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.errors import InputError
 from parallel_robot_sim.simulation import simulate
 
 COUNT = 305

@@ -9,11 +9,11 @@ from bags import MS, streams, write_foreign
 from test_replay import live
 
 from parallel_robot_analysis import timing
-from parallel_robot_analysis.bags import history, run_log, simulation_bag
-from parallel_robot_analysis.bags.history import Said
 from parallel_robot_analysis.command_line import main
+from parallel_robot_bags import history, run_log, simulation_bag
+from parallel_robot_bags.history import Said
+from parallel_robot_base import cdr, config, topics
 from parallel_robot_control.messages import answers_message
-from parallel_robot_interface import cdr, config, topics
 from parallel_robot_sim.simulation import simulate
 
 START = 1_700_000_000 * 10**9  # ns

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from geometry import closure, legs, wrap
 
-from parallel_robot_interface import config
+from parallel_robot_base import config
 from trajectory_gen.trajectory import Trajectory
 
 SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line']

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_interface import cdr, topics
+from parallel_robot_base import cdr, topics
 from trajectory_gen.trajectory import Reference
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_interface.errors import MotionError
-from parallel_robot_model.singularity import condition_numbers
+from parallel_robot_base.errors import MotionError
+from parallel_robot_model.planar_3rrr.singularity import condition_numbers
 from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
 
 MOST_SAMPLES = 100_000  # of a motion that is checked

@@ -8,11 +8,12 @@ from typing import Annotated, Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_interface import config
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.kernel import FirstClass, kernel
-from parallel_robot_model.kinematics import inverse_kinematics, velocity_maps
-from parallel_robot_model.parameters import RobotParameters
+from parallel_robot_base import config
+from parallel_robot_base.fields import Field
+from parallel_robot_base.function_value import FirstClass
+from parallel_robot_base.kernel import kernel
+from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics, velocity_maps
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from trajectory_gen import circle, hold, line
 from trajectory_gen.motion import PoseMotion
 

@@ -11,10 +11,11 @@ import sys
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_interface import cdr, config, realtime, topics
-from parallel_robot_interface.loop import STEP_START, WAIT
-from parallel_robot_interface.ros_node import SuiteNode, run_node
-from parallel_robot_model.parameters import RobotParameters, validate
+from parallel_robot_base import cdr, config, realtime, topics
+from parallel_robot_base.loop import STEP_START, WAIT
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
+from parallel_robot_ros.suite_node import SuiteNode, run_node
 from trajectory_gen import preflight
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.trajectory import SHAPES, Trajectory, TrajectoryParameters
@@ -54,7 +55,7 @@ class TrajectoryNode(SuiteNode):
         self._rest = first._replace(
             velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
         )
-        ahead = round(limits.lookahead * cdr.NANOSECONDS)
+        ahead = round(limits.lookahead * NANOSECONDS)
         self.keep_time(self._tick, ahead)
 
     def set_start(self, stamp: int) -> None:

@@ -14,10 +14,10 @@ from reliability.judging import Record, is_well
 from reliability.loop import NODES, Loop
 from reliability.watch_node import Watch, decoded
 
-from parallel_robot_interface import cdr, config, topics
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import RunError
-from parallel_robot_interface.loop import LoopParameters
+from parallel_robot_base import cdr, config, topics
+from parallel_robot_base.errors import RunError
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_sim.messages import state_layout
 from trajectory_gen.trajectory import Trajectory
 

@@ -6,8 +6,9 @@ import random
 import struct
 from typing import NamedTuple
 
-from parallel_robot_interface import topics
-from parallel_robot_interface.cdr import ENCAPSULATION, NANOSECONDS, header_stamp
+from parallel_robot_base import topics
+from parallel_robot_base.cdr import ENCAPSULATION, header_stamp
+from parallel_robot_base.units import NANOSECONDS
 
 TOPICS = {
     'states': topics.JOINT_STATES,

@@ -18,7 +18,7 @@ from typing import Any
 from reliability.effects import TOPICS, Effect, relayed
 
 from parallel_robot_analysis.processes import MODULES, as_yaml
-from parallel_robot_interface.loop import WAIT
+from parallel_robot_base.loop import WAIT
 
 NODES = ('trajectory', 'plant', 'controller')
 READERS = {'states': 'controller', 'references': 'controller', 'commands': 'plant'}

@@ -11,12 +11,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics, new_files, timing
-from parallel_robot_analysis.bags import history, run_log
-from parallel_robot_analysis.bags.limits import add_memory_argument
+from parallel_robot_analysis import metrics, timing
 from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE, head
 from parallel_robot_analysis.report import figures
-from parallel_robot_interface.errors import BagError, InputError, KinematicsError
+from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_base.errors import BagError, InputError, KinematicsError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,14 +7,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import claims, metrics, new_files
+from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.commands.analyze import as_json
 from parallel_robot_analysis.figures_of_merit import MERITS, shown
-from parallel_robot_analysis.progress import tracked
+from parallel_robot_bags import new_files
+from parallel_robot_bags.progress import tracked
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.laws import available
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import InputError, UnknownNameError
 from parallel_robot_sim import simulation
 
 

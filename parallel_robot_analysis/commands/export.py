@@ -13,10 +13,11 @@ from typing import IO
 
 import numpy as np
 
-from parallel_robot_analysis import new_files, table
-from parallel_robot_analysis.bags.limits import add_memory_argument
-from parallel_robot_analysis.progress import tracked
-from parallel_robot_interface.errors import InputError, RunError, UnknownNameError
+from parallel_robot_analysis import table
+from parallel_robot_bags import new_files
+from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_bags.progress import tracked
+from parallel_robot_base.errors import InputError, RunError, UnknownNameError
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)

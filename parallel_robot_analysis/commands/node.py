@@ -7,11 +7,11 @@ import sys
 from importlib import import_module
 
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_interface.errors import UnknownNameError
+from parallel_robot_base.errors import UnknownNameError
 
 NODES = {
     **MODULES,
-    'player': 'parallel_robot_analysis.player_node',
+    'player': 'parallel_robot_bags.player_node',
     'monitor': 'parallel_robot_analysis.monitor_node',
 }
 

@@ -11,20 +11,13 @@ from pathlib import Path
 
 from mcap import records as mcap
 
-from parallel_robot_analysis.bags import bag_reader, run_log
-from parallel_robot_analysis.bags.bag_reader import File, open_file
-from parallel_robot_analysis.bags.bag_writer import MESSAGES, METADATA, BagWriter, Channel, check
-from parallel_robot_analysis.bags.limits import MEMORY, add_memory_argument
-from parallel_robot_analysis.bags.mcap_records import (
-    HEAD,
-    MESSAGE_HEAD,
-    Block,
-    Damage,
-    plain,
-    scan,
-)
-from parallel_robot_analysis.progress import Progress
-from parallel_robot_interface.errors import BagError, RunError
+from parallel_robot_bags import bag_reader, run_log
+from parallel_robot_bags.bag_reader import File, open_file
+from parallel_robot_bags.bag_writer import MESSAGES, METADATA, BagWriter, Channel, check
+from parallel_robot_bags.limits import MEMORY, add_memory_argument
+from parallel_robot_bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain, scan
+from parallel_robot_bags.progress import Progress
+from parallel_robot_base.errors import BagError, RunError
 
 # Metadata that says what is in a file, the last of them that of rosbag2.
 WRITTEN_ANEW = (METADATA, MESSAGES, 'rosbag2')

@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis import new_files
-from parallel_robot_analysis.bags import history, replayed, run_log
-from parallel_robot_analysis.bags.history import History
-from parallel_robot_analysis.bags.limits import add_memory_argument
-from parallel_robot_analysis.bags.run_log import RunLog
-from parallel_robot_analysis.bags.trust import add_trust_argument, own_laws
 from parallel_robot_analysis.commands.simulate import add_set_argument
+from parallel_robot_analysis.replay import replayed
 from parallel_robot_analysis.report import figures
+from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_bags.history import History
+from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_bags.trust import add_trust_argument, own_laws
+from parallel_robot_base import config
+from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_control.laws import LAWS, available
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import BagError, InputError
 
 USED = ('law', 'own_laws', 'robot', 'safety', 'controller')  # beginnings of keys, beside the laws'
 

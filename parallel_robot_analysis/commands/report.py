@@ -7,14 +7,14 @@ import re
 import tempfile
 from pathlib import Path
 
-from parallel_robot_analysis.bags import bag_writer
-from parallel_robot_analysis.bags.limits import add_memory_argument
-from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import page, paper_figures
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.palette import RUNS
 from parallel_robot_analysis.report.runs import Run, read_runs
-from parallel_robot_interface.errors import InputError
+from parallel_robot_bags import bag_writer
+from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_bags.progress import tracked
+from parallel_robot_base.errors import InputError
 
 PAGE = 'report.html'
 

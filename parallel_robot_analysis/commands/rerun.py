@@ -9,18 +9,19 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot_analysis.bags import history, recorded_controller, run_log
-from parallel_robot_analysis.bags.experiment import SIMULATION, software
-from parallel_robot_analysis.bags.history import History
-from parallel_robot_analysis.bags.indexed_reader import BagReader
-from parallel_robot_analysis.bags.limits import MEMORY, Allowance, add_memory_argument
-from parallel_robot_analysis.bags.trust import add_trust_argument, own_laws
 from parallel_robot_analysis.commands import run, simulate
+from parallel_robot_analysis.replay import recorded_controller
+from parallel_robot_bags import history, run_log
+from parallel_robot_bags.experiment import SIMULATION, software
+from parallel_robot_bags.history import History
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
+from parallel_robot_bags.trust import add_trust_argument, own_laws
+from parallel_robot_base import config
+from parallel_robot_base.errors import BagError
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.printable import printable
 from parallel_robot_control.laws import available
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import BagError
-from parallel_robot_interface.loop import LoopParameters
-from parallel_robot_interface.printable import printable
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own

@@ -12,18 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis import figures_of_merit, metrics, timing
-from parallel_robot_analysis.bags import bag_writer, history, run_log
-from parallel_robot_analysis.bags.experiment import command_line
-from parallel_robot_analysis.bags.limits import TRUSTED
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.namespaces import add_namespace_argument, full
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
-from parallel_robot_analysis.progress import Progress
-from parallel_robot_interface import config
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import DRIVEN_OUT, InputError, RunError
-from parallel_robot_interface.loop import STEP_START, WAIT, LoopParameters
-from parallel_robot_model import kernel_cache
+from parallel_robot_bags import bag_writer, history, run_log
+from parallel_robot_bags.experiment import command_line
+from parallel_robot_bags.limits import TRUSTED
+from parallel_robot_bags.progress import Progress
+from parallel_robot_base import cache_directory, config, kernel_cache
+from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
+from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_sim.simulation import assemble
 
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
@@ -168,7 +167,9 @@ def _telling(processes: NodeProcesses, progress: Progress) -> Callable[[Collecti
             told = True
             print(f'parallel_robot run: the nodes are {kernel_cache.NOTICE}', file=sys.stderr)
         what = (
-            f'({", ".join(compiling)} compiling; {kernel_cache.compiled()})' if compiling else ''
+            f'({", ".join(compiling)} compiling; {cache_directory.compiled()})'
+            if compiling
+            else ''
         )
         progress.show(len(MODULES) - len(waiting), what)
 

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import figures_of_merit, metrics
-from parallel_robot_analysis.bags import bag_writer, simulation_bag
-from parallel_robot_analysis.bags.history import remark_lines
+from parallel_robot_bags import bag_writer, simulation_bag
+from parallel_robot_bags.history import remark_lines
+from parallel_robot_base import config
+from parallel_robot_base.errors import ParallelRobotError, RunError, first_line
 from parallel_robot_control.faults import FAULT_TEXT
 from parallel_robot_control.messages import limits_text
-from parallel_robot_interface import config
-from parallel_robot_interface.errors import ParallelRobotError, RunError, first_line
 from parallel_robot_sim.simulation import Simulation, simulate
 
 

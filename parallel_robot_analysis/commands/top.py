@@ -10,7 +10,7 @@ import time
 from parallel_robot_analysis.namespaces import add_namespace_argument, full
 from parallel_robot_analysis.top.graph import Graph
 from parallel_robot_analysis.top.robots import Robots
-from parallel_robot_interface.errors import InputError, RunError
+from parallel_robot_base.errors import InputError, RunError
 
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
 PATIENCE = 5.0  # s, in which a node must be heard then

@@ -9,9 +9,9 @@ import numpy as np
 
 from parallel_robot_analysis.report.plots import packed
 from parallel_robot_analysis.report.runs import Run
-from parallel_robot_interface import config
-from parallel_robot_model.parameters import RobotParameters
-from parallel_robot_model.skeleton import skeleton
+from parallel_robot_base import config
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.skeleton import skeleton
 
 RATE = 50.0  # Hz, of the frames
 MOST = 1500  # frames of a long run

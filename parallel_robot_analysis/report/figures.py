@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis import new_files
-from parallel_robot_analysis.bags.run_log import RunLog
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_analysis.printable_output import without_mathematics
-from parallel_robot_interface.errors import UnknownNameError
-from parallel_robot_interface.printable import printable
+from parallel_robot_bags import new_files
+from parallel_robot_bags.printable_output import without_mathematics
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base.errors import UnknownNameError
+from parallel_robot_base.printable import printable
 
 FORMATS = ('.png', '.pdf', '.svg')
 LABEL = 40  # characters of a name

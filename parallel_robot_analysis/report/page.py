@@ -13,7 +13,7 @@ from parallel_robot_analysis.report.decimation import INTERVALS
 from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.plots import plot
 from parallel_robot_analysis.report.runs import Run
-from parallel_robot_interface.printable import printable
+from parallel_robot_base.printable import printable
 
 
 def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:

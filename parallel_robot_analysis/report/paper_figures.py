@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from parallel_robot_analysis.printable_output import without_mathematics
 from parallel_robot_analysis.report.charts import Chart, Panel
 from parallel_robot_analysis.report.decimation import envelope
 from parallel_robot_analysis.report.palette import STYLES, Style
+from parallel_robot_bags.printable_output import without_mathematics
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics, timing
-from parallel_robot_analysis.bags import history, run_log, telemetry
-from parallel_robot_analysis.bags.limits import MEMORY
-from parallel_robot_analysis.bags.samples import physical
-from parallel_robot_analysis.progress import tracked
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.timing import Timing
-from parallel_robot_interface.cdr import NANOSECONDS
-from parallel_robot_interface.errors import BagError, InputError, KinematicsError
-from parallel_robot_interface.printable import printable
-from parallel_robot_interface.topics import CROSS_COUPLING_ERROR
+from parallel_robot_bags import history, run_log, telemetry
+from parallel_robot_bags.limits import MEMORY
+from parallel_robot_bags.progress import tracked
+from parallel_robot_bags.samples import physical
+from parallel_robot_base.errors import BagError, InputError, KinematicsError
+from parallel_robot_base.printable import printable
+from parallel_robot_base.topics import CROSS_COUPLING_ERROR
+from parallel_robot_base.units import NANOSECONDS
 
 NAMES = {'smc': 'SMC', 's_smc': 'S-SMC', 'nftsmc': 'NFTSMC', 's_fotsmc': 'S-FOTSMC'}  # in print
 LONGEST = 40  # characters of a name, so that a legend stays one

@@ -14,7 +14,7 @@ from textual.widgets import Footer, OptionList, Static
 from parallel_robot_analysis.top import view
 from parallel_robot_analysis.top.graph import Graph, Tell
 from parallel_robot_analysis.top.robots import ERROR, OK, Robots
-from parallel_robot_interface.printable import printable
+from parallel_robot_base.printable import printable
 
 PERIOD = 0.5  # s, between two pictures
 ASK = 0.1  # s, between two looks for an answer

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_interface.printable import printable
+from parallel_robot_base.printable import printable
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
 SILENT = 3.0  # s, after which a node, which reports once a second, does not seem to run

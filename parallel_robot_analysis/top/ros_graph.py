@@ -27,9 +27,9 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.top.graph import Tell
 from parallel_robot_analysis.top.robots import Robot, Robots
-from parallel_robot_interface import cdr, topics
-from parallel_robot_interface.ros_types import message_class
-from parallel_robot_interface.topics import Topic
+from parallel_robot_base import cdr, topics
+from parallel_robot_base.topics import Topic
+from parallel_robot_ros.message_types import message_class
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)
 DEPTH = 200  # messages that may come between two looks; more are left out

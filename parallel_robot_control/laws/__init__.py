@@ -11,6 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import typeof
 
+from parallel_robot_base import config, plugins
+from parallel_robot_base.errors import InputError, UnknownNameError, first_line
+from parallel_robot_base.function_value import FirstClass, distinguish
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
 from parallel_robot_control.laws import (
     adaptive_s_fotsmc,
@@ -26,10 +29,7 @@ from parallel_robot_control.laws import (
     super_twisting,
     trial,
 )
-from parallel_robot_interface import config, plugins
-from parallel_robot_interface.errors import InputError, UnknownNameError, first_line
-from parallel_robot_model.dynamics import Model
-from parallel_robot_model.kernel import FirstClass, distinguish
+from parallel_robot_model.contract import Model
 
 LAWS: dict[str, Law] = {
     # the paper's

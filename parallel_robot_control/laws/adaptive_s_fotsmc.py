@@ -6,11 +6,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.dynamics import Model
-from parallel_robot_model.kernel import kernel
+from parallel_robot_model.contract import Model
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge

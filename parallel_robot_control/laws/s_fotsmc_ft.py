@@ -7,15 +7,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.coupling import sig
 from parallel_robot_control.integral import Integral, advanced
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_interface.fields import Field
-from parallel_robot_model.dynamics import Model
-from parallel_robot_model.kernel import kernel
-from parallel_robot_model.kinematics import multiply
+from parallel_robot_control.switching_functions import sig
+from parallel_robot_model.contract import Model
 
 Array = NDArray[np.float64]
 

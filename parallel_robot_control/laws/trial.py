@@ -23,12 +23,11 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
+from parallel_robot_base import cache_directory, fields, plugins
+from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_base.module_process import command
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_interface import fields, plugins
-from parallel_robot_interface.errors import InputError, first_line
-from parallel_robot_interface.module_process import command
-from parallel_robot_model import kernel_cache
-from parallel_robot_model.dynamics import Model
+from parallel_robot_model.contract import Model
 
 LIMIT = 1.0  # s, within which each function of a law must return
 COMPILING = 120.0  # s, for the process as a whole
@@ -55,16 +54,16 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
     """
     source = plugins.source_of(law)
     mark = f'tried_{hashlib.sha256(source).hexdigest()[:16]}_{joints}'
-    verdict = kernel_cache.marked(mark)
+    verdict = cache_directory.marked(mark)
     if verdict is None:
         with tempfile.TemporaryDirectory() as directory:
             file = Path(law.__file__)
             if not file.is_file() or file.read_bytes() != source:  # changed since
                 file = Path(directory, f'{name}.py')
                 file.write_bytes(source)
-            cache = kernel_cache.subdirectory('checked') or directory
+            cache = cache_directory.subdirectory('checked') or directory
             verdict = _try(name, file, gains, joints, cache)
-        kernel_cache.mark(mark, verdict)
+        cache_directory.mark(mark, verdict)
     return tuple(f'{name}: {line}' for line in verdict.splitlines())
 
 

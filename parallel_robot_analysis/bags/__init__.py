@@ -1,1 +1,0 @@
-"""Bags: MCAP records, writing, reading, and what a run is made of again."""

@@ -1,0 +1,112 @@
+"""The controller's torques computed again from recorded states and references.
+
+With the recorded law they are the recorded commands, bit for bit. Only states that were answered
+are answered again, each with the reference that was used. Where something happened whose first
+state is not recorded (new gains, an emergency stop; in older bags a reference that came late), it
+is taken to have happened at the state from which on it explains the commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_analysis.replay.recorded_controller import RecordedController, after, events
+from parallel_robot_bags.history import History
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control import faults
+from parallel_robot_control.laws import available
+
+SLACK = NANOSECONDS // 4  # ns, between a change and its record
+
+
+class Replay(NamedTuple):
+    """Torques computed again.
+
+    Attributes:
+        torque: [N m], shape (N, n).
+        recorded: The recorded commands, NaN where there is none [N m], shape (N, n).
+        late: How many states were answered with an older reference, extrapolated.
+    """
+
+    torque: np.ndarray
+    recorded: np.ndarray
+    late: int
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which states have a recorded command, shape (N,)."""
+        return ~np.isnan(self.recorded).any(axis=1)
+
+    @property
+    def differing(self) -> np.ndarray:
+        """Which commands are not the recorded ones, bit for bit, shape (N,)."""
+        bits = self.torque.view(np.int64) != self.recorded.view(np.int64)
+        return bits.any(axis=1) & self.known
+
+
+def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
+    """The recorded law, with every switch and fault that is known.
+
+    Args:
+        log: The run.
+        history: What happened beside the motion.
+        values: Configuration of the controller at the first state.
+
+    Raises:
+        InputError: the configuration is not that of a controller.
+    """
+    law = history.statuses[0].law if history.statuses else values['law']
+    loop = RecordedController(
+        log, {**values, 'law': law if law in available(values) else values['law']}
+    )
+    common = loop.common_start(history)
+    moment, late, k = loop.first(common), 0, 0
+    pending = [
+        event
+        for event in events(history, values)
+        if not (loop.exact and event.fault == faults.REFERENCE_STALE)
+    ]
+    expected = loop.expected.copy()
+    torque = np.empty_like(expected)
+    slack = SLACK
+    while k < len(torque):
+        due = pending[0].stamp + slack if pending else loop.stamps[-1] + 1
+        stop = max(k, int(np.searchsorted(loop.stamps, due)))
+        before, batch = (k, moment), loop.answer(moment, k, stop, expected)
+        torque[k : k + batch.answered] = batch.torque
+        moment = moment._replace(state=batch.state, memory=batch.memory)
+        k += batch.answered
+        if k == stop:
+            if pending:
+                moment = after(moment, pending.pop(0))
+            continue
+        begun = [event for event in pending if event.stamp - SLACK <= loop.stamps[k]]
+        guess = loop.explain_by_events(*before, k, begun, expected)
+        if guess is not None:
+            k, moment, happened = guess
+            pending = pending[happened:]
+        elif k == 0 and loop.answer(loop.first(not common), 0, 1, expected).answered:
+            moment = loop.first(not common)
+        elif not loop.exact and loop.explain_by_late_reference(moment, k, expected):
+            late += 1
+        else:  # not explained: from here on, everything at its recorded time
+            expected[k:] = np.nan
+            slack = 0
+    late += 0 if log.used is None else int(log.used.late.sum())
+    return Replay(loop.spread(torque), log.answer, late)
+
+
+def instead(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
+    """Another law or other gains, from the first state to the last.
+
+    Raises:
+        InputError: the configuration is not that of a controller.
+    """
+    loop = RecordedController(log, values)
+    moment = loop.first(loop.common_start(history))
+    free = np.full_like(loop.expected, np.nan)
+    return Replay(loop.spread(loop.answer(moment, 0, len(free), free).torque), log.answer, 0)

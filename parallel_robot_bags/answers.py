@@ -1,0 +1,169 @@
+"""Which command answers which state: as the controller recorded it, or guessed in older bags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot_bags.samples import Samples
+from parallel_robot_control.contract import JointReference
+
+UNKNOWN = -1  # a stamp: the bag does not say
+NEIGHBOURS = 21  # messages that tell together how many commands came before each of them
+EXTRAPOLATED = ('position', 'velocity', 'acceleration')
+
+
+class Answered(NamedTuple):
+    """What the controller recorded about the commands of a bag.
+
+    Attributes:
+        states: Stamp of the state that each command answers [ns], shape (M,); 0: it answers none.
+        references: Stamp of the reference that it used [ns], shape (M,).
+        rows: Stamps of all states that were answered [ns], shape (R,).
+        lost: Commands between the first and the last one that the bag lacks.
+        gaps: Places where the bag lacks records of answers.
+    """
+
+    states: np.ndarray
+    references: np.ndarray
+    rows: np.ndarray
+    lost: int
+    gaps: int
+
+
+class Used(NamedTuple):
+    """References that the controller used.
+
+    Attributes:
+        stamps: Of the reference used at each state [ns], shape (N,); 0 where there is no answer.
+        late: Whether a newer one for that state came too late, shape (N,).
+        older: The states whose reference has another stamp than the state, shape (K,).
+        samples: References of those states as they were published, each shape (K, n).
+    """
+
+    stamps: np.ndarray
+    late: np.ndarray
+    older: np.ndarray
+    samples: JointReference
+
+    def head(self, count: int) -> Used:
+        """Those of the first states."""
+        inside = self.older < count
+        samples = JointReference(*(row[inside] for row in self.samples))
+        return Used(self.stamps[:count], self.late[:count], self.older[inside], samples)
+
+
+def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
+    """Find the record of each command.
+
+    Records and commands are in the same order, so it is enough to know how many commands came
+    before each message of records. The bag may begin in the midst of a message and end before the
+    last one; log times may be out of order here and there, so neighbours decide together.
+
+    Args:
+        heard: Log times of the commands in order [ns], shape (M,).
+        messages: Those of ``controller/answered``; what is not in pairs is left out.
+
+    Returns:
+        What was recorded; None when there is no record.
+    """
+    pairs = [
+        (part.log_times, part.numbers['data'].reshape(len(part.log_times), -1, 2))
+        for part in messages
+        if 'data' in part.numbers and part.numbers['data'].shape[1] % 2 == 0
+    ]
+    if not pairs:
+        return None
+    times = np.concatenate([times for times, _ in pairs])
+    last = np.concatenate([rows[:, :, 0].max(axis=1) for _, rows in pairs])
+    sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for _, rows in pairs])
+    whole = np.concatenate([rows.reshape(-1, 2) for _, rows in pairs])
+    order = np.lexsort((last, times))
+    starts = (np.cumsum(sizes) - sizes)[order]
+    times, sizes = times[order], sizes[order]
+    ends = np.cumsum(sizes)
+    rows = whole[np.repeat(starts - (ends - sizes), sizes) + np.arange(ends[-1])]
+
+    from scipy.ndimage import median_filter  # half a second that `simulate` need not wait
+
+    before = np.searchsorted(heard, times, side='right')
+    ahead = median_filter(ends - before, size=NEIGHBOURS, mode='nearest')
+    free = np.maximum.accumulate(np.concatenate([[0], ends - ahead]))[:-1]
+    command = np.arange(len(rows)) - np.repeat(ahead, sizes)
+    found = (command >= np.repeat(free, sizes)) & (command < len(heard))
+    stamps = np.full((len(heard), 2), UNKNOWN)
+    stamps[command[found]] = rows[found]
+    steps = np.diff(ahead)
+    return Answered(
+        stamps[:, 0],
+        stamps[:, 1],
+        rows[rows[:, 0] > 0, 0],
+        int(steps[steps > 0].sum()),
+        int((steps < 0).sum()),
+    )
+
+
+def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Command that answers each state, -1 where there is none, shape (N,).
+
+    Args:
+        stamps: Of the states [ns], shape (N,).
+        states: Stamp of the state that each command answers [ns], shape (M,).
+    """
+    order = np.argsort(stamps, kind='stable')
+    at = np.searchsorted(stamps, states, sorter=order)
+    at = order[np.minimum(at, len(stamps) - 1)]
+    found = stamps[at] == states
+    command = np.full(len(stamps), -1)
+    command[at[found]] = np.flatnonzero(found)
+    return command
+
+
+def used(stamps: np.ndarray, known: np.ndarray, references: Samples) -> Used:
+    """Find the references that were used.
+
+    Args:
+        stamps: Of the states [ns], shape (N,).
+        known: Stamp of the reference used at each state [ns], shape (N,); 0: none.
+        references: All references; where the bag lacks one, the one before is taken for it.
+    """
+    order = np.argsort(references.stamps, kind='stable')
+    ordered = references.stamps[order]
+    at = np.maximum(np.searchsorted(ordered, known, side='right') - 1, 0)
+    newest = np.searchsorted(ordered, stamps, side='right') - 1
+    answered = (known > 0) & (ordered[at] > 0)  # zero is no time
+    found = np.where(answered, ordered[at], 0)
+    older = np.flatnonzero(answered & (found != stamps))
+    samples = [references.numbers[name][order[at[older]]] for name in EXTRAPOLATED]
+    return Used(found, answered & (found < ordered[newest]), older, JointReference(*samples))
+
+
+def guess(states: Samples, commands: Samples) -> tuple[np.ndarray, bool]:
+    """Guess the state that each command answers, for bags that do not say.
+
+    The k-th answers the k-th, but for zeros that the controller sent unasked: at its end, or when
+    states stayed away. Where some of either are lost, a command answers the newest state that was
+    recorded before it, which is exact in lockstep.
+
+    Args:
+        states: The states.
+        commands: The commands.
+
+    Returns:
+        Stamps of the states [ns], shape (M,), 0 where a command answers none; whether none of
+        either is lost.
+    """
+    torques, count = commands.numbers['data'], len(states.stamps)
+    order = np.arange(len(torques))
+    zeros = np.flatnonzero(~torques.any(axis=1))
+    if 0 < len(torques) - count <= len(zeros):
+        order = np.delete(order, zeros[count - len(torques) :])
+    stamps = np.zeros(len(torques), np.int64)
+    if len(order) == count:
+        stamps[order] = states.stamps
+        return stamps, True
+    newest = np.searchsorted(states.log_times, commands.log_times, side='right') - 1
+    stamps[newest >= 0] = states.stamps[newest[newest >= 0]]
+    return stamps, False

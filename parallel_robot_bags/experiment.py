@@ -1,0 +1,192 @@
+"""What a bag says of the experiment that made it."""
+
+from __future__ import annotations
+
+import functools
+import platform
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_bags import plain_data
+from parallel_robot_bags.limits import LAW, NAME
+from parallel_robot_base import config
+from parallel_robot_base.config import PACKAGE
+from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_base.loop import LoopParameters, validate
+
+LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
+SIMULATION, NODES = 'simulation', 'nodes'  # who moved the robot
+OWNERS = {  # nodes whose parameters count, the later before the earlier; and their common ones
+    'trajectory': ('scenario',),
+    'plant': ('joints', 'period', 'duration', 'time_mode'),
+    'controller': ('law', 'preset'),
+}
+GIT = ('git', 'describe', '--always', '--dirty')
+GIT_PATIENCE = 2.0  # s
+
+
+def describe(
+    loop: LoopParameters, values: Mapping[str, Any], start_stamp: int, source: str = NODES
+) -> dict[str, str]:
+    """Facts for the metadata of a bag, all as text.
+
+    Args:
+        loop: What the nodes agreed on.
+        values: The resolved configuration.
+        start_stamp: Stamp of t = 0 [ns]; 0 when it is not known.
+        source: SIMULATION or NODES.
+    """
+    return {
+        'scenario': loop.scenario,
+        'law': loop.law,
+        'time_mode': loop.time_mode,
+        'start_stamp': str(start_stamp),
+        'period_ns': str(loop.period_ns),
+        'source': source,
+        'command_line': str(values['recorder.command_line']) or command_line(),
+        'randomness': 'none',  # so there is no seed
+        **software(),
+        'config': plain_data.dump(values),
+    }
+
+
+def configuration(
+    bag: Path, facts: Mapping[str, str], nodes: Mapping[str, Mapping[str, Any]]
+) -> tuple[dict[str, Any], LoopParameters, int]:
+    """Configuration of the run over the defaults, so that bags of older versions stay readable.
+
+    Args:
+        bag: For messages.
+        facts: What the bag says, see :func:`describe`; empty when another recorded it.
+        nodes: Full name of a node to its parameters. Where the nodes were started by hand, they
+            have values that the recorder does not know.
+
+    Returns:
+        All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
+
+    Raises:
+        BagError: it says nothing of the kind.
+    """
+    values = config.resolve('paper_circle')
+    try:
+        stored = {'scenario': 'unknown', 'law': 'unknown'}
+        if facts:
+            stored = _checked(values, plain_data.load(facts['config']))
+            stored |= _of_nodes(values | stored, nodes)
+        loop = validate(config.group(values | stored, LoopParameters, ''))
+        names = (loop.scenario, loop.law, *loop.joints)
+        if not all(name.isprintable() and len(name) <= NAME for name in names):
+            raise ValueError('a name in it is too long or cannot be printed')
+    except (KeyError, ValueError, InputError) as error:
+        raise BagError(f'{bag}: its metadata hold no usable config: {error}') from None
+    return values | stored, loop, int(facts.get('start_stamp', 0))
+
+
+def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
+    """A stored configuration whose values are of the types of those that are known.
+
+    Raises:
+        ValueError: they are not.
+    """
+    if not isinstance(stored, dict):
+        raise ValueError('no keys and values')
+    for key, value in stored.items():
+        if not (plain_data.flat(value) and is_like(known.get(key, value), value)):
+            raise ValueError(f'{key} cannot be {value!r}')
+    return stored
+
+
+def is_like(example: Any, value: Any) -> bool:
+    """Whether a plain value is of the kind of another: its type, its length where it is fixed."""
+    if isinstance(example, list):
+        if not isinstance(value, list):
+            return False
+        if not example or isinstance(example[0], str):
+            return all(isinstance(item, str) for item in value)
+        return len(value) == len(example) and all(map(is_like, example, value))
+    if isinstance(example, str):
+        return isinstance(value, str) or value is False  # YAML takes an unquoted off for false
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, bool) if isinstance(example, bool) else number
+
+
+@functools.cache
+def software() -> dict[str, str]:
+    """Versions of the suite and of what it stands on; the revision in a git working copy."""
+    libraries = {name: _version(name) or _version(f'ros-jazzy-{name}') for name in LIBRARIES}
+    facts = {
+        'version': _version(PACKAGE) or 'not installed',
+        'revision': _revision(Path(__file__).resolve().parents[1]),
+        'python': platform.python_version(),
+        'platform': platform.platform(),
+        'libraries': ', '.join(f'{name} {number}' for name, number in libraries.items() if number),
+    }
+    return {name: text for name, text in facts.items() if text}
+
+
+def command_line() -> str:
+    """The words that started this process."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def law_source(path: str) -> tuple[str, bytes]:
+    """Name and source of a custom law, as its file is now; nothing of it is run.
+
+    Args:
+        path: The file, absolute: a node may have another current directory.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, or it is too large.
+    """
+    file = Path(path)
+    try:
+        if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
+            raise InputError(f'the law file {path} is not on this machine')
+        with file.open('rb') as stream:
+            source = stream.read(LAW + 1)
+    except (OSError, ValueError) as error:
+        raise InputError(f'the law file {path} cannot be read: {error}') from None
+    if len(source) > LAW:
+        raise InputError(f'the law file {path} has more than {LAW} bytes')
+    return file.stem, source
+
+
+def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """What the nodes of a run say of its configuration; where a law lies is no part of it."""
+    merged: dict[str, Any] = {}
+    for name, common in OWNERS.items():
+        for node, found in nodes.items():
+            if node.rpartition('/')[2] == name:
+                laws = {Path(str(path)).stem for path in found.get('own_laws') or ()}
+                merged |= {
+                    key: value
+                    for key, value in found.items()
+                    if key in common
+                    or ('.' in key and (key in values or key.partition('.')[0] in laws))
+                }
+    return merged
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return ''
+
+
+def _revision(root: Path) -> str:
+    """What git says of a source tree; empty elsewhere."""
+    if not (root / '.git').exists():
+        return ''
+    try:
+        done = subprocess.run(
+            GIT, cwd=root, capture_output=True, text=True, timeout=GIT_PATIENCE, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ''
+    return done.stdout.strip()

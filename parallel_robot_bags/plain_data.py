@@ -1,0 +1,129 @@
+"""Plain values as text: JSON, or the YAML of older bags and of rosbag2; whoever wrote it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from parallel_robot_base.config import LOADER
+
+LONGEST = 1 << 20  # characters
+DEEPEST = 20  # lists and mappings in one another
+PARTS = 100_000  # values in all, what an alias stands for counted again
+
+
+def dump(values: Mapping[str, Any]) -> str:
+    """Write a mapping as JSON, in the order of its keys."""
+    return json.dumps(dict(values), sort_keys=True, ensure_ascii=False)
+
+
+def load(text: str, longest: int = LONGEST) -> Any:
+    """Read JSON or YAML.
+
+    Args:
+        text: What anybody may have written.
+        longest: Characters that it may have.
+
+    Returns:
+        Of null, truth values, finite numbers, texts, lists, and mappings of texts.
+
+    Raises:
+        ValueError: it is neither, something else stands in it, or it is too long or too deep.
+    """
+    if len(text) > longest:
+        raise ValueError(f'longer than {longest} characters')
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        found = _yaml(text)
+    _check(found, DEEPEST)
+    return found
+
+
+def mapping(text: str) -> dict[str, Any]:
+    """Read a mapping; empty when there is none.
+
+    Keys whose values are neither plain nor lists of plain values are left out.
+    """
+    try:
+        found = load(text)
+    except ValueError:
+        return {}
+    items = found.items() if isinstance(found, dict) else ()
+    return {key: value for key, value in items if flat(value)}
+
+
+def flat(value: Any) -> bool:
+    """Whether a value is a number, a text or a truth value, or a list of those."""
+    items = value if isinstance(value, list) else [value]
+    return all(isinstance(item, (bool, int, float, str)) for item in items)
+
+
+def whole_number(text: str, low: int = 0, high: int = (1 << 63) - 1) -> int | None:
+    """A whole number in decimal digits, as the suite writes it; None for anything else."""
+    digits = text.removeprefix('-')
+    if not (digits.isascii() and digits.isdigit() and len(digits) < 20):
+        return None
+    number = int(text)
+    return number if low <= number <= high else None
+
+
+def _yaml(text: str) -> Any:
+    try:
+        _bound(text)
+        return yaml.load(text, LOADER)
+    except (yaml.YAMLError, RecursionError, TypeError, OverflowError) as error:
+        raise ValueError(type(error).__name__) from None
+
+
+def _bound(text: str) -> None:
+    """Refuse YAML that nests too deep, merges or repeats itself, before it is put together.
+
+    The events come one by one; what puts them together in C has no limit of its own.
+    """
+    open_parts: list[tuple[str | None, int]] = []  # anchor, and the parts before it
+    sizes: dict[str, int] = {}  # of finished anchors
+    parts = 0
+    for event in yaml.parse(text, LOADER):
+        parts += 1
+        if isinstance(event, yaml.CollectionStartEvent):
+            open_parts.append((event.anchor, parts))
+            if event.anchor in sizes:
+                raise ValueError('an anchor stands twice')
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, begin = open_parts.pop()
+            if anchor is not None:
+                sizes[anchor] = parts - begin
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor not in sizes:
+                raise ValueError('an alias of what is not finished')
+            parts += sizes[event.anchor]
+        elif isinstance(event, yaml.ScalarEvent):
+            if event.value == '<<':
+                raise ValueError('a merge key')
+            if event.anchor is not None:
+                sizes[event.anchor] = 1
+        if len(open_parts) > DEEPEST or parts > PARTS:
+            raise ValueError('too deep or too many')
+
+
+def _check(value: Any, depth: int) -> None:
+    """Refuse what is no plain value."""
+    if isinstance(value, (list, dict)):
+        if depth == 0:
+            raise ValueError('too deep')
+        if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
+            raise ValueError('a key that is no text')
+        for item in value.values() if isinstance(value, dict) else value:
+            _check(item, depth - 1)
+    elif isinstance(value, int) and not isinstance(value, bool):
+        if value.bit_length() > 64:
+            raise ValueError('a number of more than 64 bits')
+    elif not (value is None or isinstance(value, (bool, float, str))):
+        raise ValueError(f'{type(value).__name__} is no plain value')
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f'{value}')

@@ -1,0 +1,53 @@
+"""What is printed, without the control characters of texts that somebody else wrote."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import sys
+from collections.abc import Iterator
+from typing import Any, TextIO
+
+from parallel_robot_base.printable import printable
+
+LONGEST_LINE = 2000  # characters of what a terminal gets
+ASCII = re.compile(r'[ -~\n]*')
+
+
+def without_mathematics(text: str) -> str:
+    """The text as matplotlib draws it literally, dollar signs included."""
+    return text.replace('$', r'\$')
+
+
+class PrintableStream:
+    """A stream that passes lines on without control characters; all else is the stream's own.
+
+    Attributes:
+        stream: Where they go.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write lines."""
+        if len(text) > LONGEST_LINE or ASCII.fullmatch(text) is None:
+            text = '\n'.join(printable(line, LONGEST_LINE) for line in text.split('\n'))
+        self.stream.write(text)
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+
+def as_it_is(stream: TextIO) -> TextIO:
+    """The stream behind a PrintableStream, for escape sequences of our own."""
+    return stream.stream if isinstance(stream, PrintableStream) else stream
+
+
+@contextlib.contextmanager
+def printable_output() -> Iterator[None]:
+    """Keep escape sequences of names and texts that somebody else wrote off the terminal."""
+    out, err = PrintableStream(sys.stdout), PrintableStream(sys.stderr)
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        yield

@@ -1,0 +1,343 @@
+"""The recorder without ROS: messages come in from any thread, one thread writes the bag."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_bags import plain_data
+from parallel_robot_bags.bag_writer import (
+    CHANGES,
+    LAWS,
+    MISSING_LAWS,
+    PARAMETERS,
+    BagWriter,
+    Channel,
+    certify,
+    channel_of,
+)
+from parallel_robot_bags.experiment import describe, law_source, software
+from parallel_robot_bags.switch_times import SwitchTimes
+from parallel_robot_base.cdr import header_stamp, last_state
+from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.loop import STEP_START, LoopParameters
+from parallel_robot_base.topics import (
+    ACTIVE_LAW,
+    ANSWERED,
+    COMMANDS,
+    JOINT_STATES,
+    RECORDED,
+    STATUS,
+    TELEMETRY,
+    UNSTAMPED,
+    Topic,
+)
+
+ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller says to a state
+MOST_LAWS = 100  # that are attached of a controller
+DRAIN = 0.05  # s, between two rounds of writing
+FLUSH = 1.0  # s, after which a chunk is finished although it is not full
+STRAGGLERS = 4.0  # s, how long a finished motion waits for what is missing; Fast DDS repairs in 3
+ANSWERS_AFTER = 1.0  # s, the same where nothing but answers is missing: states may be skipped
+
+
+class Stream:
+    """The messages of one topic, counted; what rules their log time is known beforehand.
+
+    Attributes:
+        topic: One of the suite's, or any other.
+        channel: How the topic is written.
+        of_suite: Whether it is one of the suite's.
+        stamp_of: Reads the stamp of a message [ns]; None for types without one.
+        received: Messages taken.
+        gaps: Numbers missing between those that the publisher gave its messages; None where they
+            are not known or several publishers number theirs.
+    """
+
+    def __init__(self, topic: Topic, channel: Channel) -> None:
+        self.topic, self.channel = topic, channel
+        self.of_suite = topic in RECORDED
+        self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
+        self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
+        stamped = self.of_suite and topic.type not in UNSTAMPED
+        self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
+        self.received = 0
+        self.gaps: int | None = None
+        self._number = 0  # of the last message; 0: none had one
+
+    def count(self, number: int) -> None:
+        """Count a message, and the numbers between it and the last; smaller ones begin anew."""
+        self.received += 1
+        if not number:
+            return
+        if not self._number:
+            self.gaps = 0
+        elif number > self._number + 1 and self.gaps is not None:
+            self.gaps += number - self._number - 1
+        self._number = number
+
+    def several(self) -> None:
+        """Say that the topic has several publishers: their numbers cannot be told apart."""
+        self.gaps = None
+        self._number = self._number or 1
+
+
+class Recorder:
+    """Writes what it is given, from the start stamp to the end of the motion.
+
+    In lockstep the log time is the time of the simulation: the stamp of a message, or for types
+    without one the stamp of the state that the k-th message answers, or at which the law of that
+    name became active. In wall time it is the time of reception. Topics that are not the suite's
+    have the time of the newest message that is.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        loop: LoopParameters,
+        values: Mapping[str, Any],
+        failed: Callable[[Exception], None],
+        suite: bool = True,
+    ) -> None:
+        """Prepare; the bag is created by :meth:`open`.
+
+        Args:
+            directory: Where the bag will be.
+            loop: Period, duration, mode.
+            values: The resolved configuration, for the bag's metadata.
+            failed: Called with the error when the bag cannot be written any more.
+            suite: Whether to record the topics of the suite; others by :meth:`add`.
+        """
+        self._directory = directory
+        self._loop = loop
+        self._values = values
+        self._failed = failed
+        self._start = 0
+        self._end: int | None = None
+        self._over = False  # whether the last state of the motion is here
+        self._last_heard = time.monotonic()
+        self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
+        self._lockstep = loop.lockstep
+        self._suite = RECORDED if suite else ()
+        self._streams = {topic: Stream(topic, channel_of(topic)) for topic in self._suite}
+        self._laws: dict[str, bytes] = {}  # sources that are attached, or will be
+        self._newest = 0  # ns, largest stamp of the suite
+        self._switches = SwitchTimes(0)
+        self._queue: queue.SimpleQueue[tuple[Stream, int, bytes]] = queue.SimpleQueue()
+        self._notes: queue.SimpleQueue[Callable[[BagWriter], None]] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._writer: BagWriter | None = None
+        self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
+        software()  # looked up now, not at the start of the motion
+        for path in values['own_laws']:
+            self._attach(path)
+
+    def open(self, start_stamp: int = 0) -> None:
+        """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
+
+        Raises:
+            BagError: the directory exists or cannot be created.
+            RunError: the disk is full.
+        """
+        self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
+        self._switches = SwitchTimes(self._start)
+        if self._loop.samples is not None and start_stamp:
+            self._end = start_stamp + self._loop.samples * self._loop.period_ns
+        metadata = describe(self._loop, self._values, start_stamp)
+        try:
+            self._writer = BagWriter(self._directory, self._suite, metadata)
+        except OSError as error:
+            raise self._broken(error) from None
+        self._thread.start()
+        for early in self._early:
+            self.take(*early)
+
+    def add(self, topic: Topic, channel: Channel) -> None:
+        """Record a topic that is not one of the suite's; before its first message is taken."""
+        self._streams[topic] = Stream(topic, channel)
+
+    @property
+    def received(self) -> Counter[Topic]:
+        """Messages taken, by topic."""
+        return Counter({topic: stream.received for topic, stream in self._streams.items()})
+
+    @property
+    def losses(self) -> int:
+        """How many messages are known to be missing by the numbers that publishers gave them."""
+        return sum(stream.gaps or 0 for stream in self._streams.values())
+
+    def found(self, node: str, parameters: Mapping[str, Any]) -> list[str]:
+        """Note the parameters of a node at the start; the laws of a controller are attached.
+
+        Returns:
+            Why laws cannot be attached, one line each.
+        """
+        self._note(PARAMETERS, {node: plain_data.dump(parameters)})
+        laws = parameters.get('own_laws') if node.endswith('/controller') else None
+        troubles = []
+        for path in laws[:MOST_LAWS] if isinstance(laws, list) else ():
+            try:
+                self._attach(str(path))
+            except InputError as error:
+                troubles.append(str(error))
+                self._note(MISSING_LAWS, {str(path): str(error)})
+        return troubles
+
+    def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
+        """Note a change of parameters of a node."""
+        stamp = max(self._newest, self._start)
+        facts = {'stamp': str(stamp), 'node': node, 'values': plain_data.dump(parameters)}
+        self._note(CHANGES, facts)
+
+    def _note(self, name: str, facts: dict[str, str]) -> None:
+        self._notes.put(lambda writer: writer.note(name, facts))
+
+    def _attach(self, path: str) -> None:
+        """Attach a law file as it is now, once.
+
+        Raises:
+            InputError: it cannot be read.
+        """
+        name, source = law_source(path)
+        if self._laws.get(name) != source:
+            self._laws[name] = source
+            self._notes.put(lambda writer: writer.attach(LAWS + name, source))
+
+    def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
+        """Take one serialised message.
+
+        Args:
+            topic: One of the suite's, or one that was added.
+            data: The message.
+            received: When the middleware received it [ns]; 0: now.
+            number: That which its publisher gave it; 0: not known.
+        """
+        self._take(self._streams[topic], data, received, number)
+
+    def taker(self, topic: Topic) -> Callable[[bytes, int, int], None]:
+        """:meth:`take` for the messages of one topic; ready to be called often."""
+        return partial(self._take, self._streams[topic])
+
+    def _take(self, stream: Stream, data: bytes, received: int, number: int) -> None:
+        if self._writer is None:
+            if stream.topic.latched:
+                self._early.append((stream.topic, data, received, number))
+            return
+        newest, start = self._newest, self._start
+        if stream.stamp_of is not None:
+            stamp = stream.stamp_of(data)
+            if stamp is None:
+                return
+            if stream.is_log:  # of commands that answer no state: as if of the newest
+                stamp = stamp or max(newest, start)
+            late = self._end is not None and stamp > self._end and stream.topic.every
+            if stamp < start or late:  # what is latched may be of a controller that lags
+                return
+        elif stream.of_suite and not stream.is_law:
+            stamp = start + stream.received * self._loop.period_ns
+        else:
+            stamp = max(newest, start)
+        if stamp > newest and stream.of_suite:
+            self._newest = stamp
+        stream.count(number)
+        if stream.is_state and stamp == self._end:
+            self._over = True
+        log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
+        self._last_heard = time.monotonic()
+        if self._lockstep and stream.is_law and STATUS in self._streams:
+            self._switches.add_name(data)
+        else:
+            self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_status:
+            self._switches.add_status(data)
+        if stream.is_law or stream.is_status:
+            self._put_laws(self._switches.dated())
+
+    def _put_laws(self, dated: Iterable[tuple[int, bytes]]) -> None:
+        for log_time, data in dated:
+            self._queue.put((self._streams[ACTIVE_LAW], log_time, data))
+
+    def several(self, topic: Topic) -> None:
+        """Say that a topic has several publishers: their numbers cannot be told apart."""
+        self._streams[topic].several()
+
+    def lost(self, topic: Topic) -> int | None:
+        """How many messages are known to be missing; None when nothing is known."""
+        stream = self._streams[topic]
+        expected, gaps = self.expected(topic), stream.gaps
+        skips = not self._loop.lockstep and topic in ANSWERS  # a state may stay unanswered
+        if expected is None or (skips and gaps is not None):
+            return gaps
+        return max(expected - stream.received, gaps or 0)
+
+    def expected(self, topic: Topic) -> int | None:
+        """How many messages of a topic the whole motion has; None when that is not known."""
+        if self._loop.samples is None or topic not in RECORDED:
+            return None
+        return self._loop.samples // topic.every + 1 if topic.every else 1
+
+    def complete(self) -> bool:
+        """Whether the motion is over and all its messages are here, or will not come any more."""
+        if not self._over:
+            return False
+        missing = [
+            topic
+            for topic, stream in self._streams.items()
+            if stream.received < (self.expected(topic) or 0)
+        ]
+        lost = [topic for topic in missing if self._lockstep or topic not in ANSWERS]
+        patience = STRAGGLERS if lost else ANSWERS_AFTER
+        return not missing or time.monotonic() - self._last_heard > patience
+
+    def close(self) -> list[str]:
+        """Write what is left and complete the bag.
+
+        Returns:
+            The report: one line a topic with received, written and lost messages.
+        """
+        self._put_laws(self._switches.rest())
+        self._stop.set()
+        if self._writer is None:
+            return []
+        self._thread.join()
+        for topic in self._streams:
+            lost = self.lost(topic)
+            self._writer.certificate[topic.name] = certify(
+                self._writer.written[topic.name], 'unknown' if lost is None else lost
+            )
+        try:
+            self._writer.close()
+        except OSError as error:
+            self._failed(self._broken(error))
+        return [
+            f'{topic.name}: received {stream.received}, {self._writer.certificate[topic.name]}'
+            for topic, stream in self._streams.items()
+        ]
+
+    def _write(self) -> None:
+        assert self._writer is not None
+        try:
+            while True:
+                last = self._stop.wait(DRAIN)
+                while not self._notes.empty():
+                    self._notes.get()(self._writer)
+                while not self._queue.empty():
+                    stream, log_time, data = self._queue.get()
+                    name = stream.topic.name
+                    if name not in self._writer.written and stream.topic not in self._suite:
+                        self._writer.add(stream.channel)
+                    self._writer.write(name, log_time, data)
+                if last:
+                    return
+                self._writer.flush(FLUSH)
+        except OSError as error:
+            self._failed(self._broken(error))
+
+    def _broken(self, error: OSError) -> RunError:
+        return RunError(f'cannot write {self._directory}: {error.strerror}')

@@ -1,0 +1,239 @@
+"""A bag as time-aligned arrays."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_bags import answers, bag_reader, experiment, history
+from parallel_robot_bags.answers import UNKNOWN, Answered, Used
+from parallel_robot_bags.counts import TopicCount, count
+from parallel_robot_bags.limits import MEMORY
+from parallel_robot_bags.samples import Samples, decoder, physical, whole
+from parallel_robot_base import topics
+from parallel_robot_base.errors import BagError
+from parallel_robot_base.topics import RECORDED, Topic
+from parallel_robot_base.units import NANOSECONDS
+
+NOTHING = np.zeros((0, 0))
+REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
+
+
+class RunLog(NamedTuple):
+    """A recorded run, one row a state, the reference at the state's own stamp.
+
+    Attributes:
+        scenario: Name of the scenario.
+        law: Name of the law.
+        joints: Names of the actuated joints.
+        config: The resolved configuration.
+        start_stamp: Stamp of t = 0 [ns].
+        stamps: Stamps of the states [ns], shape (N,).
+        time: Stamps since t = 0 [s], shape (N,).
+        position: Measured actuated angles [rad], shape (N, n).
+        velocity: Measured actuated rates [rad/s], shape (N, n).
+        effort: Torques applied during the step that ended at the stamp [N m], shape (N, n).
+        reference_position: Desired angles [rad], shape (N, n).
+        reference_velocity: Desired rates [rad/s], shape (N, n).
+        reference_acceleration: Desired accelerations [rad/s^2], shape (N, n).
+        command: Commanded torques in the order of the messages [N m], shape (M, n).
+        messages: Counts per topic, by name without leading slash.
+        answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
+        heard: When the states were recorded [ns], shape (N,).
+        command_states: Stamp of the state that each command answers [ns], 0 where it answers
+            none, UNKNOWN where the bag does not say, shape (M,).
+        used: References that the controller used; None in bags that do not say.
+        warnings: What is wrong with the bag, one line each.
+    """
+
+    scenario: str
+    law: str
+    joints: tuple[str, ...]
+    config: dict[str, Any]
+    start_stamp: int
+    stamps: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    reference_position: np.ndarray
+    reference_velocity: np.ndarray
+    reference_acceleration: np.ndarray
+    command: np.ndarray
+    messages: dict[str, TopicCount]
+    answer: np.ndarray = NOTHING
+    heard: np.ndarray = NOTHING
+    command_states: np.ndarray = NOTHING
+    used: Used | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
+    """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
+
+    What is damaged is left out, and said in `warnings`.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        memory: What may be held of it [bytes].
+
+    Raises:
+        BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
+            log needs is not in it.
+    """
+    bag = Path(bag)
+    found = bag_reader.read(bag, RECORDED, decoder(bag), memory)
+    streams = streams_of(bag, found.streams)
+    for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
+        if needed not in streams:
+            raise BagError(f'{bag} has no messages on {needed.name}')
+    values, loop, start = experiment.configuration(
+        bag, found.metadata, history.parameters_in(found.notes)
+    )
+    states, references, commands = (
+        whole(bag, topic, streams[topic], loop.joints)
+        for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
+    )
+    warnings = [*found.warnings]
+    states = _physical(bag, topics.JOINT_STATES, states, warnings)
+    references = _physical(bag, topics.REFERENCE, references, warnings)
+    commands.numbers['data'][~physical(commands)] = np.nan  # which is as good as none
+    start = start or int(max(states.stamps[0], references.stamps[0]))
+    used = (states.stamps >= start) & (states.stamps >= references.stamps[0])
+    if not used.any():
+        raise BagError(f'{bag}: no state has a reference at or before its stamp')
+    stamps = states.stamps[used]
+    if len(stamps) > 1 and not (stamps[-1] > stamps[0] and np.median(np.diff(stamps)) > 0.0):
+        raise BagError(f'{bag}: the stamps of {topics.JOINT_STATES.name} do not go on')
+    answered = answers.align(commands.log_times, streams.get(topics.ANSWERED, []))
+    answer, command_states, in_use = _answers(stamps, states, references, commands, answered)
+    return RunLog(
+        loop.scenario if found.metadata else 'unknown',
+        loop.law if found.metadata else 'unknown',
+        loop.joints,
+        values,
+        start,
+        stamps,
+        (stamps - start) / NANOSECONDS,
+        states.numbers['position'][used],
+        states.numbers['velocity'][used],
+        states.numbers['effort'][used],
+        *reference_at(
+            stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
+        ),
+        commands.numbers['data'],
+        count(streams, loop.period_ns, answered),
+        answer,
+        states.log_times[used],
+        command_states,
+        in_use,
+        tuple(warnings),
+    )
+
+
+def head(log: RunLog, count: int) -> RunLog:
+    """The first states of a run, with all its commands."""
+    rows: dict[str, Any] = {
+        name: value[:count]
+        for name, value in log._asdict().items()
+        if name not in ('command', 'command_states') and isinstance(value, np.ndarray)
+    }
+    return log._replace(**rows, used=None if log.used is None else log.used.head(count))
+
+
+def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
+    """Samples without those whose numbers no robot can have; says so in `warnings`.
+
+    Raises:
+        BagError: nothing is left.
+    """
+    kept = physical(samples)
+    count = len(kept) - int(kept.sum())
+    if not count:
+        return samples
+    if count == len(kept):
+        raise BagError(f'{bag}: no message on {topic.name} has numbers that a robot can have')
+    what = f'{count} messages on {topic.name} have numbers that no robot can have'
+    warnings.append(f'{bag}: {what}; they are left out')
+    numbers = {name: values[kept] for name, values in samples.numbers.items()}
+    return Samples(samples.joints, samples.log_times[kept], samples.stamps[kept], numbers)
+
+
+def streams_of(
+    bag: Path, found: dict[str, list[list[Samples]]], of_robot: Topic = topics.JOINT_STATES
+) -> dict[Topic, list[Samples]]:
+    """Streams of the suite's topics, all in one namespace.
+
+    Args:
+        bag: For messages.
+        found: Messages by full name of the topic.
+        of_robot: A topic that each robot has.
+
+    Raises:
+        BagError: those of several robots are there.
+    """
+    end = f'/{of_robot.name}'
+    spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
+    if len(spaces) > 1 and '' not in spaces:
+        raise BagError(f'{bag} holds several runs, in {", ".join(sorted(spaces))}')
+    space = '' if '' in spaces or not spaces else spaces[0]
+    streams = {topic: found.get(f'{space}/{topic.name}', []) for topic in RECORDED}
+    return {topic: [*itertools.chain(*parts)] for topic, parts in streams.items() if parts}
+
+
+def reference_at(
+    stamps: np.ndarray,
+    known: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Extrapolate references to other stamps, each from the newest before with its derivatives.
+
+    Args:
+        stamps: Where they are wanted, none before the first that is known [ns], shape (N,).
+        known: Stamps of the references, in order [ns], shape (M,).
+        position: Joint angles [rad], shape (M, n).
+        velocity: Their rates [rad/s], shape (M, n).
+        acceleration: Their accelerations [rad/s^2], shape (M, n).
+    """
+    newest = np.searchsorted(known, stamps, side='right') - 1
+    return extrapolated(
+        stamps - known[newest], position[newest], velocity[newest], acceleration[newest]
+    )
+
+
+def extrapolated(
+    age: np.ndarray, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Extrapolate references with their derivatives, each by its age [ns], shape (N,)."""
+    dt = (age / NANOSECONDS)[:, np.newaxis]
+    return (
+        position + dt * velocity + 0.5 * dt * dt * acceleration,
+        velocity + dt * acceleration,
+        acceleration,
+    )
+
+
+def _answers(
+    stamps: np.ndarray,
+    states: Samples,
+    references: Samples,
+    commands: Samples,
+    answered: Answered | None,
+) -> tuple[np.ndarray, np.ndarray, Used | None]:
+    """Commands of the states with these stamps; see RunLog.answer, command_states and used."""
+    if answered is None:
+        command_states, sure = answers.guess(states, commands)
+    else:
+        command_states, sure = answered.states, True
+    command = answers.by_state(stamps, command_states)
+    answer = commands.numbers['data'][command]
+    answer[command < 0] = np.nan
+    if answered is None:
+        return answer, command_states if sure else np.full_like(command_states, UNKNOWN), None
+    known = np.where(command < 0, 0, answered.references[command])
+    return answer, command_states, answers.used(stamps, known, references)

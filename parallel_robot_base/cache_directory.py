@@ -1,0 +1,124 @@
+"""Where machine code is kept between two starts, and when it goes.
+
+A directory holds the machine code of exactly these sources, compiled by this Numba for this
+Python, so it is never stale; all copies of the same sources share it. It carries the time of its
+last use. The first start of new sources removes the versions that were not used for the longest
+time. A process that is still using one of them goes on with the code that it has, and compiles
+what it lacks.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+import sys
+import time
+from pathlib import Path
+
+import numba
+
+from parallel_robot_base.user_directory import user_directories
+
+COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
+KEPT = 5  # versions, this one included
+UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
+ALL = 119  # pieces of machine code that `make setup` leaves, about
+SOURCES = (b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)')  # what kernels are made of
+ROOM = re.compile('parallel_robot_[a-z]+|trajectory_gen')  # packages of the suite
+
+
+def directory() -> str:
+    """Directory for the machine code of these sources; empty if there can be none.
+
+    Numba notices a change of the file of a kernel, but not of the kernels that it calls or of the
+    order of the fields of a NamedTuple.
+    """
+    version = _version()
+    for root in user_directories():
+        found = root / f'kernels_{version}'
+        try:
+            new = not found.exists()
+            found.mkdir(exist_ok=True)
+            os.utime(found)
+        except OSError:
+            continue
+        if os.access(found, os.W_OK):
+            if new:
+                prune(root)
+            return str(found)
+    return ''
+
+
+def marked(name: str) -> str | None:
+    """What was noted of the kernels in the directory; None when nothing was."""
+    with contextlib.suppress(OSError):
+        if OWN:
+            return (Path(OWN) / name).read_text()
+    return None
+
+
+def mark(name: str, text: str = '') -> None:
+    """Note something of the kernels in the directory, for as long as they are kept."""
+    with contextlib.suppress(OSError):
+        if OWN:
+            (Path(OWN) / name).write_text(text)
+
+
+def subdirectory(name: str) -> str:
+    """Directory for other machine code of the same sources; empty if there can be none."""
+    return str(Path(OWN) / name) if OWN else ''
+
+
+def compiled() -> str:
+    """How far the machine code of the suite is compiled; empty where that cannot be known."""
+    if not OWN:
+        return ''
+    done = sum(1 for _ in Path(OWN).rglob('*.nbc'))
+    return f'{min(done, ALL)} of about {ALL} kernels are compiled'
+
+
+def prune(root: Path) -> None:
+    """Remove the machine code that will hardly be used again.
+
+    All directories in `root` hold machine code, those of other names that of older versions.
+    """
+    times: dict[Path, float] = {}
+    for path in root.iterdir():
+        with contextlib.suppress(OSError):  # another process removes it, too
+            if path.is_dir():
+                times[path] = path.stat().st_mtime
+    newest_first = sorted(times, key=times.__getitem__, reverse=True)
+    old = {path for path, used in times.items() if time.time() - used > UNUSED}
+    for path in old.union(newest_first[KEPT:]):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def is_source(file: Path) -> bool:
+    """Whether a file, absolute, is of the suite."""
+    root = _root()
+    return file.is_relative_to(root) and bool(ROOM.fullmatch(file.relative_to(root).parts[0]))
+
+
+def _root() -> Path:
+    return Path(__file__).resolve().parents[1]
+
+
+def _version() -> str:
+    """Hash of the sources that the machine code depends on, and of what compiles them."""
+    digest = hashlib.sha256(f'{numba.__version__} {sys.implementation.cache_tag}'.encode())
+    rooms = [path for path in _root().iterdir() if ROOM.fullmatch(path.name)]
+    for path in sorted(path for room in rooms for path in room.rglob('*.py')):
+        if path.name.startswith('ros_') or path.name.endswith('_node.py'):
+            continue  # of ROS, which no kernel knows
+        content = path.read_bytes()
+        if any(mark in content for mark in SOURCES):
+            digest.update(path.relative_to(_root()).as_posix().encode() + b'\0' + content)
+    return digest.hexdigest()[:16]
+
+
+# Not what Numba has read from a .numba_config.yaml in the current directory, where anybody may
+# have put it: the files of a cache are run.
+OWN = '' if os.environ.get('NUMBA_CACHE_DIR') else directory()

@@ -1,0 +1,78 @@
+"""Errors of the suite: one base, children that carry the facts."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+from parallel_robot_base.printable import printable
+
+NEAR = 0.6  # similarity of names, from 0 to 1, from which one may stand for the other
+DRIVEN_OUT = 'the robot was driven out of its workspace'  # begin of the plant's alarm, too
+
+
+class ParallelRobotError(Exception):
+    """Base of every error that the suite raises on purpose; its text is one clear line."""
+
+
+class InputError(ParallelRobotError):
+    """A value from outside is wrong; the text names the value and what would be right."""
+
+
+class UnknownNameError(InputError):
+    """A name that stands for nothing here.
+
+    Attributes:
+        kind: What the name should have been, e.g. ``'scenario'``.
+        name: The name as it was given.
+        choices: The names that exist.
+    """
+
+    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
+        self.kind = kind
+        self.name = name
+        self.choices = sorted(choices)
+        name = printable(name)
+        near = difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
+        shown = ', '.join(self.choices) if len(self.choices) <= 12 else ''
+        hint = f'; did you mean {near[0]!r}?' if near else ''
+        super().__init__(
+            f'unknown {kind} {name!r}{hint}' + (f' (known: {shown})' if shown else '')
+        )
+
+
+class RobotError(InputError):
+    """A robot that cannot be built: a parameter is impossible."""
+
+
+class MotionError(InputError):
+    """A motion that the robot cannot perform.
+
+    Attributes:
+        time: When it fails first [s].
+        leg: Which leg fails, 1-based; None when the whole platform does.
+    """
+
+    def __init__(self, reason: str, time: float, leg: int | None = None) -> None:
+        self.time = time
+        self.leg = leg
+        where = f'leg {leg}' if leg is not None else 'platform'
+        super().__init__(f'motion refused at t = {time:.3f} s, {where}: {reason}')
+
+
+class KinematicsError(ParallelRobotError):
+    """A pose or a set of joint angles that has no trustworthy counterpart."""
+
+
+class BagError(InputError):
+    """A bag that cannot be written or read."""
+
+
+class RunError(ParallelRobotError):
+    """A run that did not come to its end."""
+
+
+def first_line(error: BaseException) -> str:
+    """Kind of an error of somebody else's code, and what it says first."""
+    text = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
+    return type(error).__name__ + (f': {printable(text)}' if text else '')

@@ -1,0 +1,154 @@
+"""Typed groups of parameters: a NamedTuple whose annotations carry unit, meaning and range."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import numpy as np
+
+from parallel_robot_base.errors import InputError, UnknownNameError
+
+Value = bool | int | float | str | list[int] | list[float] | list[str]
+Group = TypeVar('Group')  # a NamedTuple
+
+
+class Field(NamedTuple):
+    """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``."""
+
+    unit: str
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+
+
+class Parameter(NamedTuple):
+    """One parameter of a group: its key in the files, its type and its meaning."""
+
+    key: str
+    type: Any
+    field: Field
+
+
+def parameters(group: type) -> tuple[Parameter, ...]:
+    """List the parameters of a group; a trailing underscore (``lambda_``) is not in the key."""
+    found = []
+    for name, hint in get_type_hints(group, include_extras=True).items():
+        if get_origin(hint) is not Annotated:
+            raise TypeError(f'{group.__name__}.{name} needs Annotated[type, Field(...)]')
+        kind, field = get_args(hint)
+        found.append(Parameter(name.rstrip('_'), kind, field))
+    return tuple(found)
+
+
+def defaults(group: type, prefix: str) -> dict[str, Any]:
+    """Defaults of a group by key, for a group that stands in code alone.
+
+    Raises:
+        InputError: a field has no default.
+    """
+    given = getattr(group, '_field_defaults', {})
+    values = {name.rstrip('_'): value for name, value in given.items()}
+    for parameter in parameters(group):
+        if parameter.key not in values:
+            raise InputError(f'{prefix}{parameter.key} has no default')
+    return {f'{prefix}{key}': plain(value) for key, value in values.items()}
+
+
+def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Group:
+    """Make a group of parameters from plain values, checked one by one.
+
+    Args:
+        group: The NamedTuple to make.
+        values: Key to value, without the prefix; exactly the keys of the group.
+        prefix: What stands before the key in messages, e.g. ``'friction.'``.
+
+    Returns:
+        The group; integers given for floats and NumPy's numbers are converted, lists and arrays
+        become tuples.
+
+    Raises:
+        UnknownNameError: a key that the group does not have.
+        InputError: a key is missing, or a value has the wrong type, is not finite or out of range.
+    """
+    known = parameters(group)
+    keys = [parameter.key for parameter in known]
+    for key in values:
+        if key not in keys:
+            raise UnknownNameError('parameter', prefix + key, [prefix + key for key in keys])
+    missing = [prefix + key for key in keys if key not in values]
+    if missing:
+        raise InputError(f'parameter {missing[0]} is missing')
+    return group(*(check(prefix + p.key, p.type, p.field, values[p.key]) for p in known))
+
+
+def plain(value: Any) -> Any:
+    """A value as the files have it: numbers, texts and lists, nothing of NumPy, no paths."""
+    if isinstance(value, np.floating):  # those of other precisions stay of NumPy in lists
+        return float(value)
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def check(name: str, kind: Any, field: Field, value: Any) -> Any:
+    """Return `value` as `kind`, or raise InputError with a line that names both."""
+    value = plain(value)
+    if get_origin(kind) is tuple:
+        items = get_args(kind)
+        length = None if items[-1] is Ellipsis else len(items)
+        wanted = f'a list of {f"{length} " if length else ""}{_noun(items[0])}s'
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            raise InputError(f'{name} must be {wanted}, not {value!r}')
+        if length is not None and len(value) != length:
+            raise InputError(f'{name} must be {wanted}, not {len(value)}')
+        return tuple(check(f'{name}[{i}]', items[0], field, item) for i, item in enumerate(value))
+    if get_origin(kind) is Literal:
+        if value is False and 'off' in get_args(kind):
+            return 'off'  # YAML takes an unquoted off for false
+        if value not in get_args(kind):
+            raise UnknownNameError(f'value of {name}', str(value), map(str, get_args(kind)))
+        return value
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value) if abs(value) < 1e300 else math.inf
+    if type(value) is not kind:
+        raise InputError(f'{name} must be {_article(kind)}, not {value!r}')
+    if kind in (int, float):
+        _check_range(name, field, value)
+    return value
+
+
+def _check_range(name: str, field: Field, value: float) -> None:
+    unit = f' {field.unit}' if field.unit else ''
+    if not abs(value) < 1e300:  # also NaN
+        raise InputError(f'{name} must be finite, not {value}')
+    if not field.low <= value <= field.high:
+        if field.high == math.inf:
+            wanted = f'at least {field.low:g}{unit}'
+        elif field.low == -math.inf:
+            wanted = f'at most {field.high:g}{unit}'
+        else:
+            wanted = f'from {field.low:g} to {field.high:g}{unit}'
+        raise InputError(f'{name} must be {wanted}, not {value:g}')
+
+
+def _noun(kind: Any) -> str:
+    names = {float: 'number', int: 'whole number', str: 'text', bool: 'true or false'}
+    return names[kind]
+
+
+def _article(kind: Any) -> str:
+    return _noun(kind) if kind in (str, bool) else f'a {_noun(kind)}'

@@ -1,0 +1,66 @@
+"""Kernels as values, for kernels that take a function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numba
+from numba import types
+from numba.experimental.function_type import FunctionModel
+from numba.extending import register_model
+
+
+def distinguish(*values: Any) -> None:
+    """Make the classes of tuples known to Numba's dispatcher by module and name.
+
+    It tells NamedTuples apart by the names of class and fields, so the ``Memory`` of one law could
+    pass for that of another; every call then takes the slow way, ten times as long.
+    """
+    for kind in map(type, values):
+        if issubclass(kind, tuple):
+            kind.__name__ = f'{kind.__module__}.{kind.__qualname__}'
+
+
+class _FunctionType(types.FunctionType):  # type: ignore[misc]
+    """Type of a function by address, told apart by the types of its arguments.
+
+    Numba's own goes by the names of the types: two laws whose ``Gains`` have the same number of
+    fields would be one type to it.
+    """
+
+    @property
+    def key(self) -> Any:
+        return super().key, self.signature
+
+
+register_model(_FunctionType)(FunctionModel)
+
+
+class FirstClass:
+    """A kernel as a value: its machine code, by address, for kernels that take a function.
+
+    A kernel that takes one is compiled once for the signature, not again for every function, and
+    calls the very code that a direct call runs.
+    """
+
+    def __init__(self, function: Callable[..., Any], *example: Any) -> None:
+        """Compile `function` for the types of the `example` arguments."""
+        dispatcher = cast(Any, function)
+        arguments = tuple(numba.typeof(argument) for argument in example)
+        dispatcher.compile(arguments)
+        compiled = dispatcher.overloads[arguments]
+        self.function = function
+        self._signature = compiled.signature
+        self._address = int(
+            compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
+        )
+        self._numba_type_ = _FunctionType(self._signature)  # spares a search at every call
+
+    def __wrapper_address__(self) -> int:
+        """Address of the machine code (Numba's protocol)."""
+        return self._address
+
+    def signature(self) -> Any:
+        """Signature of the machine code (Numba's protocol)."""
+        return self._signature

@@ -1,0 +1,142 @@
+"""How machine code is found on disk, and that it is told when there is none yet.
+
+Numba looks for the cache of a function by the place of its file. Here, kernels of the suite are
+found by the name of their module, in the directory of their version, so that all copies of the
+same sources share one cache. This uses private parts of Numba, hence the upper bound on its
+version in setup.py.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import inspect
+import logging
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
+from numba.core.runtime import rtsys
+
+from parallel_robot_base import cache_directory
+
+NOTICE = 'compiling; after an installation this takes about a minute, once'
+AGAIN = 10.0  # s, between two lines that say how far it is
+
+
+class _Place(_CacheLocator):  # type: ignore[misc]
+    """Where the machine code of a function lies, and the version of its source."""
+
+    def __init__(self, function: Any) -> None:
+        file = Path(inspect.getfile(function)).resolve()
+        self._line = function.__code__.co_firstlineno
+        own = cache_directory.OWN
+        if own and cache_directory.is_source(file):
+            self._path = os.path.join(own, function.__module__)
+            self._stamp = ''  # the directory has it
+        else:
+            folder = hashlib.sha256(bytes(file.parent)).hexdigest()[:16]
+            root = own or os.environ['NUMBA_CACHE_DIR']
+            self._path = os.path.join(root, f'{file.stem}_{folder}')
+            self._stamp = hashlib.sha256(file.read_bytes()).hexdigest()
+
+    def get_cache_path(self) -> str:
+        """Directory."""
+        return self._path
+
+    def get_source_stamp(self) -> str:
+        """Hash of the source."""
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        """Line of the function."""
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, function: Any, file: Any) -> _Place:
+        """The place of a function."""
+        return cls(function)
+
+
+class _Files(CompileResultCacheImpl):  # type: ignore[misc]
+    """Files of the machine code of a function."""
+
+    def __init__(self, function: Any) -> None:
+        self._lineno = function.__code__.co_firstlineno
+        self._locator = _Place(function)
+        self._locator.ensure_cache_path()
+        name = f'{function.__module__.rpartition(".")[2]}.{function.__qualname__}'
+        self._filename_base = self.get_filename_base(name, getattr(sys, 'abiflags', ''))
+
+
+class KernelCache(FunctionCache):  # type: ignore[misc]
+    """The cache of one kernel: it says when it does not have it."""
+
+    _impl_class = _Files
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Load the machine code for a signature; None where there is none that can be read.
+
+        Numba would first prepare to compile, which takes a third of a second; the compiler does so
+        itself. What is loaded needs the run time alone.
+        """
+
+        def initialise() -> None:
+            del context.refresh  # for whoever compiles
+            rtsys.initialize(context)
+
+        context.refresh = initialise
+        found = None
+        try:
+            with contextlib.suppress(OSError):
+                found = super().load_overload(signature, context)
+        finally:
+            vars(context).pop('refresh', None)
+        if found is None:
+            _announce()
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Save machine code, if there is a place for it: a full disk stops nobody."""
+        with contextlib.suppress(OSError):
+            super().save_overload(signature, data)
+            _report()
+
+
+class NoCache(NullCache):  # type: ignore[misc]
+    """The cache of a kernel that is compiled at every start."""
+
+    def load_overload(self, signature: Any, context: Any) -> None:
+        """Say that there is none."""
+        _announce()
+
+
+def cache_of(function: Any) -> KernelCache | NoCache:
+    """The cache of a function; one that keeps nothing where there is no place for it."""
+    if cache_directory.OWN or os.environ.get('NUMBA_CACHE_DIR'):
+        with contextlib.suppress(OSError):
+            return KernelCache(function)
+    return NoCache()
+
+
+@functools.cache
+def _announce() -> None:
+    """Tell that something is compiled, once."""
+    logging.getLogger('parallel_robot').info(NOTICE)
+
+
+def _report() -> None:
+    """Tell now and then how far it is."""
+    global _due
+    if time.monotonic() >= _due:
+        _due = time.monotonic() + AGAIN
+        text = cache_directory.compiled()
+        if text:
+            logging.getLogger('parallel_robot').info(text)
+
+
+_due = time.monotonic() + AGAIN

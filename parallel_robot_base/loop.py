@@ -1,0 +1,82 @@
+"""How the nodes of one loop go together: period, joints, start, end, mode."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, NamedTuple
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import Field
+from parallel_robot_base.topics import SLOW
+from parallel_robot_base.units import NANOSECONDS
+
+STEP_START = NANOSECONDS  # stamp of t = 0 in lockstep; 0 would mean "no time yet" in ROS
+WAIT = -1  # start_stamp of a node that waits to be told
+
+
+class LoopParameters(NamedTuple):
+    """What all nodes of a loop must agree on."""
+
+    scenario: Annotated[str, Field('', 'scenario, a file of config/scenarios')]
+    law: Annotated[str, Field('', 'control law')]
+    preset: Annotated[
+        Literal['paper', 'custom'],
+        Field('', 'paper: gains of all laws as in config/laws, Table 2; custom: others'),
+    ]
+    own_laws: Annotated[tuple[str, ...], Field('', "Python files with laws of one's own")]
+    joints: Annotated[tuple[str, ...], Field('', 'names of the actuated joints, in order')]
+    period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
+    duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]
+    time_mode: Annotated[
+        Literal['wall', 'lockstep'],
+        Field('', 'wall: real time; lockstep: the plant waits for each command'),
+    ]
+    executor: Annotated[Literal['events', 'single'], Field('', 'executor of rclpy')]
+    realtime: Annotated[
+        Literal['auto', 'off'],
+        Field('', 'auto: real-time priority and locked memory where permitted (wall time)'),
+    ]
+    middleware: Annotated[
+        Literal['udp', 'default'],
+        Field('', 'udp: Fast DDS without shared memory; default: as it is set up'),
+    ]
+    start_stamp: Annotated[
+        int, Field('ns', 'stamp of t = 0; 0: with the first command; -1: wait to be told', -1)
+    ]
+    subscribers: Annotated[
+        int, Field('', 'subscribers that each output waits for before the start', 1)
+    ]
+
+    @property
+    def lockstep(self) -> bool:
+        """Whether the plant waits for each command."""
+        return self.time_mode == 'lockstep'
+
+    @property
+    def period_ns(self) -> int:
+        """Period in nanoseconds."""
+        return round(self.period * NANOSECONDS)
+
+    @property
+    def samples(self) -> int | None:
+        """Index of the last state of the motion; None when it has no end."""
+        return round(self.duration / self.period) if self.duration > 0.0 else None
+
+
+def validate(loop: LoopParameters) -> LoopParameters:
+    """Return `loop` when it makes sense.
+
+    Raises:
+        InputError: not three joints, or two with one name; a period of which ten do not fit into
+            0.1 s, the grid on which slow topics and common starts lie; a motion of no sample.
+    """
+    if len(loop.joints) != 3 or len(set(loop.joints)) != 3:
+        raise InputError(f'joints must be three different names, not {list(loop.joints)}')
+    if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
+        raise InputError(
+            f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}'
+        )
+    if loop.samples == 0:
+        raise InputError(
+            f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}'
+        )
+    return loop

@@ -1,0 +1,1 @@
+"""The 3-RRR planar parallel robot: parameters, kinematics, singularities, dynamics."""

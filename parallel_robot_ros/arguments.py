@@ -1,0 +1,61 @@
+"""The command line of a node: ROS's words, the words of its own, and its help."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn
+
+from rclpy.utilities import remove_ros_args
+
+from parallel_robot_base.config import PACKAGE
+from parallel_robot_base.errors import InputError
+
+AddArguments = Callable[[argparse.ArgumentParser], None]
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f'{message}; {self.prog} --help lists what it takes')
+
+
+def read(
+    node: Callable[..., Any], words: Sequence[str], add_arguments: AddArguments | None = None
+) -> dict[str, Any]:
+    """Read the command line of a node; ``--help`` is answered, and ends the process.
+
+    Args:
+        node: Class of the node. The docstring of its module says what it is, its `example` what
+            may follow its name.
+        words: The command line, with the name of the program.
+        add_arguments: Declares the words of its own that the node takes; None: it takes none.
+
+    Returns:
+        Name to value of the node's own words.
+
+    Raises:
+        InputError: a word is neither ROS's nor the node's, or its value is wrong.
+    """
+    name = node.__name__.removesuffix('Node').lower()
+    about = inspect.cleandoc(sys.modules[node.__module__].__doc__ or '')
+    parser = _Parser(
+        prog=name,
+        usage=None if add_arguments else '%(prog)s [-h] [--ros-args ...]',
+        description=about,
+        epilog=(
+            'Parameters follow --ros-args; docs/parameters.md lists them with units and ranges,\n'
+            f'"ros2 param describe /{name} KEY" describes them while the node runs. Example:\n\n'
+            f'  ros2 run {PACKAGE} {name} {getattr(node, "example", "")}'
+        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    if add_arguments is not None:
+        add_arguments(parser)
+    try:
+        own = remove_ros_args(list(words))
+    except RuntimeError as error:  # base of all that rcl says of its arguments
+        text = str(error).splitlines()[0]
+        raise InputError(f'unknown ROS arguments {text}' if text[0] == '[' else text) from None
+    return vars(parser.parse_args(own[1:]))

@@ -1,0 +1,133 @@
+"""Stamped joint vectors from messages, by joint name, whoever published them."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot_base import cdr
+from parallel_robot_base.topics import Topic
+from parallel_robot_base.units import NANOSECONDS
+
+LONGEST = 1 << 16  # bytes of a message that is looked at; one of 100 joints has 10 000
+
+
+class JointReader:
+    """Reads one topic; learns the byte layout of its publisher from the first message.
+
+    Messages that cannot be used are counted with the reason, never passed on: joints that are
+    missing or named twice, fields shorter than the names, values that are not finite, a stamp that
+    is none.
+
+    Attributes:
+        layout: Of the message that was read last, None when it was not understood.
+        order: Where the joints stand in it.
+    """
+
+    def __init__(
+        self,
+        topic: Topic,
+        joints: tuple[str, ...],
+        fields: Sequence[str],
+        counts: Counter[str],
+        optional: str = '',
+    ) -> None:
+        """Prepare to read `fields` (position, velocity, acceleration) of `joints`, in order.
+
+        The field `optional` is zero where a message does not have it, or has no number there.
+        """
+        self._topic = topic
+        self._joints = joints
+        self._fields = fields
+        self._counts = counts
+        self._optional = optional
+        self.layout: cdr.Layout | None = None
+        self.order = list(range(len(joints)))
+        self.read(
+            OWN[topic.type](joints).encode()
+        )  # what the suite publishes, and no late imports
+
+    def read(self, data: bytes) -> tuple[int, list[np.ndarray]] | None:
+        """Read one message.
+
+        Returns:
+            Stamp [ns] and one array of shape (n,) for each field, the optional one last; None when
+            it cannot be used.
+        """
+        records = self.layout.decode(data) if self.layout else None
+        if records is None:
+            problem = self._learn(data)
+            records = self.layout.decode(data) if self.layout and not problem else None
+            if records is None:
+                self._counts[f'{self._topic.name}: {problem or "not understood"}'] += 1
+                return None
+        vectors = [records[name][0][self.order] for name in self._fields]
+        if not all(np.isfinite(vector).all() for vector in vectors):
+            self._counts[f'{self._topic.name}: not finite'] += 1
+            return None
+        if records['nanosec'][0] >= NANOSECONDS:
+            self._counts[f'{self._topic.name}: the stamp has more than a second in ns'] += 1
+            return None
+        if self._optional:
+            vectors.append(self._read_optional(records))
+        return int(cdr.stamps_of(records)[0]), vectors
+
+    def _read_optional(self, records: np.ndarray) -> np.ndarray:
+        if self._optional not in (records.dtype.names or ()):
+            return np.zeros(len(self._joints))
+        values = records[self._optional][0][self.order]
+        return np.where(np.isfinite(values), values, 0.0)
+
+    def _learn(self, data: bytes) -> str:
+        """Set layout and order for messages like this one, or say why it cannot be used."""
+        self.layout = None
+        if len(data) > LONGEST:
+            return f'longer than {LONGEST} bytes'
+        try:
+            names, fields, make = KINDS[self._topic.type](cdr.Reader(data))
+        except ValueError:
+            return 'not a message of its type'
+        for joint in self._joints:
+            if names.count(joint) != 1:
+                return f'{joint} is {"missing" if joint not in names else "named twice"}'
+        for name in self._fields:
+            if name not in fields:
+                return f'{name} is missing or short'
+        self.order = [names.index(joint) for joint in self._joints]
+        self.layout = make()
+        return ''
+
+
+class Kind(NamedTuple):
+    """Kind of a message: its joints, the fields with a number for each, how to make its layout."""
+
+    names: tuple[str, ...]
+    fields: tuple[str, ...]
+    make: Callable[[], cdr.Layout]
+
+
+def _joint_state(message: cdr.Reader) -> Kind:
+    frame, names = message.header(), message.texts()
+    found = {name: len(message.numbers()) for name in ('position', 'velocity', 'effort')}
+    fields = tuple(name for name, count in found.items() if count == len(names))
+    return Kind(names, fields, functools.partial(cdr.joint_state, names, fields, frame))
+
+
+def _joint_trajectory(message: cdr.Reader) -> Kind:
+    frame, names = message.header(), message.texts()
+    make = functools.partial(cdr.joint_trajectory, names, frame)
+    return Kind(names, ('position', 'velocity', 'acceleration'), make)
+
+
+OWN: dict[str, Callable[[tuple[str, ...]], cdr.Layout]] = {
+    'sensor_msgs/msg/JointState': cdr.joint_state,
+    'trajectory_msgs/msg/JointTrajectory': cdr.joint_trajectory,
+}
+KINDS: dict[str, Callable[[cdr.Reader], Kind]] = {
+    'sensor_msgs/msg/JointState': _joint_state,
+    'trajectory_msgs/msg/JointTrajectory': _joint_trajectory,
+}

@@ -1,0 +1,95 @@
+"""Parameter services that answer whatever is asked: bounded, and a request as a whole."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
+
+from parallel_robot_base.errors import InputError
+
+MOST_NAMES = 1000  # in one request; a node has some hundred parameters
+MOST_PREFIXES = 100  # in one request
+LONGEST_NAME = 256  # characters
+LONGEST_VALUE = 4096  # characters or numbers: a path, the names of joints
+ARRAYS = ('byte_array', 'bool_array', 'integer_array', 'double_array', 'string_array')
+TYPES = tuple(kind.value for kind in Parameter.Type if kind != Parameter.Type.NOT_SET)
+
+
+class BoundedParameterService(ParameterService):  # type: ignore[misc]
+    """Parameter services of a node that has a loop to keep.
+
+    The parameters of one request are taken together or not at all: gains are judged as a set;
+    rclpy would set them one after the other and stop half-way. A request that is too large is
+    answered as rclpy answers one for a parameter that does not exist, before it is looked at.
+    """
+
+    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+        result = set_together(self._get_node(), request.parameters)
+        response.results = [result] * min(len(request.parameters), MOST_NAMES)
+        return response
+
+    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+        response.result = set_together(self._get_node(), request.parameters)
+        return response
+
+    def _get_parameters_callback(self, request: Any, response: Any) -> Any:
+        few = len(request.names) <= MOST_NAMES
+        return super()._get_parameters_callback(request, response) if few else response
+
+    def _get_parameter_types_callback(self, request: Any, response: Any) -> Any:
+        few = len(request.names) <= MOST_NAMES
+        return super()._get_parameter_types_callback(request, response) if few else response
+
+    def _describe_parameters_callback(self, request: Any, response: Any) -> Any:
+        few = len(request.names) <= MOST_NAMES
+        return super()._describe_parameters_callback(request, response) if few else response
+
+    def _list_parameters_callback(self, request: Any, response: Any) -> Any:
+        few = len(request.prefixes) <= MOST_PREFIXES
+        return super()._list_parameters_callback(request, response) if few else response
+
+
+def set_together(node: Node, messages: Sequence[ParameterMessage]) -> SetParametersResult:
+    """Set parameters as they came over the wire: all, or none with the reason."""
+    try:
+        changed = read(messages)
+    except InputError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    return node.set_parameters_atomically(changed)
+
+
+def read(messages: Sequence[ParameterMessage]) -> list[Parameter]:
+    """Read the parameters of a request.
+
+    Raises:
+        InputError: there are too many, one is named twice or too long, or has no known type.
+    """
+    if not messages:
+        return []
+    if len(messages) > MOST_NAMES:
+        raise InputError(f'{len(messages)} parameters in one request; at most {MOST_NAMES} are')
+    for message in messages:
+        name = message.name
+        if len(name) > LONGEST_NAME:
+            raise InputError(f'a name of {len(name)} characters; at most {LONGEST_NAME} are read')
+        if message.value.type not in TYPES:
+            raise InputError(f'{name!r} has a value of type {message.value.type}, which is none')
+        if not _size(message.value) <= LONGEST_VALUE:
+            raise InputError(f'{name!r} has a value longer than {LONGEST_VALUE}')
+    name, times = Counter(message.name for message in messages).most_common(1)[0]
+    if times > 1:
+        raise InputError(f'{name!r} is named twice')
+    return [Parameter.from_parameter_msg(message) for message in messages]
+
+
+def _size(value: Any) -> int:
+    """Characters of a text, or numbers or characters of a list."""
+    texts = [value.string_value, *value.string_array_value]
+    return sum(map(len, texts)) + sum(len(getattr(value, f'{kind}_value')) for kind in ARRAYS)
