@@ -7,10 +7,12 @@ SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resou
   parallel_robot_*/*/templates/* trajectory_gen/*.py))
 WARM := import logging, sys; \
   sys.stderr.isatty() and logging.basicConfig(format='  %(message)s', level='INFO'); \
+  from parallel_robot_control.configuration import resolve; \
   from parallel_robot_control.controller import Controller; \
-  from parallel_robot_base import config; \
+  from parallel_robot_sim.configuration import configure; \
   from parallel_robot_sim.simulator import Simulator; \
-  values = config.resolve('paper_circle'); Controller(values); Simulator(values).warm()
+  whole = configure(resolve('paper_circle')); \
+  Controller(whole.control); Simulator(whole.plant).warm()
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))

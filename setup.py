@@ -50,6 +50,7 @@ setup(
         (f'share/{NAME}/config/laws', glob('config/laws/*.yaml')),
         (f'share/{NAME}/config/hardware', glob('config/hardware/*.yaml')),
         (f'share/{NAME}/config/middleware', glob('config/middleware/*.xml')),
+        (f'share/{NAME}/config/robots', glob('config/robots/*.yaml')),
         (f'share/{NAME}/config/scenarios', glob('config/scenarios/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         # Where `ros2 run` looks; pip puts console scripts only in bin/.

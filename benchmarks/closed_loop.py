@@ -10,8 +10,9 @@ import sys
 import time
 from pathlib import Path
 
-from parallel_robot_base import config
-from parallel_robot_sim.simulation import assemble, simulate
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulation import simulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from mujoco_robot import open_loop
@@ -22,12 +23,12 @@ DURATION = 12.0  # s of motion
 def main() -> None:
     """Alternate between both; print medians and their ratio."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 7
-    values = config.resolve('paper_circle', {'duration': DURATION})
-    robot = assemble(values).nominal
-    run = simulate(values).run  # also loads the kernels
+    configuration = configure(resolve('paper_circle', {'duration': DURATION}))
+    robot = configuration.control.robot.parameters
+    run = simulate(configuration).run  # also loads the kernels
     ours, peer = [], []
     for _ in range(runs):
-        ours.append(simulate(values).loop_time)
+        ours.append(simulate(configuration).loop_time)
         begun = time.perf_counter()
         open_loop(robot, run.pose[0], run.effort[1:], 1e-3, (2.5, 2.5, 2.5), step=1e-3)
         peer.append(time.perf_counter() - begun)

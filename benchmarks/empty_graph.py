@@ -39,7 +39,8 @@ from rclpy.task import Future
 
 from parallel_robot_base import config, realtime, topics
 from parallel_robot_ros import middleware
-from parallel_robot_ros.suite_node import listen, qos_of
+from parallel_robot_ros.diagnostics import STATE_INDEX
+from parallel_robot_ros.subscription import listen, qos_of
 
 AHEAD = 20_000_000  # ns, how long before its stamp a reference is sent
 BATCH = 200  # samples that the references are at most ahead (lockstep)
@@ -93,7 +94,7 @@ class EmptyPlant(EmptyNode):
             self.keep_time(self._tick)
 
     def figures(self) -> dict[str, str]:
-        figures = {'state': str(self._index) if self._index >= 0 else 'held'}
+        figures = {STATE_INDEX: str(self._index)} if self._index >= 0 else {}
         for name, values in (('delay', self._delays), ('round trip', self._round_trips)):
             if values:
                 p50, p99, largest = np.percentile(values, [50, 99, 100])

@@ -11,32 +11,38 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from parallel_robot_base import cdr, topics
+from parallel_robot_base import layouts, topics
 from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.topics import Topic
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
+from parallel_robot_ros.subscription import qos_of
 
 PERIOD = 1_000_000  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')
 BOTH, POSITION = ('position', 'velocity'), ('position',)
-STATUS = {'law': 's_fotsmc', 'fault': 'none', 'limits that acted': 'none'}
-MESSAGES = {
-    topics.JOINT_STATES: cdr.joint_state((*JOINTS, *(f'{name}_passive' for name in JOINTS))),
-    topics.REFERENCE: cdr.joint_trajectory(JOINTS),
-    topics.COMMANDS: cdr.float64_multi_array(len(JOINTS)),
-    topics.POSE: cdr.pose_stamped(topics.FRAME),
-    topics.POSE_REFERENCE: cdr.pose_stamped(topics.FRAME),
-    topics.ERROR: cdr.joint_state(JOINTS, BOTH),
-    topics.ANSWERED: cdr.int64_multi_array(2 * topics.SLOW),
-    topics.SYNCHRONISATION_ERROR: cdr.joint_state(JOINTS, BOTH),
-    topics.CROSS_COUPLING_ERROR: cdr.joint_state(JOINTS, POSITION),
-    topics.SLIDING_VARIABLE: cdr.joint_state(JOINTS, POSITION),
-    topics.STATUS: cdr.diagnostic_array('controller: status', 0, 'ok', STATUS),
-    topics.CLOCK: cdr.clock(),
+STATUS = {
+    'law': 's_fotsmc',
+    'fault': 'none',
+    'fault code': 'none',
+    'limits that acted': 'none',
+    'limit codes': '',
 }
-BYTES = {topic: cdr.filled(layout.template.tobytes()) for topic, layout in MESSAGES.items()}
-BYTES[topics.ACTIVE_LAW] = cdr.text_message('s_fotsmc')
+MESSAGES = {
+    topics.JOINT_STATES: layouts.joint_state((*JOINTS, *(f'{name}_passive' for name in JOINTS))),
+    topics.REFERENCE: layouts.joint_trajectory(JOINTS),
+    topics.COMMANDS: layouts.float64_multi_array(len(JOINTS)),
+    topics.POSE: layouts.pose_stamped(topics.FRAME),
+    topics.POSE_REFERENCE: layouts.pose_stamped(topics.FRAME),
+    topics.ERROR: layouts.joint_state(JOINTS, BOTH),
+    topics.ANSWERED: layouts.int64_multi_array(2 * topics.SLOW),
+    topics.SYNCHRONISATION_ERROR: layouts.joint_state(JOINTS, BOTH),
+    topics.CROSS_COUPLING_ERROR: layouts.joint_state(JOINTS, POSITION),
+    topics.SLIDING_VARIABLE: layouts.joint_state(JOINTS, POSITION),
+    topics.STATUS: layouts.diagnostic_array('controller: status', 0, 'ok', STATUS),
+    topics.CLOCK: layouts.clock(),
+}
+BYTES = {topic: layouts.padded(layout.template.tobytes()) for topic, layout in MESSAGES.items()}
+BYTES[topics.ACTIVE_LAW] = layouts.text_message('s_fotsmc')
 TELEMETRY = tuple(topic for topic in topics.RECORDED if topic.name.startswith('controller/'))
 
 

@@ -30,7 +30,9 @@ from reliability.rows import ROWS, Row
 from parallel_robot_analysis.processes import domain_lock
 from parallel_robot_base import config
 from parallel_robot_base.errors import ParallelRobotError, RunError
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
+from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 
 ATTEMPTS = 3  # to start a loop
@@ -69,8 +71,8 @@ def campaign(
 
 def compile_kernels(values: Mapping[str, Any]) -> None:
     """Put on disk what the nodes will need, so that they start at once."""
-    Controller(values)
-    Simulator(values).advance(np.zeros(3))
+    Controller(configure(values))
+    Simulator(configure_plant(values)).advance(np.zeros(3))
 
 
 def on_one_loop(waiting: list[Row], bench: Bench) -> Iterator[Outcome]:

@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from graph_processes import machine_seconds, processor_seconds, start
+from graph_processes import machine_seconds, start
 from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
-from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis.processes import MODULES, processor_seconds
 from parallel_robot_base import topics
+from parallel_robot_ros.diagnostics import STATE_INDEX
 
 PERIOD = 1e-3  # s
 PATIENCE = 180.0  # s, for the first state of the motion
@@ -59,7 +60,7 @@ class Listener:
 
     def _listen(self, message: DiagnosticArray) -> None:
         values = {item.key: item.value for item in message.status[0].values}
-        state = values.get('state', '')
+        state = values.get(STATE_INDEX, '')
         if not message.status[0].name.startswith('plant') or not state.isdigit():
             return
         delays = {

@@ -1,9 +1,9 @@
-"""Processes of a graph: started, found, their processor time, ended; and a busy machine."""
+"""Processes of a graph: started, found, ended; a busy machine, and its processor time."""
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
+import functools
 import os
 import signal
 import subprocess
@@ -14,11 +14,12 @@ from typing import Any
 
 from checkout import ROOT
 
-from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis import processes
+from parallel_robot_analysis.processes import MODULES, die_with_parent, process_status
 
 TICKS = os.sysconf('SC_CLK_TCK')
-GRACE = 60.0  # s, for a process to end by itself
-PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
+
+end = functools.partial(processes.end, timeout=60.0)  # s: `run` waits for its own children
 
 
 def start(words: Sequence[str], **options: Any) -> subprocess.Popen[str]:
@@ -27,21 +28,9 @@ def start(words: Sequence[str], **options: Any) -> subprocess.Popen[str]:
         [sys.executable, *words],
         cwd=ROOT,
         text=True,
-        preexec_fn=_die_with_parent,
+        preexec_fn=die_with_parent,
         **options,
     )
-
-
-def end(processes: Sequence[subprocess.Popen[str]], number: int = signal.SIGINT) -> None:
-    """Send a signal to processes that still run, and wait for all; kill what does not end."""
-    for process in processes:
-        process.send_signal(number)
-    for process in processes:
-        try:
-            process.wait(GRACE)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
 
 def nodes_below(parent: int) -> dict[str, int]:
@@ -49,7 +38,7 @@ def nodes_below(parent: int) -> dict[str, int]:
     children: dict[int, list[int]] = {}
     for path in Path('/proc').glob('[0-9]*'):
         with contextlib.suppress(OSError):
-            children.setdefault(int(_stat(int(path.name))[1]), []).append(int(path.name))
+            children.setdefault(int(process_status(int(path.name))[1]), []).append(int(path.name))
     found = {}
     waiting = children.get(parent, [])
     while waiting:
@@ -59,16 +48,6 @@ def nodes_below(parent: int) -> dict[str, int]:
             words = Path(f'/proc/{pid}/cmdline').read_bytes().decode().split('\0')
             found |= {name: pid for name in MODULES if _runs(words, name)}
     return found
-
-
-def processor_seconds(pid: int) -> float:
-    """Processor time of a process, user and system.
-
-    Raises:
-        OSError: it has ended.
-    """
-    fields = _stat(pid)
-    return (int(fields[11]) + int(fields[12])) / TICKS
 
 
 def machine_seconds() -> float:
@@ -94,12 +73,3 @@ def _runs(words: Sequence[str], name: str) -> bool:
     """Whether a command line starts a node: as module, as code that names it, or as executable."""
     own = words[: words.index('--ros-args')] if '--ros-args' in words else words
     return any(MODULES[name] in word or Path(word).name == name for word in own)
-
-
-def _stat(pid: int) -> list[str]:
-    """What /proc/PID/stat says after the name of the process."""
-    return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
-
-
-def _die_with_parent() -> None:
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

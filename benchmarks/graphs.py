@@ -16,8 +16,8 @@ from typing import NamedTuple
 from checkout import ROOT
 from graph_processes import end, nodes_below, start
 
+from parallel_robot_analysis import node_graph
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_base import topics
 
 COMMAND = ('-m', 'parallel_robot_analysis.command_line')
 TWIN = ('benchmarks/empty_graph.py',)
@@ -65,7 +65,7 @@ def command(words: Sequence[str], outcome: Outcome) -> Iterator[Graph]:
         try:
             yield Graph(lambda: process.poll() is None, lambda: nodes_below(process.pid))
         finally:
-            end([process])
+            end([process], signal.SIGINT)
         outcome.code = process.returncode
         errors.seek(0)
         outcome.said = errors.read().strip()
@@ -74,7 +74,7 @@ def command(words: Sequence[str], outcome: Outcome) -> Iterator[Graph]:
 @contextlib.contextmanager
 def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
     """The suite's nodes without a recorder, in lockstep, by hand; assignments are KEY=VALUE."""
-    counts = {'trajectory': 1, 'controller': 1, 'plant': 2}  # controller and trajectory
+    counts = node_graph.subscribers(LOOP, lockstep=True)
     processes = {}
     try:
         for name in LOOP:
@@ -85,7 +85,7 @@ def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
             )
         yield _graph(processes)
     finally:
-        end(list(processes.values()))
+        end(list(processes.values()), signal.SIGINT)
 
 
 @contextlib.contextmanager
@@ -167,8 +167,5 @@ def _graph(processes: Mapping[str, subprocess.Popen[str]]) -> Graph:
 
 def subscribers(lockstep: bool, recorded: bool) -> dict[str, int]:
     """How many subscribers each topic of the twin has."""
-    loop = Counter({topics.JOINT_STATES: 1, topics.REFERENCE: 1, topics.COMMANDS: 1})
-    loop[topics.JOINT_STATES] += lockstep
-    if recorded:
-        loop.update(topics.RECORDED)
-    return {topic.name: count for topic, count in loop.items()}
+    counts = node_graph.subscriptions((*LOOP, 'recorder') if recorded else LOOP, lockstep)
+    return {topic.name: count for topic, count in counts.items()}

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_bags import history, run_log
+from parallel_robot_control.messages import NO_FAULT
 
 LIMITS = (0.02, 0.05, 0.2)  # s; with the last, the plant's time-out, the torque changes
 SECONDS = 10.0  # for a join, at most
@@ -116,11 +117,11 @@ def outcome(bag: Path, done: int) -> Outcome:
     answered = np.flatnonzero(~np.isnan(log.answer[:, 0]))  # the last one by zero, at the end
     effort = log.effort[log.time > TRANSIENT][: answered[-1] - len(log.time)]
     steps = np.abs(np.diff(effort, axis=0)).max(axis=1)
-    said = [status.fault for status in past.statuses]
+    faults = [(status.fault, status.fault_text) for status in past.statuses]
     granted = past.parameters['/controller']
     return Outcome(
         done,
-        tuple(text for text, _ in itertools.groupby(said) if text != history.NOTHING),
+        tuple(text for (code, text), _ in itertools.groupby(faults) if code != NO_FAULT),
         float(steps.max()),
         np.diff(np.flatnonzero(steps)) * log.config['period'],
         f'{granted["granted.middleware"]}; {granted["granted.realtime"]}',

@@ -15,15 +15,17 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_base import layouts, topics
 from parallel_robot_base.kernel import kernel
+from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.cycle import run_cycle
+from parallel_robot_control.cycle import ControlSetup, run_cycle
 from parallel_robot_control.laws import LAWS
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
-from parallel_robot_sim.simulation import assemble
+from parallel_robot_ros.subscription import qos_of
+from parallel_robot_sim.assembly import Experiment, assemble
+from parallel_robot_sim.configuration import configure
 from trajectory_gen.messages import reference_messages
 
 WARM = 200  # cycles that are not counted
@@ -33,10 +35,7 @@ BATCHES = 7  # of the kernel
 @kernel
 def repeat(
     count: int,
-    update: Any,
-    gains: Any,
-    robot: Any,
-    limits: Any,
+    setup: ControlSetup,
     reference: JointReference,
     position: Any,
     velocity: Any,
@@ -47,23 +46,25 @@ def repeat(
     """Run a cycle `count` times."""
     total = 0.0
     for _ in range(count):
-        cycle = run_cycle(
-            update, gains, robot, limits, reference, position, velocity, state, memory, dt
-        )
+        cycle = run_cycle(setup, reference, position, velocity, state, memory, dt)
         state, memory = cycle.state, cycle.memory
         total += cycle.torque[0]
     return total
 
 
+def experiment(law: str) -> Experiment:
+    """The paper's circle under a law."""
+    return assemble(configure(resolve('paper_circle', {'law': law, 'duration': 1.0})))
+
+
 def kernel_cost(law: str, count: int) -> list[float]:
     """Time of one cycle without Python around it [us], one figure a batch."""
-    parts = assemble(config.resolve('paper_circle', {'law': law, 'duration': 1.0}))
+    parts = experiment(law)
     motion = parts.trajectory.sample(0.0)
     theta, still = motion.position[0], np.zeros(3)
     arguments = (
-        parts.law.update, parts.law.gains, parts.nominal, parts.limits,
-        JointReference(theta, still, still), theta + 1e-4, still + 1e-2,
-        parts.cycle, parts.law.memory, 1e-3,
+        parts.control.setup, JointReference(theta, still, still), theta + 1e-4, still + 1e-2,
+        parts.control.state, parts.control.law.memory, 1e-3,
     )  # fmt: skip
     repeat(1, *arguments)
     figures = []
@@ -84,13 +85,13 @@ def node_cost(law: str, count: int) -> list[float]:
     listener.create_subscription(kind, topics.COMMANDS.name, print, qos_of(topics.COMMANDS))
     while not node.count_subscribers(topics.COMMANDS.name):
         time.sleep(0.01)
-    parts = assemble(config.resolve('paper_circle', {'law': law, 'duration': 1.0}))
+    parts = experiment(law)
     indices = np.arange(WARM + count)
     motion = parts.trajectory.sample(indices * 1e-3)
     stamps = (time.time_ns() // 10**9 + 1) * 10**9 + indices * 10**6  # none is too old
     joints = node.loop.joints
     references = reference_messages(joints, stamps, motion)
-    states = cdr.joint_state(joints).records(
+    states = layouts.joint_state(joints).records(
         len(stamps), stamps, position=motion.position + 1e-4, velocity=motion.velocity
     )
     node.set_start(int(stamps[0]))

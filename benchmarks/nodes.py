@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import platform
+import signal
 import statistics
 import subprocess
 import tempfile
@@ -30,7 +31,7 @@ from graphs import revision, warm
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import topics
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
+from parallel_robot_ros.subscription import qos_of
 
 FIRST = {
     'trajectory': topics.REFERENCE,
@@ -76,7 +77,7 @@ def start_times(repeats: int) -> dict[str, list[float]]:
             if process.poll() is not None:
                 raise RuntimeError(f'{name} ended with exit code {process.returncode}')
             seconds[name].append(time.perf_counter() - begun)
-            end([process])
+            end([process], signal.SIGINT)
         for subscription in list(node.subscriptions):
             node.destroy_subscription(subscription)
     node.destroy_node()

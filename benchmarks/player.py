@@ -26,7 +26,7 @@ from parallel_robot_analysis.processes import command
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_base import topics
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
+from parallel_robot_ros.subscription import qos_of
 
 PLAYED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 NAMES = [f'/{topic.name}' for topic in PLAYED]

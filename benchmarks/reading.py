@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from parallel_robot_bags import run_log, simulation_bag
 from parallel_robot_base import config, topics
+from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 
 DURATION = 60.0  # s of motion
@@ -58,7 +59,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / 'bag'
         values = config.resolve('paper_circle', {'duration': DURATION, 'time_mode': 'lockstep'})
-        simulation_bag.write(bag, values, simulate(values))
+        simulation_bag.write(bag, values, simulate(configure(values)))
         count = 3 * len(run_log.read(bag).time)  # also loads the kernels
         size = sum(file.stat().st_size for file in bag.iterdir())
         pairs = [(seconds(ours, bag, count), seconds(peer, bag, count)) for _ in range(runs)]

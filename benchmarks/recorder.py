@@ -21,20 +21,20 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from parallel_robot_analysis.processes import command
-from parallel_robot_bags.bag_writer import MESSAGES
-from parallel_robot_base import cdr
+from parallel_robot_bags.record_names import MESSAGES
+from parallel_robot_base import layouts
 from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.topics import DEPTH
 from parallel_robot_ros.message_types import message_class
 
 JOINTS = ('joint1', 'joint2', 'joint3')
 TOPICS = {
-    'states': cdr.joint_state((*JOINTS, 'passive1', 'passive2', 'passive3')),
-    'errors': cdr.joint_state(JOINTS, ('position', 'velocity')),
-    'efforts': cdr.joint_state(JOINTS, ('effort',)),
-    'references': cdr.joint_trajectory(JOINTS),
-    'poses': cdr.pose_stamped('base'),
-    'more_states': cdr.joint_state(JOINTS),
+    'states': layouts.joint_state((*JOINTS, 'passive1', 'passive2', 'passive3')),
+    'errors': layouts.joint_state(JOINTS, ('position', 'velocity')),
+    'efforts': layouts.joint_state(JOINTS, ('effort',)),
+    'references': layouts.joint_trajectory(JOINTS),
+    'poses': layouts.pose_stamped('base'),
+    'more_states': layouts.joint_state(JOINTS),
 }
 TICKS = os.sysconf('SC_CLK_TCK')
 

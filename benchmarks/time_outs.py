@@ -8,8 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_base import config
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import Controller, JointSample
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.exchange import JointSample
+from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.trajectory import Trajectory
 
@@ -41,11 +44,11 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
         'paper_circle',
         {'law': law, 'plant.command_timeout': timeout, 'safety.reference_timeout': 10.0},
     )
-    controller, simulator = Controller(values), Simulator(values)
+    controller, simulator = Controller(configure(values)), Simulator(configure_plant(values))
     controller.begin(START)
     first, last = round(begin / PERIOD), round((begin + gap) / PERIOD)
     count = last + round(AFTER / PERIOD)
-    motion = Trajectory.of(values).sample(np.arange(count + 1) * PERIOD)
+    motion = Trajectory(values).sample(np.arange(count + 1) * PERIOD)
     command, worst = np.zeros(3), 0.0
     for k in range(count):
         stamp, joints = START + k * round(PERIOD * 1e9), simulator.measurement()
@@ -54,7 +57,7 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
         if first <= k < last:
             simulator.wait(command)
         else:
-            measured = JointSample(joints.theta, joints.theta_dot, simulator.state.torque)
+            measured = JointSample(joints.position, joints.velocity, simulator.state.torque)
             sample = controller.add_state(stamp, measured)
             command = command if sample is None else sample.torque
             simulator.advance(command)

@@ -1,4 +1,4 @@
-"""Computed torque with friction compensation: an example of a law of one's own."""
+"""Computed torque with friction compensation: an example of a custom law."""
 
 from typing import Annotated, NamedTuple
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.contract import ControlOutput
+from parallel_robot_model.contract import inverse_dynamics
 
 
 class Gains(NamedTuple):
@@ -25,6 +25,6 @@ def update(gains, model, reference, feedback, memory, dt):
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
     acceleration = reference.acceleration + gains.Kd * e_dot + gains.Kp * e
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    torque = inverse_dynamics(model, acceleration, feedback.velocity)
     torque += gains.viscous * reference.velocity
     return ControlOutput(torque, e, e, memory)

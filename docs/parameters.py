@@ -10,12 +10,12 @@ from parallel_robot_bags import recorder_node
 from parallel_robot_base import config
 from parallel_robot_base.fields import Field, parameters
 from parallel_robot_base.loop import LoopParameters
-from parallel_robot_control.controller import ControllerParameters
+from parallel_robot_control.configuration import ControllerParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from parallel_robot_sim.disturbance import DisturbanceParameters
-from parallel_robot_sim.friction import FrictionParameters
+from parallel_robot_model import planar_3rrr
+from parallel_robot_model.disturbance import DisturbanceParameters
+from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
 
@@ -23,19 +23,23 @@ HEAD = """# Parameters
 
 Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
 (`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults are
-those of `paper_circle`. While the controller runs, `law`, `preset` and the gains of all laws can
-be changed: `ros2 param set /controller s_fotsmc.G 12`; what is set in one request is judged as a
-whole. This file is written by `make docs`.
+those of `paper_circle`; other robots have other groups `robot`, limits and margins, see
+[robots.md](robots.md). A number in place of a list is for all joints. While the controller runs,
+`law`, `preset` and the gains of all laws can be changed:
+`ros2 param set /controller s_fotsmc.G 12`; what is set in one request is judged as a whole. This
+file is written by `make docs`.
 """
 GROUPS = (
     ('The loop', {'': LoopParameters}),
     (
         'Robot; `true_robot.*`, the simulated one, has the same keys and follows it',
-        {'robot': RobotParameters},
+        {'robot': planar_3rrr.Parameters},
     ),
     ('Motion', {'trajectory': TrajectoryParameters}),
+    ('What the motion must spare this robot', {'trajectory': planar_3rrr.MotionLimits}),
     ('Shapes of the motion', {name: shape.Parameters for name, shape in SHAPES.items()}),
     ('Controller', {'controller': ControllerParameters, 'safety': SafetyParameters}),
+    ('What is a fault of this robot', {'safety': planar_3rrr.SafetyMargins}),
     ('Laws', {name: law.Gains for name, law in LAWS.items()}),
     (
         'Plant',

@@ -25,7 +25,7 @@ OTHERS = {
         '',
         'the bag, which is then written anyway; else ROS_HOME/parallel_robot/<run>_<date>',
     ),
-    'monitor': ('false', 'true: publish figures of merit'),
+    'monitor': ('false', 'true: publish metrics'),
 }
 
 

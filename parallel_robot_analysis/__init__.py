@@ -1,1 +1,1 @@
-"""Bags, metrics, figures, the recorder node, and the command line that ties the suite together."""
+"""Metrics, claims, timing, reports, the monitor, and the command line of the suite."""

@@ -1,4 +1,4 @@
-"""The paper's claims about its four laws, each judged by figures of merit."""
+"""The paper's claims about its four laws, each verified by a metric."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import NamedTuple
 
 from parallel_robot_analysis.metrics import Metrics
 
-Figure = Callable[[Metrics], float]
+Value = Callable[[Metrics], float]
 
 SCENARIOS = ('paper_circle', 'paper_line')  # the paper's
 
 
 class Claim(NamedTuple):
-    """A law is said to be better than others in one figure.
+    """A law is said to be better than others in one metric.
 
     Attributes:
         text: What the paper says.
-        better: The law that is said to be ahead.
-        others: The laws it is said to be ahead of.
-        figure: What is compared; smaller is better.
-        unit: Of the figure as it is printed.
-        scale: From SI to that unit.
+        better: The law that is said to be better.
+        others: The laws it is said to be better than.
+        value: Function that gives the metric that is compared; smaller is better.
+        unit: Unit of the value as it is printed.
+        scale: Factor from SI to that unit.
     """
 
     text: str
     better: str
     others: tuple[str, ...]
-    figure: Figure
+    value: Value
     unit: str
     scale: float
 
@@ -38,13 +38,13 @@ class Verdict(NamedTuple):
 
     Attributes:
         claim: The claim.
-        reproduced: Whether `better` really is ahead of all `others`.
-        figures: Law to figure, in the unit of the claim.
+        reproduced: Whether `better` is better than all `others`.
+        values: Law to value, in the unit of the claim.
     """
 
     claim: Claim
     reproduced: bool
-    figures: dict[str, float]
+    values: dict[str, float]
 
 
 def _error(metrics: Metrics) -> float:
@@ -111,18 +111,20 @@ CLAIMS = (
 )
 
 
-def judge(scenario: str, results: Mapping[str, Metrics]) -> list[Verdict]:
-    """Judge the claims whose laws have results; of scenarios that are not the paper's, none.
+def verify(scenario: str, results: Mapping[str, Metrics]) -> list[Verdict]:
+    """Verify the claims whose laws have results; none for scenarios that are not the paper's.
 
     Args:
-        scenario: Its name.
-        results: Law to its figures.
+        scenario: Name of the scenario.
+        results: Law to its metrics.
     """
     verdicts = []
     for claim in CLAIMS if scenario in SCENARIOS else ():
         laws = (claim.better, *claim.others)
         if all(law in results for law in laws):
-            figures = {law: claim.scale * claim.figure(results[law]) for law in laws}
-            ahead = all(figures[claim.better] < figures[law] for law in claim.others)
-            verdicts.append(Verdict(claim, ahead, figures))
+            values = {law: claim.scale * claim.value(results[law]) for law in laws}
+            if any(math.isnan(value) for value in values.values()):
+                continue  # not defined for the robot of the runs
+            ahead = all(values[claim.better] < values[law] for law in claim.others)
+            verdicts.append(Verdict(claim, ahead, values))
     return verdicts

@@ -20,7 +20,7 @@ COMMANDS = {
     'simulate': 'run the same closed loop without ROS and record it',
     'node': 'one node in this process, as ros2 run starts it',
     'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
-    'analyze': 'figures of merit and a picture of a bag',
+    'analyze': 'metrics and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
     'rerun': 'the experiment of a bag once more, from the bag alone',
     'report': "the paper's figures and an interactive page of one bag or several",

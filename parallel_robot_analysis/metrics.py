@@ -1,29 +1,30 @@
-"""Figures of merit of a run: pure functions of its arrays."""
+"""Metrics of a run: pure functions of its arrays."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from parallel_robot_bags.run_log import RunLog, head
-from parallel_robot_base import config
 from parallel_robot_base.errors import KinematicsError
-from parallel_robot_control.controller import first_guess
+from parallel_robot_control.configuration import first_guess
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_model.planar_3rrr.kinematics import pose_of
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model import poses as forward
+from parallel_robot_model.robots import is_known, robot_of
 
-SMOOTH = 0.02  # s, over which a torque that does not chatter hardly changes
+SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 
 
 class Errors(NamedTuple):
     """Tracking errors over a part of a run.
 
     Attributes:
-        xy_rms_m: Root mean square distance of the platform from its reference [m].
-        xy_max_m: Largest distance [m].
+        xy_rms_m: Root mean square distance of the end effector from its reference [m]; NaN for a
+            robot that does not move in a plane.
+        xy_max_m: Largest distance [m]; NaN for such a robot.
         joint_rms_rad: Root mean square joint error over all joints [rad].
         sync_rms_rad: Root mean square synchronisation error over all joints [rad].
     """
@@ -41,7 +42,7 @@ class Torque(NamedTuple):
         max_nm: Largest absolute torque of any joint [N m].
         total_variation_nm_per_s: Sum over the joints of |change of torque|, per second [N m/s].
         chattering_nm: Root mean square, over all joints and the second half of the run, of the
-            torque less its mean over SMOOTH around each moment [N m].
+            torque minus its moving mean over SMOOTH [N m].
     """
 
     max_nm: float
@@ -50,10 +51,11 @@ class Torque(NamedTuple):
 
 
 class Transient(NamedTuple):
-    """How fast the platform comes to its reference, and stays.
+    """How fast the end effector reaches its reference and stays there.
 
     Attributes:
-        to_1_mm_s: Time after which the distance is below 1 mm for good [s]; None if never.
+        to_1_mm_s: Time after which the distance stays below 1 mm [s]; None if never, NaN for a
+            robot that does not move in a plane.
         to_0_1_mm_s: The same for 0.1 mm [s].
     """
 
@@ -62,7 +64,7 @@ class Transient(NamedTuple):
 
 
 class Metrics(NamedTuple):
-    """All figures of a run; `steady` is over its second half."""
+    """All metrics of a run; `steady` is over its second half."""
 
     duration_s: float
     transient: Transient
@@ -71,7 +73,7 @@ class Metrics(NamedTuple):
 
 
 class Motion(Protocol):
-    """What the figures are computed from: a run log, or anything with these arrays."""
+    """What the metrics are computed from: a run log, or anything with these arrays."""
 
     @property
     def time(self) -> np.ndarray:
@@ -79,11 +81,11 @@ class Motion(Protocol):
 
     @property
     def position(self) -> np.ndarray:
-        """Actuated angles [rad], shape (N, n)."""
+        """Actuated joints [rad], shape (N, n)."""
 
     @property
     def reference_position(self) -> np.ndarray:
-        """Desired angles [rad], shape (N, n)."""
+        """Desired positions of the joints [rad], shape (N, n)."""
 
     @property
     def effort(self) -> np.ndarray:
@@ -91,34 +93,47 @@ class Motion(Protocol):
 
 
 class Poses(NamedTuple):
-    """Platform poses by forward kinematics of joint angles [m, m, rad], each shape (N, 3)."""
+    """Poses by forward kinematics of the joints.
+
+    Attributes:
+        actual: Poses of the measured joints, shape (N, m).
+        reference: Poses of the desired joints, shape (N, m).
+        planar: Whether they begin with x and y [m] in a plane, so that distances are defined.
+    """
 
     actual: np.ndarray
     reference: np.ndarray
+    planar: bool = True
 
 
 def poses(log: RunLog) -> Poses:
-    """Poses of the measured and of the desired joint angles, on the nominal robot.
+    """Poses of the measured and of the desired joints, by the model of the nominal robot.
 
     Raises:
-        KinematicsError: a sample has no pose on the assembly mode of the scenario.
+        InputError: the robot of the log's configuration cannot be built.
+        KinematicsError: a sample has no pose in the assembly mode of the scenario.
     """
     return poses_of(log.config, log)
 
 
 def poses_of(values: Mapping[str, Any], motion: Motion) -> Poses:
-    """Poses of a motion on the nominal robot of a resolved configuration, see :func:`poses`."""
-    robot = config.group(values, RobotParameters, 'robot')
-    guess = np.array(first_guess(values))
-    reference = pose_of(robot, motion.reference_position, guess)
-    return Poses(pose_of(robot, motion.position, reference[0]), reference)
+    """Poses of a motion by the nominal robot of a resolved configuration, see :func:`poses`.
+
+    Of a robot that is not known here, joints stand in place of poses.
+    """
+    if not is_known(values):
+        return Poses(motion.position, motion.reference_position, planar=False)
+    robot = robot_of(values)
+    reference = forward.poses_of(robot, motion.reference_position, first_guess(values, robot))
+    actual = forward.poses_of(robot, motion.position, reference[0])
+    return Poses(actual, reference, robot.module.PLANAR)
 
 
 def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
     """The run up to the first sample that has no pose.
 
     Returns:
-        The run, its poses, and why it was cut; empty when it was not.
+        The run, its poses, and why it was cut off; empty when it was not.
 
     Raises:
         KinematicsError: not even the first sample has a pose.
@@ -140,11 +155,11 @@ def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
 
 
 def evaluate(log: Motion, pose: Poses) -> Metrics:
-    """Compute the figures of a run.
+    """Compute the metrics of a run.
 
     Args:
         log: The run.
-        pose: Its poses, see :func:`poses`.
+        pose: Poses of the run, see :func:`poses`.
     """
     half = slice(len(log.time) // 2, None)
     distance = distances(pose)
@@ -157,7 +172,9 @@ def evaluate(log: Motion, pose: Poses) -> Metrics:
 
 
 def distances(pose: Poses) -> np.ndarray:
-    """Distance of the platform from its reference [m], shape (N,)."""
+    """Distance of the end effector from its reference [m], shape (N,); NaN if not planar."""
+    if not pose.planar:
+        return np.full(len(pose.actual), np.nan)
     return np.linalg.norm((pose.actual - pose.reference)[:, :2], axis=1)
 
 
@@ -165,8 +182,8 @@ def errors(distance: np.ndarray, error: np.ndarray) -> Errors:
     """Compute the tracking errors over all samples given.
 
     Args:
-        distance: Of the platform from its reference [m], shape (N,).
-        error: Of the joints [rad], shape (N, n).
+        distance: Distance of the end effector from its reference [m], shape (N,).
+        error: Error of the joints [rad], shape (N, n).
     """
     return Errors(
         _rms(distance), float(distance.max()), _rms(error), _rms(synchronisation_error(error))
@@ -174,12 +191,12 @@ def errors(distance: np.ndarray, error: np.ndarray) -> Errors:
 
 
 def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> Torque:
-    """Compute the figures of the torque.
+    """Compute the metrics of the torque.
 
     Args:
-        time: Of the samples [s], shape (N,).
+        time: Time of the samples [s], shape (N,).
         effort: Torques [N m], shape (N, n).
-        part: The samples whose chattering counts.
+        part: The samples over which chattering is measured.
     """
     duration = float(time[-1] - time[0])
     variation = float(np.abs(np.diff(effort, axis=0)).sum())
@@ -191,7 +208,9 @@ def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> T
 
 
 def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | None:
-    """Time after the last sample at or above `bound` [s]; None when that is the last of all."""
+    """Time from which the distance stays below `bound` [s]; None if never, NaN of NaN."""
+    if np.isnan(distance).any():
+        return math.nan
     above = np.flatnonzero(distance >= bound)
     if not above.size:
         return 0.0
@@ -199,7 +218,7 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
 
 
 def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Torque less its moving mean over SMOOTH, shape (N, n)."""
+    """Torque minus its moving mean over SMOOTH, shape (N, n)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
     half = max(0, round(0.5 * SMOOTH / step))
     share = np.full(2 * half + 1, 1.0 / (2 * half + 1))

@@ -1,8 +1,9 @@
-"""The monitor without ROS: figures of merit over the last seconds of a motion."""
+"""The monitor without ROS: metrics over the last seconds of a motion."""
 
 from __future__ import annotations
 
 import bisect
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
@@ -16,31 +17,34 @@ from parallel_robot_base.errors import KinematicsError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.topics import DEPTH
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control.controller import first_guess
-from parallel_robot_model.planar_3rrr.kinematics import pose_of
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
+from parallel_robot_control.configuration import first_guess
+from parallel_robot_model.poses import poses_of
+from parallel_robot_model.robots import robot_of
 
-PERIOD = NANOSECONDS // 10  # ns of motion between two sets of figures
-OLDEST = NANOSECONDS // 10  # ns, age of a reference that still says where the robot should be
+PERIOD = NANOSECONDS // 10  # ns of motion between two sets of metrics
+OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
 
 
 class MonitorParameters(NamedTuple):
-    """Over what the figures are computed."""
+    """Over what the metrics are computed."""
 
-    window: Annotated[float, Field('s', 'length of motion for the figures', 0.1, 600.0)]
+    window: Annotated[float, Field('s', 'length of motion for the metrics', 0.1, 600.0)]
 
 
-class Figures(NamedTuple):
-    """Figures of merit over a window; the names are those of the topics, the units are SI.
+class WindowMetrics(NamedTuple):
+    """Metrics over a window; the names are those of the topics, the units are SI.
+
+    A robot that does not move in a plane has no platform error: its topics do not exist. That of
+    a robot that does is NaN while a sample of the window has no pose.
 
     Attributes:
-        platform_error_rms: Root mean square distance of the platform from its reference [m].
+        platform_error_rms: Root mean square distance of the end effector from its reference [m].
         platform_error_max: Largest distance [m].
         joint_error_rms: Root mean square joint error over all joints [rad].
-        synchronisation_error_rms: The same of the synchronisation error [rad].
+        synchronisation_error_rms: The same for the synchronisation error [rad].
         torque_max: Largest absolute torque [N m].
         torque_variation: Sum over the joints of |change of torque|, per second [N m/s].
-        torque_chattering: Root mean square of what is fast in the torque [N m].
+        torque_chattering: Root mean square of the torque minus its moving mean [N m].
     """
 
     platform_error_rms: float
@@ -62,10 +66,11 @@ class _Window(NamedTuple):
 
 
 class Monitor:
-    """Collects states and references; computes for each 0.1 s of stamps.
+    """Collects states and references; computes metrics every 0.1 s of stamps.
 
-    A stamp that goes back, or on by more than the window, begins anew: a bag was rewound. States
-    without a recent reference are left out: after a jump, references are those of before it.
+    A stamp that jumps back, or ahead by more than the window, clears the window: a bag was
+    rewound. States without a recent reference are left out: after a jump, the references received
+    before it do not apply.
     """
 
     def __init__(self, values: Mapping[str, Any]) -> None:
@@ -74,31 +79,44 @@ class Monitor:
         Raises:
             InputError: a parameter is wrong.
         """
-        self._robot = validate(config.group(values, RobotParameters, 'robot'))
+        self._robot = robot_of(values)
+        self._planar = self._robot.module.PLANAR
         self._joints = len(values['joints'])
         seconds = config.group(values, MonitorParameters, 'monitor').window
         self._length = round(seconds * NANOSECONDS)
-        self._first_guess = np.array(first_guess(values))
+        self._first_guess = first_guess(values, self._robot)
         self._newest: int | None = None  # ns, stamp of the last state
         self._references: deque[tuple[Any, ...]] = deque(maxlen=DEPTH)
         self._begin()
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those of the metrics that are defined for the robot."""
+        return tuple(
+            name
+            for name in WindowMetrics._fields
+            if self._planar or not name.startswith('platform')
+        )
+
     def add_reference(self, stamp: int, motion: list[np.ndarray]) -> None:
-        """Take a reference: stamp [ns]; angles, rates, accelerations, each shape (n,)."""
+        """Take a reference: stamp [ns]; position, velocity, acceleration, each shape (n,)."""
         if self._references and stamp <= self._references[-1][0]:
             self._references.clear()
         self._references.append((stamp, *motion))
 
-    def add_state(self, stamp: int, position: np.ndarray, effort: np.ndarray) -> Figures | None:
+    def add_state(
+        self, stamp: int, position: np.ndarray, effort: np.ndarray
+    ) -> WindowMetrics | None:
         """Take a state.
 
         Args:
-            stamp: Of the state [ns].
-            position: Actuated angles [rad], shape (n,).
+            stamp: Stamp of the state [ns].
+            position: Actuated joints [rad], shape (n,).
             effort: Torques [N m], shape (n,).
 
         Returns:
-            The figures once in 0.1 s of motion, when there is something to compute them from.
+            The metrics once in 0.1 s of motion; None otherwise, and while there are less than two
+            states with a reference.
         """
         if self._newest is not None and not 0 < stamp - self._newest <= self._length:
             self._begin()
@@ -113,8 +131,8 @@ class Monitor:
         rows = np.empty((0, self._joints))
         self._window = _Window(np.empty(0, dtype=np.int64), np.empty(0), rows, rows)
 
-    def _evaluate(self) -> Figures | None:
-        """Figures of the window, after what is new has moved into it."""
+    def _evaluate(self) -> WindowMetrics | None:
+        """Metrics of the window, after new samples have moved into it."""
         new = self._new_samples()
         oldest = (self._newest or 0) - self._length
         kept = self._window.stamps >= oldest
@@ -128,10 +146,10 @@ class Monitor:
             return None
         time = self._window.stamps / NANOSECONDS
         errors = metrics.errors(self._window.distance, self._window.error)
-        return Figures(*errors, *metrics.torque(time, self._window.effort))
+        return WindowMetrics(*errors, *metrics.torque(time, self._window.effort))
 
     def _new_samples(self) -> _Window:
-        """What came since the last figures, as far as there is a recent reference for it."""
+        """Samples since the last metrics that have a recent reference."""
         references = [reference[0] for reference in self._references]
         states = [state for state in self._states if _has_recent(references, state[0])]
         self._states = []
@@ -145,12 +163,14 @@ class Monitor:
         return _Window(stamps, self._distances(position, desired), desired - position, effort)
 
     def _distances(self, position: np.ndarray, desired: np.ndarray) -> np.ndarray:
-        """Distances of the platform [m], NaN where a pose is not to be had."""
+        """Distances of the end effector [m]; NaN where there is no pose or no distance."""
+        if not self._planar:
+            return np.full(len(position), math.nan)
         try:
-            reference = pose_of(self._robot, desired, self._guess)
-            actual = pose_of(self._robot, position, reference[0])
+            reference = poses_of(self._robot, desired, self._guess)
+            actual = poses_of(self._robot, position, reference[0])
         except KinematicsError:
-            return np.full(len(position), np.nan)
+            return np.full(len(position), math.nan)
         self._guess = reference[-1]
         return metrics.distances(metrics.Poses(actual, reference))
 

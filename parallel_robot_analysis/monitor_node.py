@@ -1,4 +1,4 @@
-"""Node that publishes figures of merit of the motion that it sees."""
+"""Node that publishes metrics of the motion that it sees."""
 
 from __future__ import annotations
 
@@ -6,22 +6,25 @@ import sys
 
 from std_msgs.msg import Float64
 
-from parallel_robot_analysis.monitor import Figures, Monitor, MonitorParameters
+from parallel_robot_analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_base import topics
 from parallel_robot_base.topics import Topic
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.robots import module_of, resolve
 from parallel_robot_ros.joint_reader import JointReader
-from parallel_robot_ros.suite_node import SuiteNode, run_node
+from parallel_robot_ros.life_cycle import run_node
+from parallel_robot_ros.suite_node import SuiteNode
 
 
 class MonitorNode(SuiteNode):
-    """Publishes each figure on a topic of its own, ten times in a second of motion."""
+    """Publishes each metric on a topic of its own, ten times in a second of motion."""
 
     example = '--ros-args -p monitor.window:=2.0'
 
     def __init__(self) -> None:
         """Prepare to publish, then listen."""
-        super().__init__('monitor', {'robot': RobotParameters, 'monitor': MonitorParameters})
+        super().__init__('monitor', resolve)
+        self.declare_group('robot', module_of(self.values).Parameters)
+        self.declare_group('monitor', MonitorParameters)
         self._monitor = Monitor(self.values)
         joints = self.loop.joints
         self._state_reader = JointReader(
@@ -30,10 +33,12 @@ class MonitorNode(SuiteNode):
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, ('position', 'velocity', 'acceleration'), self.counts
         )
-        self._figures = [
-            self.publisher(Topic(f'monitor/{name}', 'std_msgs/msg/Float64', 0), essential=False)
-            for name in Figures._fields
-        ]
+        self._metrics = {
+            name: self.publisher(
+                Topic(f'monitor/{name}', 'std_msgs/msg/Float64', 0), essential=False
+            )
+            for name in self._monitor.names
+        }
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
 
@@ -47,9 +52,10 @@ class MonitorNode(SuiteNode):
         if message is None:
             return
         stamp, (position, effort) = message
-        figures = self._monitor.add_state(stamp, position, effort)
-        for publisher, value in zip(self._figures, figures or (), strict=False):
-            publisher.publish(Float64(data=value))
+        found = self._monitor.add_state(stamp, position, effort)
+        if found is not None:
+            for name, publisher in self._metrics.items():
+                publisher.publish(Float64(data=getattr(found, name)))
 
 
 def main() -> int:

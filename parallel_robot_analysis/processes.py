@@ -13,7 +13,7 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -29,7 +29,7 @@ MODULES = {
     'recorder': 'parallel_robot_bags.recorder_node',
 }
 STOP_ORDER = (('controller',), ('recorder', 'plant', 'trajectory'))  # zero torque first
-GRACE = 30.0  # s, from SIGINT to SIGKILL
+END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 
 
@@ -66,7 +66,7 @@ class NodeProcesses:
                     stderr=subprocess.STDOUT,
                     env=environment,
                     start_new_session=True,
-                    preexec_fn=_die_with_parent,
+                    preexec_fn=die_with_parent,
                 )
         except BaseException:
             self.stop()
@@ -84,24 +84,22 @@ class NodeProcesses:
         return self._processes[name].poll() is None
 
     def compiling(self, name: str) -> bool:
-        """Whether a node has said that it compiles."""
-        return NOTICE in self._said(name)
+        """Whether a node has logged that it compiles."""
+        return NOTICE in self._output(name)
 
     def processor_time(self, name: str) -> float:
-        """What a node has used of its processor [s]; 0 when it has ended."""
+        """Processor time that a node has used [s]; 0 when it has ended."""
         try:
-            stat = Path(f'/proc/{self._processes[name].pid}/stat').read_text()
+            return processor_seconds(self._processes[name].pid)
         except OSError:
             return 0.0
-        fields = stat.rpartition(')')[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
     def check(self) -> None:
-        """Look after all processes.
+        """Check that all processes run; only the recorder may have ended, without an error.
 
         Raises:
-            RunError: one has ended with an error, or although it should run on; with its reason.
-                Of several it is the one that was killed: others may have ended for want of it.
+            RunError: one has ended; with its reason. If several have, it names the one that was
+                killed: the others may have ended because of it.
         """
         codes = {name: process.poll() for name, process in self._processes.items()}
         if codes.get('recorder') == 0:
@@ -117,27 +115,58 @@ class NodeProcesses:
         """End all processes that still run, in order, waiting for them."""
         for names in STOP_ORDER:
             processes = [self._processes[name] for name in names if name in self._processes]
-            for process in processes:
-                for number in (signal.SIGINT, signal.SIGCONT):  # even if it was stopped
-                    process.send_signal(number)  # to none that has ended
-            for process in processes:
-                try:
-                    process.wait(GRACE)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    process.wait()
+            end(processes, signal.SIGINT, signal.SIGCONT)  # even those that were stopped
 
-    def _said(self, name: str) -> str:
-        """All that a node has logged."""
+    def _output(self, name: str) -> str:
+        """All that a node has written."""
         log = self._logs[name].fileno()
         # Not by a seek: the node writes on at the offset, which it shares.
         return os.pread(log, os.fstat(log).st_size, 0).decode(errors='replace')
 
     def _last_line(self, name: str) -> str:
-        lines = [line.strip() for line in self._said(name).splitlines()]
+        lines = [line.strip() for line in self._output(name).splitlines()]
         fatal = [line for line in lines if line.startswith('[FATAL]')]
         last = next((line for line in reversed(fatal or lines) if line), '')
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ', '', last)  # level, time and node
+
+
+def die_with_parent() -> None:
+    """Let this process end with its parent; for ``preexec_fn`` of a child."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def end(
+    processes: Collection[subprocess.Popen[Any]], *signals: int, timeout: float = END_TIMEOUT
+) -> None:
+    """Send signals to those processes that still run, wait for all, kill what does not end."""
+    for process in processes:
+        for number in signals:
+            process.send_signal(number)  # to none that has ended
+    for process in processes:
+        try:
+            process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def process_status(pid: int) -> list[str]:
+    """Fields of /proc/PID/stat after the name of the process: state, parent, ...
+
+    Raises:
+        OSError: it has ended.
+    """
+    return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+
+
+def processor_seconds(pid: int) -> float:
+    """Processor time of a process [s], user and system.
+
+    Raises:
+        OSError: it has ended.
+    """
+    fields = process_status(pid)
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def children(pid: int) -> dict[str, int]:
@@ -149,7 +178,7 @@ def children(pid: int) -> dict[str, int]:
             with contextlib.suppress(OSError):  # it has just ended
                 line = Path(f'/proc/{child}/cmdline').read_text()
                 words = line.split('\0')
-                if START in words and line != own:  # else it is yet to become what it will run
+                if START in words and line != own:  # else it is a fork before its exec
                     found[words[words.index(START) + 2]] = int(child)
     except OSError:
         pass  # the process has ended
@@ -180,10 +209,10 @@ def domain_lock(namespace: str = '') -> Iterator[None]:
 
 
 def _own_file(name: str) -> IO[bytes]:
-    """Open a file in a directory of the user's own; what else has its name is not opened.
+    """Open a regular file in a directory of the user's own; nothing else of that name is opened.
 
     Raises:
-        RunError: there is no place for it.
+        RunError: no directory has place for it.
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     reason = 'no directory of your own to keep a lock in; set XDG_CACHE_HOME to one'
@@ -201,12 +230,8 @@ def _own_file(name: str) -> IO[bytes]:
     raise RunError(reason)
 
 
-def _die_with_parent() -> None:
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
 def as_yaml(value: Any) -> str:
-    """A value as the YAML that ``-p key:=value`` takes: lists of one type, floats with a point."""
+    """A value as YAML for ``-p key:=value``: lists of one type, floats with a decimal point."""
     if isinstance(value, (list, tuple)):
         mixed = any(isinstance(item, float) for item in value)
         items = [float(item) if mixed and type(item) is int else item for item in value]

@@ -1,37 +1,36 @@
-"""The supervisor's own node: asks whether the others are ready, and gives them their start."""
+"""The supervisor's own node: asks whether the nodes of a run are ready, and starts them."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable
-from types import TracebackType
+from contextlib import ExitStack
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from parallel_robot_analysis.node_graph import OUTPUTS
 from parallel_robot_bags.plain_data import whole_number
-from parallel_robot_base.errors import DRIVEN_OUT, RunError
-from parallel_robot_base.topics import COMMANDS, JOINT_STATES, REFERENCE
-from parallel_robot_ros import middleware
+from parallel_robot_base.errors import RunError
+from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_ros.tool_node import tool_node
 
-PATIENCE = 0.2  # s, for the answer to a question that can be asked again
-LOOK = 2.0  # s, between two looks at how busy the nodes are
+ANSWER_TIMEOUT = 0.2  # s, for a question that can be asked again
+START_TIMEOUT = 10.0  # s, for the answer to a start
+CHECK_INTERVAL = 2.0  # s, between two checks how busy the nodes are
 BUSY = 0.05  # share of a core; waiting for messages takes less
-START_PATIENCE = 10.0  # s, for the answer to a start
 SILENT = 'it does not answer'
-PLANT = 'plant: loop'  # end of the name of the plant's status, which may be in a namespace
 
 
 class Session:
     """Talks to the nodes of a run; use as a context manager.
 
     Attributes:
-        state: Last state that the plant reported, -1 before the first report.
+        state: Index of the last state that the plant reported, -1 before the first report.
         driven_out: Whether the plant reported that the robot was driven out of its workspace.
     """
 
@@ -50,18 +49,18 @@ class Session:
             namespace: Full name of the namespace of the nodes; empty for none.
             middleware: The parameter of that name.
         """
-        self._middleware = middleware
         self._watch = watch
         self._names = list(nodes)
         self._namespace = namespace
+        self._transport = middleware
+        self._exit = ExitStack()
         self.state = -1
         self.driven_out = False
 
     def __enter__(self) -> Session:
         """Create the node."""
-        with middleware.transport(self._middleware):
-            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-            self._node = rclpy.create_node('parallel_robot_run', namespace=self._namespace)
+        node = tool_node('parallel_robot_run', self._transport, namespace=self._namespace)
+        self._node = self._exit.enter_context(node)
         self._ready = {
             name: self._node.create_client(Trigger, f'{name}/ready') for name in self._names
         }
@@ -69,21 +68,15 @@ class Session:
             name: self._node.create_client(SetParameters, f'{name}/set_parameters')
             for name in self._names
         }
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self.take_diagnostics, 10)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Destroy the node."""
-        self._node.destroy_node()
-        rclpy.try_shutdown()
+        self._exit.close()
 
     def spin(self, seconds: float) -> None:
-        """Process what arrives within a time, then look after the run."""
+        """Process what arrives within a time [s], then call `watch`."""
         rclpy.spin_once(self._node, timeout_sec=seconds)
         self._watch()
 
@@ -92,11 +85,11 @@ class Session:
     ) -> None:
         """Wait until every node says that it is ready.
 
-        A node that is there, does not answer yet and uses its processor has the time it needs: it
-        compiles.
+        A node whose service is there, that does not answer yet and that uses its processor is
+        compiling: it has all the time it needs.
 
         Args:
-            seconds: How long to wait for nodes that do nothing.
+            seconds: How long to wait while no such node is busy [s].
             work: Processor time that a node has used [s].
             show: Called with the names of those that are not ready, again and again.
 
@@ -119,7 +112,7 @@ class Session:
                 elif self._ready[name].service_is_ready():
                     busy.add(name)
             now = time.monotonic()
-            if now - looked > LOOK:
+            if now - looked > CHECK_INTERVAL:
                 enough = BUSY * (now - looked)
                 if any(work(name) - used[name] > enough for name in busy):
                     deadline = now + seconds
@@ -128,7 +121,7 @@ class Session:
                 silent = {name: says for name, says in waiting.items() if says == SILENT}
                 name, reason = next(iter((silent or waiting).items()))  # others wait for it
                 raise RunError(f'{name} is not ready after {seconds:g} s: {reason}')
-        for topic in (JOINT_STATES, REFERENCE, COMMANDS):
+        for topic in OUTPUTS.values():
             count = self._node.count_publishers(topic.name)
             if count > 1:
                 raise RunError(
@@ -139,7 +132,9 @@ class Session:
     def silent(self, names: Iterable[str]) -> list[str]:
         """Those of some nodes that do not answer."""
         return [
-            name for name in names if not self._call(self._ready[name], Trigger.Request(), LOOK)
+            name
+            for name in names
+            if not self._call(self._ready[name], Trigger.Request(), CHECK_INTERVAL)
         ]
 
     def start(self, name: str, stamp: int) -> None:
@@ -150,30 +145,29 @@ class Session:
         """
         parameter = Parameter('start_stamp', Parameter.Type.INTEGER, stamp).to_parameter_msg()
         request = SetParameters.Request(parameters=[parameter])
-        answer = self._call(self._set[name], request, START_PATIENCE)
+        answer = self._call(self._set[name], request, START_TIMEOUT)
         result = answer.results[0] if answer and answer.results else None
         if result is None or not result.successful:
             reason = result.reason if result else SILENT
             raise RunError(f'{name} does not start: {reason}')
 
-    def _call(self, client: Any, request: Any, seconds: float = PATIENCE) -> Any:
+    def _call(self, client: Any, request: Any, seconds: float = ANSWER_TIMEOUT) -> Any:
         """Answer of a service, None when there is none in time."""
         self._watch()
-        if not client.wait_for_service(PATIENCE):
+        if not client.wait_for_service(ANSWER_TIMEOUT):
             return None
         future = client.call_async(request)
         deadline = time.monotonic() + seconds
         while not future.done() and time.monotonic() < deadline:
-            rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
+            rclpy.spin_until_future_complete(self._node, future, timeout_sec=ANSWER_TIMEOUT)
             self._watch()
         return future.result() if future.done() else None
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:  # of all nodes of the domain
-            if status.hardware_id != f'{self._namespace}/plant':
-                continue
-            alarm = status.level == DiagnosticStatus.ERROR and status.name.endswith(PLANT)
-            self.driven_out |= alarm and status.message.startswith(DRIVEN_OUT)
-            for item in status.values:
-                if item.key == 'state':
-                    self.state = whole_number(item.value) or self.state
+    def take_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take the progress of the plant from diagnostics, which are of any node of the domain."""
+        for status in message.status:
+            if status.hardware_id == f'{self._namespace}/plant':
+                values = {item.key: item.value for item in status.values}
+                index = whole_number(values.get(STATE_INDEX, ''))
+                self.state = self.state if index is None else index
+                self.driven_out |= values.get(OUTSIDE) == str(True)

@@ -1,7 +1,8 @@
-"""A bag as a table: one row a state, the units in the names of the columns."""
+"""A bag as a table: one row for each state, units in the names of the columns."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,14 +10,13 @@ import numpy as np
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_bags import answers, run_log, telemetry
+from parallel_robot_bags import command_states, run_log, telemetry
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.errors import InputError, ParallelRobotError
 from parallel_robot_base.topics import SLIDING_VARIABLE
 from parallel_robot_control.coupling import synchronisation_error
-
-POSE = ('x_m', 'y_m', 'phi_rad')
+from parallel_robot_model.robots import robot_of
 
 
 class Table(NamedTuple):
@@ -24,7 +24,7 @@ class Table(NamedTuple):
 
     Attributes:
         columns: Name to numbers, shape (N,).
-        warnings: What is wrong with the bag, or cannot be computed, one line each.
+        warnings: Defects of the bag and what cannot be computed, one line each.
     """
 
     columns: dict[str, np.ndarray]
@@ -36,38 +36,32 @@ def read(bag: Path, memory: int = MEMORY) -> Table:
 
     Args:
         bag: Directory of the bag, or its MCAP file.
-        memory: What may be held of it [bytes].
+        memory: Memory that reading it may take [bytes].
 
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
     log = run_log.read(bag, memory)
-    warnings = log.warnings
-    try:
-        _, poses, cut = metrics.with_poses(log)
-        warnings += (f'the pose of the platform is {cut}',) if cut else ()
-    except ParallelRobotError as error:
-        nothing = np.empty((0, len(POSE)))
-        poses = Poses(nothing, nothing)
-        warnings += (f'no pose of the platform: {error}',)
+    poses, warnings = _poses(log)
     sliding = np.full(log.position.shape, np.nan)
     found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
     if found is not None:
-        row = answers.by_state(log.stamps, found.stamps)
+        row = command_states.by_state(log.stamps, found.stamps)
         sliding[row >= 0] = found.numbers['position'][row[row >= 0]]
-    return Table(columns(log, poses, sliding), warnings)
+    return Table(columns(log, poses, sliding), log.warnings + warnings)
 
 
-def columns(log: RunLog, poses: Poses, sliding_variable: np.ndarray) -> dict[str, np.ndarray]:
+def columns(
+    log: RunLog, poses: Mapping[str, np.ndarray], sliding_variable: np.ndarray
+) -> dict[str, np.ndarray]:
     """A run as columns: name with unit to numbers, shape (N,).
 
     Args:
         log: The run.
-        poses: Those of its first states; NaN takes the place of the others.
-        sliding_variable: In the unit of the law, NaN where it is not known, shape (N, n).
+        poses: Columns of the pose.
+        sliding_variable: Sliding variable in the unit of the law, NaN where it is not known,
+            shape (N, n).
     """
-    count = len(log.time)
-    actual, reference = (_filled(pose, count) for pose in poses)
     quantities = {
         'position_rad': log.position,
         'velocity_rad_per_s': log.velocity,
@@ -86,9 +80,7 @@ def columns(log: RunLog, poses: Poses, sliding_variable: np.ndarray) -> dict[str
             for quantity, numbers in quantities.items()
             for k, joint in enumerate(log.joints)
         }
-        | {f'platform_{name}': actual[:, k] for k, name in enumerate(POSE)}
-        | {f'platform_reference_{name}': reference[:, k] for k, name in enumerate(POSE)}
-        | {'platform_error_m': metrics.distances(Poses(actual, reference))}
+        | dict(poses)
     )
 
 
@@ -106,7 +98,35 @@ def to_frame(bag: Path) -> Any:
     return pandas.DataFrame(read(bag).columns)
 
 
-def _filled(rows: np.ndarray, count: int) -> np.ndarray:
-    """Rows and then NaN, `count` in all."""
+def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of the pose, named after its coordinates, and what is wrong with them.
+
+    Those of a robot that moves in a plane are of its platform and hold its error.
+    """
+    try:
+        robot = robot_of(log.config)
+    except ParallelRobotError as error:
+        return {}, (f'no pose of the robot: {error}',)
+    coordinates = robot.module.coordinates(robot.parameters)
+    names = [f'{name}_{unit}' for name, unit in coordinates]
+    warnings: tuple[str, ...] = ()
+    try:
+        _, found, cut = metrics.with_poses(log)
+        warnings = (f'the pose of the robot is {cut}',) if cut else ()
+    except ParallelRobotError as error:
+        nothing = np.empty((0, len(names)))
+        found = Poses(nothing, nothing, robot.module.PLANAR)
+        warnings = (f'no pose of the robot: {error}',)
+    prefix = 'platform' if found.planar else 'pose'
+    actual, reference = (_padded(pose, len(log.time)) for pose in (found.actual, found.reference))
+    columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
+    columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
+    if found.planar:
+        columns['platform_error_m'] = metrics.distances(Poses(actual, reference))
+    return columns, warnings
+
+
+def _padded(rows: np.ndarray, count: int) -> np.ndarray:
+    """Rows, then NaN, `count` in all."""
     missing = np.full((count - len(rows), rows.shape[1]), np.nan)
     return np.concatenate([rows, missing])

@@ -8,35 +8,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_bags.experiment import NODES
-from parallel_robot_bags.history import NOTHING, History
+from parallel_robot_bags.history import History, granted_priorities
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base import config
 from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_sim.plant import PlantParameters
 
-# Real time is held up to these: a little beyond, the figures of some law change (docs/bags.md).
+# Real time is held up to these: a little beyond, the metrics of some law change (docs/bags.md).
 ANSWERED = 0.9  # smallest share of the states that are answered
-LAG_P50 = 2, 0.002  # largest median of the lag: the larger of samples and [s]
-LAG_P99 = 2, 0.005  # the same, of the 99th percentile
-LAG_MAX = 4, 0.02  # the same, of the maximum
-WINDOW = 2000  # commands among which that of a step is looked for
+LAG_P50 = 2, 0.002  # largest median of the lag: samples or [s], whichever is longer
+LAG_P99 = 2, 0.005  # the same for the 99th percentile
+LAG_MAX = 4, 0.02  # the same for the maximum
+WINDOW = 2000  # commands that are searched for that of a step
 SAME_CLOCK = NANOSECONDS  # ns, between stamps and log times of a loop in wall time
 
 
 class Timing(NamedTuple):
     """How a run kept its time.
 
-    The lag of a step is the time from the state that its torque answers to its end; one sample is
-    ideal: the torque computed from state k acts from k to k + 1.
+    The lag of a step is the time from the state that its torque answers to the end of the step.
+    One sample is ideal: the torque computed from state k acts from k to k + 1.
 
     Attributes:
-        states: How many states there were to answer.
-        answered: How many of them were; None when the bag does not say.
-        period: Of the loop [s].
+        states: Number of states that were to be answered.
+        answered: Number of states that were answered; None if the bag does not say.
+        period: Period of the loop [s].
         lag: Lag of each step [samples], shape (L,); empty when the bag does not say.
-        uncommanded: Steps whose torque answers no state: before the first command, the safe
-            action of the motors, zero torque at a fault.
+        uncommanded: Number of steps whose torque answers no state: before the first command, in
+            the safe action of the motors, at zero torque in a fault.
         delay: From the stamp of each state to its recording [s], shape (N,); empty when the
             stamps are not of the recorder's clock, as in lockstep.
         priority: Node to the real-time priority that it was granted, where the bag says so.
@@ -52,12 +54,12 @@ class Timing(NamedTuple):
 
     @property
     def skipped(self) -> int | None:
-        """How many states were left without an answer; None when the bag does not say."""
+        """Number of states without an answer; None if the bag does not say."""
         return None if self.answered is None else self.states - self.answered
 
     @property
     def realtime(self) -> bool | None:
-        """Whether real time was held; None where that is no question (lockstep) or not known.
+        """Whether real time was held; None in lockstep and simulations, or if not known.
 
         It was when at least ANSWERED of the states were answered and median, 99th percentile and
         maximum of the lag are at most LAG_P50, LAG_P99 and LAG_MAX.
@@ -65,13 +67,13 @@ class Timing(NamedTuple):
         if self.answered is None or not self.delay.size or not self.lag.size:
             return None
         enough = self.answered >= ANSWERED * self.states
-        bounds = zip(self.lag_figures(), (LAG_P50, LAG_P99, LAG_MAX), strict=True)
+        bounds = zip(self.lag_percentiles(), (LAG_P50, LAG_P99, LAG_MAX), strict=True)
         return enough and all(
             lag <= max(samples, round(seconds / self.period)) for lag, (samples, seconds) in bounds
         )
 
-    def lag_figures(self) -> tuple[int, int, int]:
-        """Median, 99th percentile and maximum of the lag [samples]; all of them occurred."""
+    def lag_percentiles(self) -> tuple[int, int, int]:
+        """Median, 99th percentile and maximum of the lag [samples], none interpolated."""
         p50, p99, largest = np.percentile(self.lag, [50, 99, 100], method='inverted_cdf')
         return int(p50), int(p99), int(largest)
 
@@ -81,7 +83,7 @@ def evaluate(log: RunLog, history: History) -> Timing:
 
     Args:
         log: The run.
-        history: What the bag says beside the motion.
+        history: What the bag says besides the motion.
     """
     period = config.group(log.config, LoopParameters, '').period_ns
     if not history.facts:
@@ -105,31 +107,27 @@ def evaluate(log: RunLog, history: History) -> Timing:
         lag,
         uncommanded,
         delay if wall else delay[:0],
-        {
-            node: str(parameters['granted.realtime'])
-            for node, parameters in history.parameters.items()
-            if 'granted.realtime' in parameters
-        },
+        granted_priorities(history),
     )
 
 
 def verdict(timing: Timing) -> str:
-    """Whether real time was held, in one line; empty where that is no question."""
+    """Whether real time was held, in one line; empty where Timing.realtime is None."""
     if timing.realtime is None:
         return ''
-    _, p99, largest = timing.lag_figures()
+    _, p99, largest = timing.lag_percentiles()
     if timing.realtime:
         return f'real time: held (lag p99 {p99} sample{"s" if p99 > 1 else ""})'
     left = f'{_percent(timing.skipped or 0, timing.states)} of the states unanswered, '
     return (
         f'real time: not held, the machine was busy: {left if timing.skipped else ""}'
-        f'lag up to {1e3 * largest * timing.period:.3g} ms; the figures below are of the machine, '
+        f'lag up to {1e3 * largest * timing.period:.3g} ms; the metrics below are of the machine, '
         'not of the law: use --time-mode lockstep'
     )
 
 
 def remarks(timing: Timing, history: History) -> list[str]:
-    """What a verdict of real time held does not tell: other torques than the law's acted."""
+    """Lines on torques other than those of the law in a run that held real time."""
     if not timing.realtime:
         return []
     lines = []
@@ -138,16 +136,16 @@ def remarks(timing: Timing, history: History) -> list[str]:
             f'real time was held, but in {timing.uncommanded} steps the torque answered no state: '
             "safe action of the motors (plant.command_timeout) or the controller's zero"
         )
-    if any(said.fault != NOTHING for said in history.statuses):
+    if any(status.fault != NO_FAULT for status in history.statuses):
         lines.append('real time was held, but the controller was in a fault')
     return lines
 
 
 def as_json(timing: Timing) -> dict[str, Any]:
-    """The figures as plain data; None for what the bag does not say."""
+    """How a run kept its time as plain data; None for what the bag does not say."""
     p50, p99, largest = (None, None, None)
     if timing.lag.size:
-        p50, p99, largest = (1e3 * lag * timing.period for lag in timing.lag_figures())
+        p50, p99, largest = (1e3 * lag * timing.period for lag in timing.lag_percentiles())
     delay = {}
     if timing.delay.size:
         values = 1e3 * np.percentile(timing.delay, [50, 99, 100])
@@ -172,8 +170,8 @@ def _percent(part: int, whole: int) -> str:
 
 
 def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]:
-    """Lag of each step since the state of a stamp [ns], in samples, and the steps without one."""
-    limit = np.array(log.config['plant.torque_limit'], dtype=np.float64)
+    """Lag of each step after a stamp [ns], in samples, and the number of steps without one."""
+    limit = np.array(config.group(log.config, PlantParameters, 'plant').torque_limit)
     command = np.clip(log.command, -limit, limit)
     stamps = np.maximum.accumulate(log.command_states)
     newest = np.searchsorted(stamps, log.stamps, side='right') - 1
@@ -191,13 +189,13 @@ def _acting(
 ) -> NDArray[np.int64]:
     """Find the command whose torque acted in the step that ended at each state; -1: none.
 
-    Commands act in their order. Where several have the same torque (saturation, zero), it is the
-    one after that of the step before, else that one again, else the next.
+    Commands act in their order. Where several have the same torque (saturation, zero), the command
+    after that of the previous step is preferred, then the same command again, then a later one.
 
     Args:
         effort: Torques that acted [N m], shape (N, n).
-        command: Commands as the motors can follow them [N m], shape (M, n).
-        newest: The last command that answers each state or an earlier one, shape (N,).
+        command: Commands within the limits of the motors [N m], shape (M, n).
+        newest: Index of the last command that answers each state or an earlier one, shape (N,).
     """
     acting = np.full(len(effort), -1)
     at = -1

@@ -2,66 +2,40 @@
 
 from __future__ import annotations
 
-import contextlib
-import functools
 import signal
-import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import yaml
 from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_bags import plain_data
-from parallel_robot_base.errors import BagError
-from parallel_robot_base.topics import DEPTH, Topic
+from parallel_robot_bags import new_files
+from parallel_robot_bags.certificate import Certificate
+from parallel_robot_bags.channels import Channel, channel_of, profiles_of
+from parallel_robot_bags.record_file import RecordFile
+from parallel_robot_bags.record_names import MESSAGES, METADATA
+from parallel_robot_base.topics import Topic
 
-CHUNK_SIZE = 255 * 1024  # bytes, and the message that goes beyond: at most 256 KiB
-METADATA = 'parallel_robot'  # name of the MCAP metadata record with the experiment
-MESSAGES = 'parallel_robot_messages'  # name of the record with written and lost messages by topic
-PARAMETERS = 'parallel_robot_parameters'  # of records with the parameters of nodes at the start
-CHANGES = 'parallel_robot_changes'  # of records with a later change of parameters
-LAWS = 'own_laws/'  # begin of the names of attachments with the source of a law of one's own
-MISSING_LAWS = 'parallel_robot_missing_laws'  # of records with why a law is not attached, by file
-FOREVER = {'sec': 9223372036, 'nsec': 854775807}
-
-
-class Channel(NamedTuple):
-    """A topic as a bag describes it.
-
-    Attributes:
-        topic: Full name, with its leading slash.
-        type: ROS type.
-        encoding: Of the definition, e.g. ``ros2msg``.
-        definition: The type and the types in it.
-        metadata: Key and value: ``offered_qos_profiles`` (YAML), ``topic_type_hash``.
-    """
-
-    topic: str
-    type: str
-    encoding: str
-    definition: bytes
-    metadata: tuple[tuple[str, str], ...]
+CHUNK_SIZE = 255 * 1024  # bytes; the message that crosses it still goes in: up to 256 KiB
 
 
 class BagWriter:
     """Writes one bag, into a directory that must not exist yet.
 
-    A finished chunk is with the system at once: it survives the end of this process. When the disk
-    is full, the file ends with the last whole record.
+    A finished chunk is handed to the operating system at once, so it survives the end of this
+    process. When the disk is full, the file ends with the last whole record.
 
     Attributes:
         directory: The bag.
         written: Messages written, by topic name without leading slash.
-        certificate: What :meth:`close` writes of the messages, by topic name; nothing if empty.
+        certificates: What :meth:`close` writes of the messages, by topic name; nothing if empty.
     """
 
     def __init__(
@@ -80,12 +54,12 @@ class BagWriter:
         """
         self.directory = Path(directory)
         self.written: Counter[str] = Counter()
-        self.certificate: dict[str, str] = {}
+        self.certificates: dict[str, Certificate] = {}
         self._metadata = dict(metadata)
         self._first: int | None = None
         self._last = 0
-        self._path = create(directory) / f'{self.directory.name}_0.mcap'
-        self._file = _RecordFile(self._path)
+        self._path = new_files.create_directory(directory) / f'{self.directory.name}_0.mcap'
+        self._file = RecordFile(self._path)
         self._writer = Writer(cast(Any, self._file), CHUNK_SIZE, enable_data_crcs=True)
         self._writer.start('ros2', 'parallel_robot')
         if metadata:
@@ -96,7 +70,7 @@ class BagWriter:
         self._caught: list[int] = []  # signals
         self._handlers: dict[int, Any] = {}
         self._ids: dict[str, int] = {}  # numbers of channels by topic name
-        self._packed = 0  # indices of chunks that are packed
+        self._packed = 0  # how many indices of chunks are packed
         for topic in topics:
             self.add(channel_of(topic))
 
@@ -132,7 +106,7 @@ class BagWriter:
             OSError: the disk is full or gone.
         """
         if self._caught:
-            self._heed_signals()
+            self._raise_signals()
         self._writer.add_message(channel, log_time, data, publish_time, sequence)
         self._counts[channel] += 1
         self._first = log_time if self._first is None else min(self._first, log_time)
@@ -144,7 +118,7 @@ class BagWriter:
         return self._file.tell()
 
     def note(self, name: str, facts: Mapping[str, str]) -> None:
-        """Write a metadata record; unlike messages, it is with the system at once.
+        """Write a metadata record; unlike a message, it goes to the operating system at once.
 
         Raises:
             OSError: the disk is full or gone.
@@ -161,7 +135,7 @@ class BagWriter:
         self._writer.add_attachment(at or now, now, name, kind, data)
 
     def flush(self, age: float = 0.0) -> None:
-        """Finish the open chunk if the one before was finished `age` seconds ago, or longer.
+        """Finish the open chunk if the file was last written at least `age` seconds ago.
 
         Raises:
             OSError: the disk is full or gone.
@@ -182,8 +156,9 @@ class BagWriter:
         if self._file.closed:
             return
         try:
-            if self.certificate:
-                self._writer.add_metadata(MESSAGES, self.certificate)
+            if self.certificates:
+                certified = {name: found.dump() for name, found in self.certificates.items()}
+                self._writer.add_metadata(MESSAGES, certified)
             self._writer.finish()
         finally:
             self._file.close()
@@ -199,7 +174,7 @@ class BagWriter:
             raise
 
     def _information(self) -> dict[str, Any]:
-        """What metadata.yaml says."""
+        """Content of metadata.yaml."""
         name = self._path.name
         span = {
             'duration': {'nanoseconds': self._last - (self._first or 0)},
@@ -216,7 +191,7 @@ class BagWriter:
                         'name': channel.topic,
                         'type': channel.type,
                         'serialization_format': 'cdr',
-                        'offered_qos_profiles': _profiles(channel),
+                        'offered_qos_profiles': profiles_of(channel),
                         'type_description_hash': dict(channel.metadata).get('topic_type_hash', ''),
                     },
                     'message_count': self._counts[number],
@@ -252,15 +227,15 @@ class BagWriter:
             for number, handler in self._handlers.items():
                 signal.signal(number, handler)
         if kind is None:
-            self._heed_signals()
+            self._raise_signals()
 
-    def _heed_signals(self) -> None:
+    def _raise_signals(self) -> None:
         for number in self._caught:
             raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
 
 class _PackedIndex:
-    """Index of a chunk as it will be written: a fourth of the memory, and all of them are kept."""
+    """Serialised index of a chunk: all are kept, and this takes a quarter of the memory."""
 
     __slots__ = ('_data',)
 
@@ -270,155 +245,13 @@ class _PackedIndex:
         self._data = builder.end()
 
     def write(self, builder: RecordBuilder) -> None:
-        """Append it to the end of a bag."""
+        """Append the index to a record builder, as mcap's own class does."""
         builder.write(self._data)
-
-
-class _RecordFile:
-    """A file as mcap's writer wants it, whose every write is with the system, whole or not at all.
-
-    Attributes:
-        written_at: When it was last written [s], of the monotonic clock.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._file = path.open('xb', buffering=0)
-        self._end = 0
-        self.written_at = time.monotonic()
-
-    @property
-    def closed(self) -> bool:
-        """Whether nothing can be written any more."""
-        return self._file.closed
-
-    def write(self, data: bytes) -> int:
-        """Append; at an error, take back what was written of `data` and close.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        rest = memoryview(data)
-        try:
-            while rest:
-                rest = rest[self._file.write(rest) :]
-        except OSError:
-            with self._file, contextlib.suppress(OSError):
-                self._file.truncate(self._end)
-            raise
-        self._end += len(data)
-        self.written_at = time.monotonic()
-        return len(data)
-
-    def tell(self) -> int:
-        """Length of the file [bytes]."""
-        return self._end
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
 
 # Written in C where that is installed: ten times faster.
 class _Dumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[misc]
-    """YAML without anchors: rosbag2 reads them, but people do not."""
+    """YAML without anchors, which rosbag2 can read but people hardly."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
-
-
-def create(directory: str | Path) -> Path:
-    """Make the directory of a new bag.
-
-    Raises:
-        BagError: it exists or cannot be created.
-    """
-    directory = Path(directory)
-    check(directory)
-    try:
-        directory.mkdir(parents=True)
-    except OSError as error:
-        raise BagError(f'cannot write to {directory}: {error.strerror}') from None
-    return directory
-
-
-def check(directory: str | Path) -> None:
-    """Refuse a directory that exists or cannot be made, without leaving a trace.
-
-    Raises:
-        BagError: with the reason.
-    """
-    directory = Path(directory)
-    try:
-        if directory.exists():
-            raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
-        parent = next(parent for parent in directory.absolute().parents if parent.exists())
-        with tempfile.TemporaryDirectory(dir=parent):
-            pass
-    except OSError as error:
-        raise BagError(f'cannot write to {directory}: {error.strerror}') from None
-
-
-def channel(
-    name: str, kind: str, definition: str, digest: str, profiles: Iterable[Mapping[str, Any]]
-) -> Channel:
-    """A topic as a bag describes it.
-
-    Args:
-        name: Without leading slash.
-        kind: ROS type.
-        definition: Text of the type and of all types in it.
-        digest: Hash of the type, RIHS01.
-        profiles: Quality of service of each publisher.
-    """
-    metadata = (
-        ('offered_qos_profiles', yaml.safe_dump(list(profiles), sort_keys=False)),
-        ('topic_type_hash', digest),
-    )
-    return Channel(f'/{name}', kind, 'ros2msg', definition.encode(), metadata)
-
-
-@functools.cache
-def channel_of(topic: Topic) -> Channel:
-    """A topic of the suite as a bag describes it."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    text, _ = store.generate_msgdef(topic.type, ros_version=2)
-    profiles = [qos_profile(True, topic.latched)]
-    return channel(topic.name, topic.type, text, store.hash_rihs01(topic.type), profiles)
-
-
-def _profiles(channel: Channel) -> list[Any]:
-    """Quality of service for metadata.yaml, where it is in the form of its version."""
-    try:
-        profiles = plain_data.load(dict(channel.metadata).get('offered_qos_profiles', ''))
-    except ValueError:
-        return []
-    if isinstance(profiles, list) and all(_has_words(profile) for profile in profiles):
-        return profiles
-    return []
-
-
-def _has_words(profile: Any) -> bool:
-    return isinstance(profile, dict) and isinstance(profile.get('reliability'), str)
-
-
-def certify(written: int, lost: int | str) -> str:
-    """What the certificate says of one topic."""
-    return f'written {written}, lost {lost}'
-
-
-def qos_profile(reliable: bool, latched: bool) -> dict[str, Any]:
-    """Quality of service as rosbag2 writes it."""
-    return {
-        'history': 'keep_last',
-        'depth': 1 if latched else DEPTH,
-        'reliability': 'reliable' if reliable else 'best_effort',
-        'durability': 'transient_local' if latched else 'volatile',
-        'deadline': FOREVER,
-        'lifespan': FOREVER,
-        'liveliness': 'automatic',
-        'liveliness_lease_duration': FOREVER,
-        'avoid_ros_namespace_conventions': False,
-    }

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parallel_robot_bags.answers import Answered
+from parallel_robot_bags.command_states import Answered
 from parallel_robot_bags.samples import Samples
 from parallel_robot_base import topics
 from parallel_robot_base.topics import SLOW, TELEMETRY, Topic
@@ -34,7 +34,7 @@ def count(
 
     Args:
         streams: Messages of each topic.
-        period: Of the loop [ns].
+        period: Control period [ns].
         answered: What the controller recorded. None, or not all of it: a command is taken to
             answer each state.
     """

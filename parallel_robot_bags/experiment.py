@@ -13,17 +13,23 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_bags import plain_data
-from parallel_robot_bags.limits import LAW, NAME
+from parallel_robot_bags.limits import LAW, is_name
 from parallel_robot_base import config
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_base.fields import PerJoint, parameters
 from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model.disturbance import DisturbanceParameters
+from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.robots import ROBOTS
+from parallel_robot_sim.plant import PlantParameters
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
-SIMULATION, NODES = 'simulation', 'nodes'  # who moved the robot
-OWNERS = {  # nodes whose parameters count, the later before the earlier; and their common ones
+SIMULATION, NODES = 'simulation', 'nodes'  # what moved the robot
+OWNERS = {  # nodes whose parameters count, the later overriding; and common keys they own
     'trajectory': ('scenario',),
-    'plant': ('joints', 'period', 'duration', 'time_mode'),
+    'plant': ('robot_model', 'joints', 'period', 'duration', 'time_mode'),
     'controller': ('law', 'preset'),
 }
 GIT = ('git', 'describe', '--always', '--dirty')
@@ -33,10 +39,10 @@ GIT_PATIENCE = 2.0  # s
 def describe(
     loop: LoopParameters, values: Mapping[str, Any], start_stamp: int, source: str = NODES
 ) -> dict[str, str]:
-    """Facts for the metadata of a bag, all as text.
+    """Facts about an experiment for the metadata of a bag, all as text.
 
     Args:
-        loop: What the nodes agreed on.
+        loop: Parameters that all nodes share.
         values: The resolved configuration.
         start_stamp: Stamp of t = 0 [ns]; 0 when it is not known.
         source: SIMULATION or NODES.
@@ -61,7 +67,7 @@ def configuration(
     """Configuration of the run over the defaults, so that bags of older versions stay readable.
 
     Args:
-        bag: For messages.
+        bag: The bag, for error messages.
         facts: What the bag says, see :func:`describe`; empty when another recorded it.
         nodes: Full name of a node to its parameters. Where the nodes were started by hand, they
             have values that the recorder does not know.
@@ -70,45 +76,79 @@ def configuration(
         All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
 
     Raises:
-        BagError: it says nothing of the kind.
+        BagError: its metadata hold no usable configuration.
     """
     values = config.resolve('paper_circle')
     try:
-        stored = {'scenario': 'unknown', 'law': 'unknown'}
+        stored: dict[str, Any] = {'scenario': 'unknown', 'law': 'unknown'}
         if facts:
-            stored = _checked(values, plain_data.load(facts['config']))
+            stored = plain_data.load(facts['config'])
+            values = _defaults(stored, nodes)
+            stored = _checked(values, stored)
             stored |= _of_nodes(values | stored, nodes)
+            stored['custom_robots'] = []  # a file that a bag names is not loaded
         loop = validate(config.group(values | stored, LoopParameters, ''))
         names = (loop.scenario, loop.law, *loop.joints)
-        if not all(name.isprintable() and len(name) <= NAME for name in names):
+        if not all(map(is_name, names)):
             raise ValueError('a name in it is too long or cannot be printed')
     except (KeyError, ValueError, InputError) as error:
         raise BagError(f'{bag}: its metadata hold no usable config: {error}') from None
     return values | stored, loop, int(facts.get('start_stamp', 0))
 
 
+def _defaults(stored: Any, nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Defaults of the recorded robot; those of the paper's where it is not one of the suite."""
+    models = [found['robot_model'] for found in nodes.values() if 'robot_model' in found]
+    if isinstance(stored, dict):
+        models.append(stored.get('robot_model'))
+    known = config.robot_models()
+    model = next((name for name in models if name in known), None)
+    return config.resolve('paper_circle', {'robot_model': model} if model else None)
+
+
 def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
-    """A stored configuration whose values are of the types of those that are known.
+    """Check that the values of a stored configuration have the types of the known ones.
 
     Raises:
         ValueError: they are not.
     """
     if not isinstance(stored, dict):
         raise ValueError('no keys and values')
+    stored = {config.RENAMED.get(key, key): value for key, value in stored.items()}
+    per_joint = _per_joint()
     for key, value in stored.items():
-        if not (plain_data.flat(value) and is_like(known.get(key, value), value)):
+        example = known.get(key, value)
+        if key in per_joint and isinstance(value, list) != isinstance(example, list):
+            example = [1.0] if isinstance(value, list) else 1.0  # a single one is for all joints
+        if not (plain_data.flat(value) and is_like(example, value)):
             raise ValueError(f'{key} cannot be {value!r}')
     return stored
 
 
+@functools.cache
+def _per_joint() -> frozenset[str]:
+    """Keys whose value is a number for each joint, or one for all of them."""
+    groups = [
+        ('plant', PlantParameters),
+        ('friction', FrictionParameters),
+        ('disturbance', DisturbanceParameters),
+        ('safety', SafetyParameters),
+    ]
+    for robot in ROBOTS.values():
+        groups += [('robot', robot.Parameters), ('true_robot', robot.Parameters)]
+    return frozenset(
+        f'{prefix}.{parameter.key}'
+        for prefix, group in groups
+        for parameter in parameters(group)
+        if parameter.type is PerJoint
+    )
+
+
 def is_like(example: Any, value: Any) -> bool:
-    """Whether a plain value is of the kind of another: its type, its length where it is fixed."""
+    """Whether a plain value has the type of another; lists may have other lengths."""
     if isinstance(example, list):
-        if not isinstance(value, list):
-            return False
-        if not example or isinstance(example[0], str):
-            return all(isinstance(item, str) for item in value)
-        return len(value) == len(example) and all(map(is_like, example, value))
+        item = example[0] if example else ''
+        return isinstance(value, list) and all(is_like(item, other) for other in value)
     if isinstance(example, str):
         return isinstance(value, str) or value is False  # YAML takes an unquoted off for false
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -117,7 +157,7 @@ def is_like(example: Any, value: Any) -> bool:
 
 @functools.cache
 def software() -> dict[str, str]:
-    """Versions of the suite and of what it stands on; the revision in a git working copy."""
+    """Versions of the suite and its libraries; in a git working copy, the revision too."""
     libraries = {name: _version(name) or _version(f'ros-jazzy-{name}') for name in LIBRARIES}
     facts = {
         'version': _version(PACKAGE) or 'not installed',
@@ -130,12 +170,12 @@ def software() -> dict[str, str]:
 
 
 def command_line() -> str:
-    """The words that started this process."""
+    """Command line that started this process."""
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 def law_source(path: str) -> tuple[str, bytes]:
-    """Name and source of a custom law, as its file is now; nothing of it is run.
+    """Name and source of a custom law, from its file as it is now; the code is not run.
 
     Args:
         path: The file, absolute: a node may have another current directory.
@@ -157,12 +197,15 @@ def law_source(path: str) -> tuple[str, bytes]:
 
 
 def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """What the nodes of a run say of its configuration; where a law lies is no part of it."""
+    """Configuration of a run by the parameters of its nodes, without the places of law files."""
     merged: dict[str, Any] = {}
     for name, common in OWNERS.items():
         for node, found in nodes.items():
             if node.rpartition('/')[2] == name:
-                laws = {Path(str(path)).stem for path in found.get('own_laws') or ()}
+                laws = {
+                    Path(str(path)).stem
+                    for path in found.get('custom_laws') or found.get('own_laws') or ()
+                }
                 merged |= {
                     key: value
                     for key, value in found.items()
@@ -180,7 +223,7 @@ def _version(name: str) -> str:
 
 
 def _revision(root: Path) -> str:
-    """What git says of a source tree; empty elsewhere."""
+    """Description of a source tree by git; empty if it is not a working copy."""
     if not (root / '.git').exists():
         return ''
     try:

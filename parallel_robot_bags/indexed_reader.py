@@ -9,21 +9,20 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
 from parallel_robot_bags import mcap_records, plain_data
-from parallel_robot_bags.bag_reader import File, files, open_file
+from parallel_robot_bags.bag_files import File, files, open_file
 from parallel_robot_bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot_bags.printable_output import LONGEST_LINE
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.printable import printable
 
-TRANSIENT_LOCAL = ('transient_local', 1)  # as bags say it: today, and before Iron
+TRANSIENT_LOCAL = ('transient_local', 1)  # in bags since Iron, and before
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
 TYPE = re.compile(r'[A-Za-z]\w*/(\w+/)?\w+', re.ASCII)
-LAST = 1 << 61  # ns, that a stamp can say
+LAST = 1 << 61  # ns, largest log time that is accepted
 INDEX = mcap_records.SUMMARISED | {Opcode.CHUNK_INDEX: ChunkIndex}
 
 
@@ -91,14 +90,14 @@ class BagReader:
             file = open_file(path, memory)
             self._size += len(file.data)
             chunks += self._index(path, file, len(chunks))
-        self._chunks = sorted(chunks)  # by time and rank, which is never the same
+        self._chunks = sorted(chunks)  # by time and rank, which is unique
         self.start = min((chunk.first for chunk in chunks), default=0)
         self.end = max((chunk.last for chunk in chunks), default=0)
 
     def messages(
         self, topics: Collection[str], start: int, end: int | None = None
     ) -> Iterator[RecordedMessage]:
-        """Iterate in the order of log times; equal ones as they lie in the file.
+        """Iterate in the order of log times; equal ones in the order of the file.
 
         Args:
             topics: Names with leading slash.
@@ -127,7 +126,7 @@ class BagReader:
         yield from map(_message, pending)
 
     def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
-        """What a subscriber of latched topics would know at a moment [ns], in order.
+        """Messages that a new subscriber of latched topics would get at a moment [ns], in order.
 
         Raises:
             BagError: the file is broken, or takes too much.
@@ -146,7 +145,7 @@ class BagReader:
         return [_message(item) for item in sorted(found)]
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Release the files."""
         self._chunks = []
 
     def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
@@ -195,21 +194,13 @@ def _scan(
     chunk: _Chunk, topics: Collection[str], allowance: Allowance
 ) -> Iterator[tuple[Any, ...]]:
     """Messages of a chunk: log time, rank, offset, topic, bytes of the chunk, end."""
-    record = mcap_records.record_at(chunk.data, chunk.offset, Opcode.CHUNK)
-    data = None if record is None else mcap_records.unpacked(record, allowance)
-    if data is None:
-        raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
-    block = mcap_records.messages_of(data, allowance)
+    block = mcap_records.messages_at(chunk.data, chunk.offset, allowance)
     if block is None:
         raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
-    heads, content = block.heads(), bytes(data)
+    content = bytes(block.data)
     wanted = [key for key, topic in chunk.channels.items() if topic in topics]
-    here = np.isin(heads['channel'], wanted)
-    rows = zip(block.starts[here].tolist(), heads[here].tolist(), strict=True)
-    for start, (length, channel, _, log_time, _) in rows:
-        payload = start + mcap_records.HEAD + mcap_records.MESSAGE_HEAD
-        end = start + mcap_records.HEAD + length
-        yield log_time, chunk.rank, payload, chunk.channels[channel], content, end
+    for channel, _, log_time, _, begin, end in block.rows(wanted):
+        yield log_time, chunk.rank, begin, chunk.channels[channel], content, end
 
 
 def _message(item: tuple[Any, ...]) -> RecordedMessage:

@@ -1,4 +1,4 @@
-"""What reading a bag may take of memory and time, whatever the bag says of itself."""
+"""How much memory and time reading a bag may take, whatever the bag claims."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from parallel_robot_base.errors import BagError
 
 MEMORY = 2 << 30  # bytes that a command may take for what is in bags
-TRUSTED = 1 << 50  # the same, for a bag that this process has just seen written
-COPIES = 4  # of what is read, that are in memory at once while it is evaluated
+TRUSTED = 1 << 50  # the same, for a bag that this process has just had written
+COPIES = 4  # copies of what is read that evaluation holds in memory
 RATIO = 200  # bytes that one byte of a file may unpack to, where that is more than the memory
 RECORDS = 250_000  # records of a small file; a larger one has at most one in RECORD bytes
 RECORD = 16  # bytes; the index of a message alone has as many
@@ -23,9 +23,14 @@ LENGTHS = 1000  # different lengths of the messages of a channel, among a few me
 CHANNELS = 1000  # channels that are read of a file
 STATUSES = 10_000  # statuses of the controller, which it sends when something changes
 LAW = 1 << 20  # bytes of the source of a law
-LAWS = 100  # laws of one's own
+LAWS = 100  # custom laws
 YAML = 4 << 20  # bytes of metadata.yaml
 NAME = 200  # characters of the name of a joint, a law, a scenario or a node
+
+
+def is_name(text: str) -> bool:
+    """Whether a text of a bag can be the name of a joint, a law, a scenario or a node."""
+    return text.isprintable() and len(text) <= NAME
 
 
 def add_memory_argument(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +53,7 @@ def gigabytes(text: str) -> int:
 
 
 class Allowance:
-    """What reading a file may take; every part of it is paid for before it is made.
+    """Budget for reading a file; each part is deducted before it is allocated.
 
     Memory alone may be asked for with ``--max-memory``. What a file unpacks to, and how many
     records that are, is bounded by that memory or the size of the file, whichever allows more.
@@ -58,7 +63,7 @@ class Allowance:
         """Prepare.
 
         Args:
-            path: The file, or the bag, for messages.
+            path: The file or the bag, for error messages.
             size: Its size on disk [bytes].
             memory: What may be held of it [bytes].
         """
@@ -75,7 +80,7 @@ class Allowance:
         return self._records
 
     def unpack(self, size: int) -> None:
-        """Pay for bytes that are unpacked.
+        """Deduct bytes that will be unpacked.
 
         Raises:
             BagError: they are too many.
@@ -88,7 +93,7 @@ class Allowance:
             )
 
     def walk(self, records: int) -> None:
-        """Pay for records.
+        """Deduct records that will be walked.
 
         Raises:
             BagError: they are more than a file of this size holds.
@@ -98,7 +103,7 @@ class Allowance:
             raise BagError(f'{self._path} holds far more records than a file of its size would')
 
     def describe(self, records: int = 1) -> None:
-        """Pay for schemas, channels, attachments and metadata records.
+        """Deduct schemas, channels, attachments and metadata records.
 
         Raises:
             BagError: they are too many.
@@ -111,7 +116,7 @@ class Allowance:
             )
 
     def hold(self, size: int) -> None:
-        """Pay for bytes that are kept.
+        """Deduct bytes that will be kept.
 
         Raises:
             BagError: they are more than the memory allows.

@@ -1,16 +1,17 @@
-"""Files that are written complete or not at all, and never in the place of others."""
+"""New files and directories: complete or not at all, and never in place of existing ones."""
 
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from parallel_robot_base.errors import InputError
+from parallel_robot_base.errors import BagError, InputError
 
 
 def check(path: Path, option: str) -> None:
-    """Refuse a file that exists; `option` chooses another.
+    """Refuse a file that exists; the message names the option that chooses another.
 
     Raises:
         InputError: it does.
@@ -50,3 +51,35 @@ def written(path: Path, content: bytes) -> Iterator[None]:
     except BaseException:
         path.unlink(missing_ok=True)
         raise
+
+
+def create_directory(directory: str | Path) -> Path:
+    """Make the directory of a new bag.
+
+    Raises:
+        BagError: it exists or cannot be created.
+    """
+    directory = Path(directory)
+    check_directory(directory)
+    try:
+        directory.mkdir(parents=True)
+    except OSError as error:
+        raise BagError(f'cannot write to {directory}: {error.strerror}') from None
+    return directory
+
+
+def check_directory(directory: str | Path) -> None:
+    """Refuse a directory that exists or cannot be made, without leaving a trace.
+
+    Raises:
+        BagError: with the reason.
+    """
+    directory = Path(directory)
+    try:
+        if directory.exists():
+            raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
+        parent = next(parent for parent in directory.absolute().parents if parent.exists())
+        with tempfile.TemporaryDirectory(dir=parent):
+            pass
+    except OSError as error:
+        raise BagError(f'cannot write to {directory}: {error.strerror}') from None

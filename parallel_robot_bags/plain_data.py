@@ -1,4 +1,4 @@
-"""Plain values as text: JSON, or the YAML of older bags and of rosbag2; whoever wrote it."""
+"""Plain values from untrusted text: JSON, or the YAML of older bags and of rosbag2."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from parallel_robot_base.config import LOADER
 
 LONGEST = 1 << 20  # characters
 DEEPEST = 20  # lists and mappings in one another
+MERGE = 'tag:yaml.org,2002:merge'
 PARTS = 100_000  # values in all, what an alias stands for counted again
 
 
@@ -25,14 +26,14 @@ def load(text: str, longest: int = LONGEST) -> Any:
     """Read JSON or YAML.
 
     Args:
-        text: What anybody may have written.
-        longest: Characters that it may have.
+        text: Text of any origin.
+        longest: How many characters it may have.
 
     Returns:
-        Of null, truth values, finite numbers, texts, lists, and mappings of texts.
+        Null, a truth value, a finite number, a text, a list or a mapping with texts as keys.
 
     Raises:
-        ValueError: it is neither, something else stands in it, or it is too long or too deep.
+        ValueError: it is neither, holds anything else, or is too long or too deep.
     """
     if len(text) > longest:
         raise ValueError(f'longer than {longest} characters')
@@ -83,7 +84,7 @@ def _yaml(text: str) -> Any:
 def _bound(text: str) -> None:
     """Refuse YAML that nests too deep, merges or repeats itself, before it is put together.
 
-    The events come one by one; what puts them together in C has no limit of its own.
+    The events are checked one by one, because the composer in C has no limits of its own.
     """
     open_parts: list[tuple[str | None, int]] = []  # anchor, and the parts before it
     sizes: dict[str, int] = {}  # of finished anchors
@@ -100,10 +101,10 @@ def _bound(text: str) -> None:
                 sizes[anchor] = parts - begin
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in sizes:
-                raise ValueError('an alias of what is not finished')
+                raise ValueError('an alias inside its own anchor')
             parts += sizes[event.anchor]
         elif isinstance(event, yaml.ScalarEvent):
-            if event.value == '<<':
+            if event.tag == MERGE or (event.value == '<<' and event.implicit[0]):
                 raise ValueError('a merge key')
             if event.anchor is not None:
                 sizes[event.anchor] = 1
@@ -112,18 +113,18 @@ def _bound(text: str) -> None:
 
 
 def _check(value: Any, depth: int) -> None:
-    """Refuse what is no plain value."""
+    """Refuse everything that is not a plain value."""
     if isinstance(value, (list, dict)):
         if depth == 0:
             raise ValueError('too deep')
         if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
-            raise ValueError('a key that is no text')
+            raise ValueError('a key that is not a text')
         for item in value.values() if isinstance(value, dict) else value:
             _check(item, depth - 1)
     elif isinstance(value, int) and not isinstance(value, bool):
         if value.bit_length() > 64:
             raise ValueError('a number of more than 64 bits')
     elif not (value is None or isinstance(value, (bool, float, str))):
-        raise ValueError(f'{type(value).__name__} is no plain value')
+        raise ValueError(f'{type(value).__name__} is not a plain value')
     elif isinstance(value, float) and not math.isfinite(value):
         raise ValueError(f'{value}')

@@ -15,7 +15,7 @@ from parallel_robot_base.fields import Field
 from parallel_robot_base.topics import JOINT_STATES
 from parallel_robot_base.units import NANOSECONDS
 
-STATES = f'/{JOINT_STATES.name}'  # end of the name of the topic that has the rhythm of the loop
+STATES = f'/{JOINT_STATES.name}'  # suffix of the topic that sets the rhythm of the loop
 
 
 class PlayerOptions(NamedTuple):
@@ -35,16 +35,16 @@ class PlayerOptions(NamedTuple):
 
 
 class Player:
-    """Plays a bag, in the thread that calls :meth:`run`; all else may be called from any thread.
+    """Plays a bag in the thread that calls :meth:`run`; other methods may be called from any.
 
-    The time of the bag is that of its log. It passes `rate` times as fast as real time, from an
-    origin that every pause, step, seek and new rate renews: what was late once is caught up,
-    nothing drifts. Messages of one log time go out together; a sample of the loop ends where the
+    The time of the bag is its log time. It passes `rate` times as fast as real time, from an
+    origin that every pause, step, seek and new rate sets again: delays are caught up, nothing
+    drifts. Messages of one log time go out together; a sample of the loop ends where the
     next state begins, or without states with its log time.
 
     Attributes:
         sent: Messages sent.
-        paused: Whether time stands.
+        paused: Whether the time of the bag is stopped.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Player:
             options: How to play it.
             send: Called with topic and bytes of each message.
             tick: Called with the time of the bag [ns], `options.clock` times a second of it, and
-                as often while it stands.
+                as often while paused.
 
         Raises:
             InputError: the start lies behind the end of the bag.
@@ -85,10 +85,10 @@ class Player:
             self._last = min(self._last, self._first + round(options.duration * NANOSECONDS))
         self._changed = threading.Condition()
         self._stopped = False
-        self._steps = 0  # that are still to be begun
+        self._steps = 0  # still to begin
         self._stepping = False  # whether one is under way
-        self._target: int | None = None  # ns of the bag, where to go on instead
-        self._origin = (self._first, time.monotonic_ns())  # time of the bag, and when it was
+        self._target: int | None = None  # ns of the bag, where to continue instead
+        self._origin = (self._first, time.monotonic_ns())  # time of the bag, real time
 
     @property
     def position(self) -> float:
@@ -114,20 +114,20 @@ class Player:
             going_on = self._play(target)
 
     def stop(self) -> None:
-        """End :meth:`run` soon."""
+        """Make :meth:`run` return soon."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
 
     def pause(self) -> None:
-        """Let time stand."""
+        """Stop the time of the bag."""
         with self._changed:
             self._origin = (self._now(), time.monotonic_ns())
             self.paused = True
             self._changed.notify()
 
     def resume(self) -> None:
-        """Let time go on from where it stands."""
+        """Let time go on from where it stopped."""
         with self._changed:
             self._origin = (self._now(), time.monotonic_ns())
             self._steps, self._stepping = 0, False
@@ -135,14 +135,14 @@ class Player:
             self._changed.notify()
 
     def step(self) -> bool:
-        """Send the next sample; False when time does not stand."""
+        """Send the next sample; False unless paused."""
         with self._changed:
             self._steps += self.paused
             self._changed.notify()
             return self.paused
 
     def seek(self, seconds: float) -> None:
-        """Go on from another moment [s since the start of the bag].
+        """Continue from another moment [s since the start of the bag].
 
         Raises:
             InputError: the bag has no such moment.
@@ -162,7 +162,7 @@ class Player:
         self._moment(seconds)
 
     def set_rate(self, rate: float) -> None:
-        """Let time pass `rate` times as fast as real time, from where it is."""
+        """Set how many times faster than real time the bag plays, from now on."""
         with self._changed:
             self._origin = (self._now(), time.monotonic_ns())
             self._rate = rate
@@ -181,7 +181,7 @@ class Player:
         return moment + round((time.monotonic_ns() - when) * self._rate)
 
     def _play(self, target: int) -> bool:
-        """Play from a moment [ns] on; return whether to go on elsewhere."""
+        """Play from a moment [ns] on; return whether to continue elsewhere."""
         self._origin = (target, time.monotonic_ns())
         self._next_tick = target
         self._stepping = False
@@ -216,7 +216,7 @@ class Player:
         return self._wait(moment, begins, message=True)
 
     def _wait(self, moment: int, begins: bool, message: bool) -> bool:
-        """Wait for a moment, or a step, which takes time there; False when play ends or jumps."""
+        """Wait for a moment, or a step, which jumps to it; False when play ends or jumps away."""
         with self._changed:
             while not self._stopped and self._target is None:
                 steps = self._steps or (self._stepping and not begins)

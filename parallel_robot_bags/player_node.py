@@ -19,15 +19,17 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_bags.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_bags.player import Player, PlayerOptions
-from parallel_robot_base import cdr, fields, topics
+from parallel_robot_base import fields, layouts, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError
+from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import SuiteNode, describe, run_node
+from parallel_robot_ros.parameters import describe
+from parallel_robot_ros.suite_node import SuiteNode
 
 WINDOW = 400  # messages of a topic that may be unanswered when playing fast
 ASK_EVERY = 100  # messages between two looks for the answer
-ANSWER = 0.01  # s, in which it mostly comes
-LAST_WORD = 4.0  # s, for receivers at the end; Fast DDS asks them every 3 s
+ANSWER = 0.01  # s, usually enough for the answer
+FINAL_WAIT = 4.0  # s, for the receivers at the end; Fast DDS asks them every 3 s
 CLOCK_RATE = 100.0  # Hz, of a bare --clock
 CLOCK = '/clock'
 SETTABLE = {  # parameters that can change while a bag is played
@@ -41,17 +43,17 @@ class PlayerNode(SuiteNode):
 
     example = 'runs/exact --rate 0.5 --ros-args -r __ns:=/left'
 
-    def __init__(self, **words: Any) -> None:
+    def __init__(self, **options_by_name: Any) -> None:
         """Open the bag and begin.
 
         Args:
-            words: See PlayerOptions.
+            options_by_name: See PlayerOptions.
         """
-        options = fields.build(PlayerOptions, words, '--')
-        super().__init__('player', {})
+        options = fields.build(PlayerOptions, options_by_name, '--')
+        super().__init__('player')
         self._bag = BagReader(Path(options.bag))
         self._fast = options.fast
-        self._clock_message = cdr.clock()
+        self._clock_message = layouts.clock()
         self._clock_publisher = (
             self.create_publisher(Clock, CLOCK, topics.DEPTH) if options.clock else None
         )
@@ -74,7 +76,7 @@ class PlayerNode(SuiteNode):
         self.get_logger().info(f'playing {options.bag}: {count} messages')
 
     def diagnose(self) -> dict[str, Any]:
-        """Where playing is."""
+        """Position and state of the playback."""
         return {
             'position [s]': f'{self._player.position:.3f}',
             'paused': self._player.paused,
@@ -116,7 +118,7 @@ class PlayerNode(SuiteNode):
         try:
             self._player.run()
             for publisher in self._publishers_of.values():
-                self._answered_by_all(publisher, LAST_WORD)
+                self._answered_by_all(publisher, FINAL_WAIT)
         except ParallelRobotError as error:
             self.fail(error)
         self.finish()
@@ -160,11 +162,11 @@ class PlayerNode(SuiteNode):
         response.message = f'{how} at {self._player.position:.3f} s'
         return response
 
-    def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+    def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
         """Seek and set the rate; all other parameters are fixed."""
         others = {key: value for key, value in changes.items() if key not in SETTABLE}
         if others:
-            return super().judge(others)
+            return super().prepare_change(others)
         values = {
             key: fields.check(key, float, SETTABLE[key], value) for key, value in changes.items()
         }
@@ -183,7 +185,7 @@ class PlayerNode(SuiteNode):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the words of the player's command line."""
+    """Declare the arguments of the player's command line."""
     parser.add_argument('bag', metavar='BAG', help='directory of the bag, or its MCAP file')
     for parameter in fields.parameters(PlayerOptions):
         key, field = parameter.key, parameter.field

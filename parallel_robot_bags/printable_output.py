@@ -1,4 +1,4 @@
-"""What is printed, without the control characters of texts that somebody else wrote."""
+"""Output without the control characters of untrusted texts."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def without_mathematics(text: str) -> str:
 
 
 class PrintableStream:
-    """A stream that passes lines on without control characters; all else is the stream's own.
+    """A stream that removes control characters from lines; everything else is delegated.
 
     Attributes:
-        stream: Where they go.
+        stream: Where the lines go.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -47,7 +47,7 @@ def as_it_is(stream: TextIO) -> TextIO:
 
 @contextlib.contextmanager
 def printable_output() -> Iterator[None]:
-    """Keep escape sequences of names and texts that somebody else wrote off the terminal."""
+    """Keep escape sequences in untrusted names and texts off the terminal."""
     out, err = PrintableStream(sys.stdout), PrintableStream(sys.stderr)
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         yield

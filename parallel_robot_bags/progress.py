@@ -1,4 +1,4 @@
-"""Progress of long work: a line on a terminal that goes away at the end, nothing in a pipe."""
+"""Progress of long work: a bar on a terminal that is removed at the end, nothing in a pipe."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from parallel_robot_bags.printable_output import as_it_is
 
 Item = TypeVar('Item')
 
-QUIET = 1.0  # s, that work may take before it says anything
-AGAIN = 0.1  # s, between two pictures of the bar
+QUIET = 1.0  # s of work before a bar appears
+AGAIN = 0.1  # s between two updates
 WIDTH = 30  # characters of the bar
 CLEAR = '\r\x1b[K'
 
 
 class Progress:
-    """A bar; use as a context manager, so that nothing of it is left."""
+    """A progress bar; use as a context manager, so that it is removed at the end."""
 
     def __init__(self, total: float, unit: str = '') -> None:
         """Prepare; `total` is what :meth:`show` counts up to, in a unit."""
@@ -31,7 +31,7 @@ class Progress:
         self._drawn = False
 
     def show(self, done: float, what: str = '') -> None:
-        """Draw how much is done, if it is time for it."""
+        """Draw how much is done, if an update is due."""
         if not self._terminal or time.monotonic() < self._next:
             return
         share = min(1.0, done / self._total) if self._total else 1.0
@@ -50,7 +50,7 @@ class Progress:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         if self._drawn:
             print(CLEAR, end='', file=self._stream, flush=True)
 

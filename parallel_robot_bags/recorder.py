@@ -6,86 +6,36 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_bags import plain_data
-from parallel_robot_bags.bag_writer import (
-    CHANGES,
-    LAWS,
-    MISSING_LAWS,
-    PARAMETERS,
-    BagWriter,
-    Channel,
-    certify,
-    channel_of,
-)
+from parallel_robot_bags import limits, plain_data
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.certificate import Certificate
+from parallel_robot_bags.channels import Channel, channel_of
 from parallel_robot_bags.experiment import describe, law_source, software
+from parallel_robot_bags.record_names import CHANGES, LAWS, MISSING_LAWS, PARAMETERS
 from parallel_robot_bags.switch_times import SwitchTimes
-from parallel_robot_base.cdr import header_stamp, last_state
+from parallel_robot_bags.topic_stream import TopicStream
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_base.topics import (
     ACTIVE_LAW,
     ANSWERED,
     COMMANDS,
-    JOINT_STATES,
     RECORDED,
     STATUS,
     TELEMETRY,
-    UNSTAMPED,
     Topic,
 )
 
-ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller says to a state
-MOST_LAWS = 100  # that are attached of a controller
+ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller sends for each state
 DRAIN = 0.05  # s, between two rounds of writing
 FLUSH = 1.0  # s, after which a chunk is finished although it is not full
-STRAGGLERS = 4.0  # s, how long a finished motion waits for what is missing; Fast DDS repairs in 3
-ANSWERS_AFTER = 1.0  # s, the same where nothing but answers is missing: states may be skipped
-
-
-class Stream:
-    """The messages of one topic, counted; what rules their log time is known beforehand.
-
-    Attributes:
-        topic: One of the suite's, or any other.
-        channel: How the topic is written.
-        of_suite: Whether it is one of the suite's.
-        stamp_of: Reads the stamp of a message [ns]; None for types without one.
-        received: Messages taken.
-        gaps: Numbers missing between those that the publisher gave its messages; None where they
-            are not known or several publishers number theirs.
-    """
-
-    def __init__(self, topic: Topic, channel: Channel) -> None:
-        self.topic, self.channel = topic, channel
-        self.of_suite = topic in RECORDED
-        self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
-        self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
-        stamped = self.of_suite and topic.type not in UNSTAMPED
-        self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
-        self.received = 0
-        self.gaps: int | None = None
-        self._number = 0  # of the last message; 0: none had one
-
-    def count(self, number: int) -> None:
-        """Count a message, and the numbers between it and the last; smaller ones begin anew."""
-        self.received += 1
-        if not number:
-            return
-        if not self._number:
-            self.gaps = 0
-        elif number > self._number + 1 and self.gaps is not None:
-            self.gaps += number - self._number - 1
-        self._number = number
-
-    def several(self) -> None:
-        """Say that the topic has several publishers: their numbers cannot be told apart."""
-        self.gaps = None
-        self._number = self._number or 1
+STRAGGLERS = 4.0  # s, wait for missing messages after the motion; Fast DDS repairs in 3
+ANSWERS_AFTER = 1.0  # s, the same when only answers are missing: states may be skipped
 
 
 class Recorder:
@@ -103,7 +53,7 @@ class Recorder:
         loop: LoopParameters,
         values: Mapping[str, Any],
         failed: Callable[[Exception], None],
-        suite: bool = True,
+        suite: Collection[Topic] = RECORDED,
     ) -> None:
         """Prepare; the bag is created by :meth:`open`.
 
@@ -112,7 +62,7 @@ class Recorder:
             loop: Period, duration, mode.
             values: The resolved configuration, for the bag's metadata.
             failed: Called with the error when the bag cannot be written any more.
-            suite: Whether to record the topics of the suite; others by :meth:`add`.
+            suite: Topics of the suite that are recorded; others by :meth:`add`.
         """
         self._directory = directory
         self._loop = loop
@@ -120,22 +70,22 @@ class Recorder:
         self._failed = failed
         self._start = 0
         self._end: int | None = None
-        self._over = False  # whether the last state of the motion is here
+        self._over = False  # whether the last state of the motion has arrived
         self._last_heard = time.monotonic()
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
         self._lockstep = loop.lockstep
-        self._suite = RECORDED if suite else ()
-        self._streams = {topic: Stream(topic, channel_of(topic)) for topic in self._suite}
+        self._suite = suite
+        self._streams = {topic: TopicStream(topic, channel_of(topic)) for topic in self._suite}
         self._laws: dict[str, bytes] = {}  # sources that are attached, or will be
         self._newest = 0  # ns, largest stamp of the suite
         self._switches = SwitchTimes(0)
-        self._queue: queue.SimpleQueue[tuple[Stream, int, bytes]] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[tuple[TopicStream, int, bytes]] = queue.SimpleQueue()
         self._notes: queue.SimpleQueue[Callable[[BagWriter], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         software()  # looked up now, not at the start of the motion
-        for path in values['own_laws']:
+        for path in values['custom_laws']:
             self._attach(path)
 
     def open(self, start_stamp: int = 0) -> None:
@@ -147,8 +97,8 @@ class Recorder:
         """
         self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
         self._switches = SwitchTimes(self._start)
-        if self._loop.samples is not None and start_stamp:
-            self._end = start_stamp + self._loop.samples * self._loop.period_ns
+        if self._loop.last_index is not None and start_stamp:
+            self._end = start_stamp + self._loop.last_index * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
         try:
             self._writer = BagWriter(self._directory, self._suite, metadata)
@@ -160,7 +110,7 @@ class Recorder:
 
     def add(self, topic: Topic, channel: Channel) -> None:
         """Record a topic that is not one of the suite's; before its first message is taken."""
-        self._streams[topic] = Stream(topic, channel)
+        self._streams[topic] = TopicStream(topic, channel)
 
     @property
     def received(self) -> Counter[Topic]:
@@ -179,9 +129,9 @@ class Recorder:
             Why laws cannot be attached, one line each.
         """
         self._note(PARAMETERS, {node: plain_data.dump(parameters)})
-        laws = parameters.get('own_laws') if node.endswith('/controller') else None
+        laws = parameters.get('custom_laws') if node.endswith('/controller') else None
         troubles = []
-        for path in laws[:MOST_LAWS] if isinstance(laws, list) else ():
+        for path in laws[: limits.LAWS] if isinstance(laws, list) else ():
             try:
                 self._attach(str(path))
             except InputError as error:
@@ -216,15 +166,15 @@ class Recorder:
             topic: One of the suite's, or one that was added.
             data: The message.
             received: When the middleware received it [ns]; 0: now.
-            number: That which its publisher gave it; 0: not known.
+            number: Sequence number by its publisher; 0: not known.
         """
         self._take(self._streams[topic], data, received, number)
 
     def taker(self, topic: Topic) -> Callable[[bytes, int, int], None]:
-        """:meth:`take` for the messages of one topic; ready to be called often."""
+        """:meth:`take` for the messages of one topic; faster when called often."""
         return partial(self._take, self._streams[topic])
 
-    def _take(self, stream: Stream, data: bytes, received: int, number: int) -> None:
+    def _take(self, stream: TopicStream, data: bytes, received: int, number: int) -> None:
         if self._writer is None:
             if stream.topic.latched:
                 self._early.append((stream.topic, data, received, number))
@@ -237,7 +187,7 @@ class Recorder:
             if stream.is_log:  # of commands that answer no state: as if of the newest
                 stamp = stamp or max(newest, start)
             late = self._end is not None and stamp > self._end and stream.topic.every
-            if stamp < start or late:  # what is latched may be of a controller that lags
+            if stamp < start or late:  # a latched message may be from a controller that lags
                 return
         elif stream.of_suite and not stream.is_law:
             stamp = start + stream.received * self._loop.period_ns
@@ -264,7 +214,7 @@ class Recorder:
             self._queue.put((self._streams[ACTIVE_LAW], log_time, data))
 
     def several(self, topic: Topic) -> None:
-        """Say that a topic has several publishers: their numbers cannot be told apart."""
+        """Note that a topic has several publishers, whose numbers cannot be told apart."""
         self._streams[topic].several()
 
     def lost(self, topic: Topic) -> int | None:
@@ -278,12 +228,12 @@ class Recorder:
 
     def expected(self, topic: Topic) -> int | None:
         """How many messages of a topic the whole motion has; None when that is not known."""
-        if self._loop.samples is None or topic not in RECORDED:
+        if self._loop.last_index is None or topic not in self._suite:
             return None
-        return self._loop.samples // topic.every + 1 if topic.every else 1
+        return self._loop.last_index // topic.every + 1 if topic.every else 1
 
     def complete(self) -> bool:
-        """Whether the motion is over and all its messages are here, or will not come any more."""
+        """Whether the motion is over and all its messages arrived, or will not come any more."""
         if not self._over:
             return False
         missing = [
@@ -296,7 +246,7 @@ class Recorder:
         return not missing or time.monotonic() - self._last_heard > patience
 
     def close(self) -> list[str]:
-        """Write what is left and complete the bag.
+        """Write the remaining messages and complete the bag.
 
         Returns:
             The report: one line a topic with received, written and lost messages.
@@ -306,17 +256,16 @@ class Recorder:
         if self._writer is None:
             return []
         self._thread.join()
+        certificates = self._writer.certificates
         for topic in self._streams:
-            lost = self.lost(topic)
-            self._writer.certificate[topic.name] = certify(
-                self._writer.written[topic.name], 'unknown' if lost is None else lost
-            )
+            written = self._writer.written[topic.name]
+            certificates[topic.name] = Certificate(written, self.lost(topic))
         try:
             self._writer.close()
         except OSError as error:
             self._failed(self._broken(error))
         return [
-            f'{topic.name}: received {stream.received}, {self._writer.certificate[topic.name]}'
+            f'{topic.name}: received {stream.received}, {certificates[topic.name]}'
             for topic, stream in self._streams.items()
         ]
 

@@ -9,35 +9,41 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
-from parallel_robot_bags import bag_writer
+from parallel_robot_bags import new_files
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_bags.ros_parameters import ParameterWatch
 from parallel_robot_bags.ros_topics import Discovery, RecorderParameters, full_name, listen_all
 from parallel_robot_base import config, realtime, topics
 from parallel_robot_base.loop import WAIT
-from parallel_robot_ros.suite_node import SuiteNode, run_node
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.robots import module_of
+from parallel_robot_ros.life_cycle import run_node
+from parallel_robot_ros.suite_node import SuiteNode
 
-CHECK = 0.05  # s, between two looks whether the motion is over
-LOOK = 0.5  # s, between two looks at the ROS graph
+CHECK = 0.05  # s, how often to check whether the motion is over
+LOOK = 0.5  # s, how often to look at the ROS graph
 
 
 class RecorderNode(SuiteNode):
-    """Records from its start, or the common one, to the end of the motion or of the node."""
+    """Records from its own or the common start to the end of the motion or of the node."""
 
     priority = realtime.LISTENER
     example = '--ros-args -p recorder.out:=my_bag'
 
     def __init__(self) -> None:
         """Subscribe to everything; without a common start, begin at once."""
-        super().__init__('recorder', {'recorder': RecorderParameters})
+        super().__init__('recorder', resolve)
+        self.declare_group('recorder', RecorderParameters)
         wanted = config.group(self.values, RecorderParameters, 'recorder')
         directory = Path(wanted.out or time.strftime('recording_%Y%m%d_%H%M%S'))
-        bag_writer.check(directory)
+        new_files.check_directory(directory)
         choosing = bool(wanted.topics or wanted.regex or wanted.all)
-        self._recorder = Recorder(directory, self.loop, self.values, self.fail, not choosing)
+        planar = module_of(self.values).PLANAR
+        suite = () if choosing else topics.recorded(planar)
+        self._recorder = Recorder(directory, self.loop, self.values, self.fail, suite)
         self._topics: dict[topics.Topic, Subscription] = {}
         self._discovery = Discovery(self, wanted) if choosing else None
-        for topic in () if choosing else topics.RECORDED:
+        for topic in suite:
             self._topics[topic] = listen_all(self, topic, None, self._recorder.taker(topic))
         self._parameter_watch = ParameterWatch(self, self._found, self._recorder.changed)
         self.create_timer(LOOK, self._look)
@@ -76,7 +82,7 @@ class RecorderNode(SuiteNode):
 
     def close(self) -> None:
         """Complete the bag and report; an end before that of the motion is a failure."""
-        ends = self.samples is not None and self.loop.start_stamp == WAIT
+        ends = self.last_index is not None and self.loop.start_stamp == WAIT
         if ends and self.exit_code is None and not self._recorder.complete():
             self.get_logger().fatal('stopped before the end of the motion')
             self.finish(1)
@@ -84,7 +90,7 @@ class RecorderNode(SuiteNode):
             self.get_logger().info(line)
 
     def _look(self) -> None:
-        """Record what has appeared, ask its nodes, and see who has several publishers."""
+        """Record new topics, ask their nodes, and see which topics have several publishers."""
         for topic, (channel, qos) in (self._discovery.new() if self._discovery else {}).items():
             self._recorder.add(topic, channel)
             self._topics[topic] = listen_all(self, topic, qos, self._recorder.taker(topic))

@@ -1,4 +1,4 @@
-"""Definitions of message types as bags hold them: from rosbags, or from what is installed."""
+"""Definitions of message types as bags hold them: from rosbags, or from installed files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BUILT_IN = (
 
 
 def definition(type_name: str) -> str:
-    """Definition of a type with all that it is made of.
+    """Definition of a type and of all types in it.
 
     Args:
         type_name: ROS type, e.g. ``'std_msgs/msg/String'``.
@@ -65,7 +65,7 @@ def _read(type_name: str, places: Sequence[Path]) -> str:
 
 
 def _parts(type_name: str, text: str) -> list[str]:
-    """Types of the fields that are messages themselves."""
+    """Types of the fields that are messages; rosbags' parser refuses wide strings and CRLF."""
     found = []
     for line in text.splitlines():
         words = line.partition('#')[0].split()

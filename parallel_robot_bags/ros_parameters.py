@@ -1,4 +1,4 @@
-"""Parameters of other nodes: as they were, and every later change."""
+"""Parameters of other nodes: their first values and every later change."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from rclpy.task import Future
 from parallel_robot_base.topics import DEPTH
 
 Tell = Callable[[str, dict[str, Any]], None]  # full name of a node, its parameters
-OTHERS = ('use_sim_time', 'start_stamp')  # changes of these are the start of a run
+OTHERS = ('use_sim_time', 'start_stamp')  # these change at the start of a run
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # what rclpy calls a node of which only a topic is known so far
-PATIENCE = 5.0  # s, how long the answer of a node is waited for
+PATIENCE = 5.0  # s, how long to wait for the answer of a node
 
 
 class ParameterWatch:
-    """Asks nodes for their parameters, once, and listens to what is changed."""
+    """Asks each node for its parameters once, and listens for changes."""
 
     def __init__(self, node: Node, found: Tell, changed: Tell) -> None:
         """Listen.
 
         Args:
-            node: Who asks.
+            node: The node that asks.
             found: Called with all parameters of a node that was asked.
             changed: Called with the new values of parameters that were changed.
         """
@@ -36,14 +36,14 @@ class ParameterWatch:
         self._found = found
         self._changed = changed
         itself = node.get_fully_qualified_name()
-        self._seen: dict[str, float] = {itself: 0.0}  # s, when
+        self._seen: dict[str, float] = {itself: 0.0}  # s, when first seen
         self._present: set[str] = set()
         self._asked, self._answered = {itself}, {itself}
         self._clients: dict[str, tuple[Any, Any]] = {}
         node.create_subscription(ParameterEvent, '/parameter_events', self._on_event, DEPTH)
 
     def ask(self, names: Iterable[str]) -> None:
-        """Ask the nodes that were not asked yet, given those that are there by full name."""
+        """Ask the nodes among `names`, full names of all that are present, that were not asked."""
         self._present = set(names)
         for name in self._present:
             self._seen.setdefault(name, time.monotonic())
@@ -60,7 +60,7 @@ class ParameterWatch:
                 future.add_done_callback(partial(self._on_names, name))
 
     def missing(self) -> list[str]:
-        """Nodes that are there and have not answered yet."""
+        """Nodes that are present but have not answered yet."""
         now = time.monotonic()
         return [
             name
@@ -90,7 +90,7 @@ class ParameterWatch:
 
 
 def _plain(value: Any) -> Any:
-    """A parameter value as YAML can say it."""
+    """A parameter value as plain data."""
     plain = parameter_value_to_python(value)
     if isinstance(plain, (bool, int, float, str, type(None))):
         return plain

@@ -1,4 +1,4 @@
-"""Any topic of the ROS graph: which are wanted, how they are offered, their numbered messages."""
+"""Topics of the ROS graph: which to record, how they are offered, their numbered messages."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from parallel_robot_bags.bag_writer import Channel, channel, qos_profile
+from parallel_robot_bags.channels import Channel, channel, qos_profile
 from parallel_robot_bags.ros_message_definition import definition
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.topics import DEPTH, RECORDED, Topic
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import listen, qos_of
+from parallel_robot_ros.subscription import listen, qos_of
 
 
 class RecorderParameters(NamedTuple):
@@ -36,7 +36,7 @@ class Discovery:
         """Prepare.
 
         Raises:
-            InputError: `regex` is none.
+            InputError: `regex` is not a regular expression.
         """
         self._node = node
         self._all = wanted.all
@@ -46,12 +46,12 @@ class Discovery:
         try:
             self._pattern = re.compile(wanted.regex) if wanted.regex else None
         except re.error as error:
-            raise InputError(f'recorder.regex is no regular expression: {error}') from None
+            raise InputError(f'recorder.regex is not a regular expression: {error}') from None
 
     def new(self) -> dict[Topic, tuple[Channel, QoSProfile]]:
         """Wanted topics that were not there before, and how to subscribe to them.
 
-        What cannot be recorded is said once.
+        Warns once about each that cannot be recorded.
         """
         found = {}
         for name, types in self._node.get_topic_names_and_types():
@@ -105,17 +105,17 @@ def listen_all(
 ) -> Subscription:
     """Subscribe to the serialised messages of a topic, with their reception and number.
 
-    The numbers tell every loss. The middleware's event for lost messages does not know of those
+    The numbers reveal every loss. The middleware's event for lost messages does not know of those
     that a full queue of the receiver dropped, and waiting for it can deadlock (rmw_fastrtps 890).
 
     Args:
-        node: Who listens.
+        node: The node that listens.
         topic: Relative name for topics of the suite, else without its leading slash.
-        qos: How; None as topics of the suite.
-        take: See :func:`suite_node.listen`.
+        qos: Quality of service; None: that of the topics of the suite.
+        take: Receives the messages, see :func:`subscription.listen`.
     """
     profile = qos or qos_of(topic)
-    profile.depth = DEPTH  # of what is latched too: not only the last is wanted
+    profile.depth = DEPTH  # latched topics too: every message is wanted
     return listen(node, topic._replace(name=full_name(topic)), profile, take)
 
 
@@ -125,7 +125,7 @@ def full_name(topic: Topic) -> str:
 
 
 def _profile(qos: QoSProfile) -> dict[str, Any]:
-    """Profile of a publisher as bags hold it; its history is not told over the graph."""
+    """Profile of a publisher as bags hold it; its history is not known over the graph."""
     return qos_profile(
         reliable=qos.reliability != ReliabilityPolicy.BEST_EFFORT,
         latched=qos.durability == DurabilityPolicy.TRANSIENT_LOCAL,

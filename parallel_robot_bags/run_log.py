@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_bags import answers, bag_reader, experiment, history
-from parallel_robot_bags.answers import UNKNOWN, Answered, Used
+from parallel_robot_bags import bag_reader, command_states, experiment, history
+from parallel_robot_bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot_bags.counts import TopicCount, count
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.samples import Samples, decoder, physical, whole
@@ -17,13 +17,15 @@ from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import RECORDED, Topic
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.extrapolation import extrapolate_rows
 
-NOTHING = np.zeros((0, 0))
+EMPTY = np.zeros((0, 0))
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
 class RunLog(NamedTuple):
-    """A recorded run, one row a state, the reference at the state's own stamp.
+    """A recorded run with one row for each state, the reference at the stamp of the state.
 
     Attributes:
         scenario: Name of the scenario.
@@ -42,7 +44,7 @@ class RunLog(NamedTuple):
         command: Commanded torques in the order of the messages [N m], shape (M, n).
         messages: Counts per topic, by name without leading slash.
         answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
-        heard: When the states were recorded [ns], shape (N,).
+        heard: Log times of the states [ns], shape (N,).
         command_states: Stamp of the state that each command answers [ns], 0 where it answers
             none, UNKNOWN where the bag does not say, shape (M,).
         used: References that the controller used; None in bags that do not say.
@@ -64,9 +66,9 @@ class RunLog(NamedTuple):
     reference_acceleration: np.ndarray
     command: np.ndarray
     messages: dict[str, TopicCount]
-    answer: np.ndarray = NOTHING
-    heard: np.ndarray = NOTHING
-    command_states: np.ndarray = NOTHING
+    answer: np.ndarray = EMPTY
+    heard: np.ndarray = EMPTY
+    command_states: np.ndarray = EMPTY
     used: Used | None = None
     warnings: tuple[str, ...] = ()
 
@@ -74,7 +76,7 @@ class RunLog(NamedTuple):
 def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
 
-    What is damaged is left out, and said in `warnings`.
+    Damaged parts are left out; `warnings` say so.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
@@ -100,16 +102,16 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     warnings = [*found.warnings]
     states = _physical(bag, topics.JOINT_STATES, states, warnings)
     references = _physical(bag, topics.REFERENCE, references, warnings)
-    commands.numbers['data'][~physical(commands)] = np.nan  # which is as good as none
+    commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     used = (states.stamps >= start) & (states.stamps >= references.stamps[0])
     if not used.any():
         raise BagError(f'{bag}: no state has a reference at or before its stamp')
     stamps = states.stamps[used]
     if len(stamps) > 1 and not (stamps[-1] > stamps[0] and np.median(np.diff(stamps)) > 0.0):
-        raise BagError(f'{bag}: the stamps of {topics.JOINT_STATES.name} do not go on')
-    answered = answers.align(commands.log_times, streams.get(topics.ANSWERED, []))
-    answer, command_states, in_use = _answers(stamps, states, references, commands, answered)
+        raise BagError(f'{bag}: the stamps of {topics.JOINT_STATES.name} do not increase')
+    answered = command_states.align(commands.log_times, streams.get(topics.ANSWERED, []))
+    answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
         loop.scenario if found.metadata else 'unknown',
         loop.law if found.metadata else 'unknown',
@@ -128,7 +130,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         count(streams, loop.period_ns, answered),
         answer,
         states.log_times[used],
-        command_states,
+        answered_states,
         in_use,
         tuple(warnings),
     )
@@ -145,7 +147,7 @@ def head(log: RunLog, count: int) -> RunLog:
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
-    """Samples without those whose numbers no robot can have; says so in `warnings`.
+    """Leave out samples whose numbers no robot can have, with a line in `warnings`.
 
     Raises:
         BagError: nothing is left.
@@ -168,7 +170,7 @@ def streams_of(
     """Streams of the suite's topics, all in one namespace.
 
     Args:
-        bag: For messages.
+        bag: The bag, for error messages.
         found: Messages by full name of the topic.
         of_robot: A topic that each robot has.
 
@@ -190,31 +192,19 @@ def reference_at(
     position: np.ndarray,
     velocity: np.ndarray,
     acceleration: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> JointReference:
     """Extrapolate references to other stamps, each from the newest before with its derivatives.
 
     Args:
-        stamps: Where they are wanted, none before the first that is known [ns], shape (N,).
+        stamps: Where they are wanted, none before the first known one [ns], shape (N,).
         known: Stamps of the references, in order [ns], shape (M,).
         position: Joint angles [rad], shape (M, n).
         velocity: Their rates [rad/s], shape (M, n).
         acceleration: Their accelerations [rad/s^2], shape (M, n).
     """
     newest = np.searchsorted(known, stamps, side='right') - 1
-    return extrapolated(
+    return extrapolate_rows(
         stamps - known[newest], position[newest], velocity[newest], acceleration[newest]
-    )
-
-
-def extrapolated(
-    age: np.ndarray, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Extrapolate references with their derivatives, each by its age [ns], shape (N,)."""
-    dt = (age / NANOSECONDS)[:, np.newaxis]
-    return (
-        position + dt * velocity + 0.5 * dt * dt * acceleration,
-        velocity + dt * acceleration,
-        acceleration,
     )
 
 
@@ -227,13 +217,13 @@ def _answers(
 ) -> tuple[np.ndarray, np.ndarray, Used | None]:
     """Commands of the states with these stamps; see RunLog.answer, command_states and used."""
     if answered is None:
-        command_states, sure = answers.guess(states, commands)
+        answered_states, sure = command_states.guess(states, commands)
     else:
-        command_states, sure = answered.states, True
-    command = answers.by_state(stamps, command_states)
+        answered_states, sure = answered.states, True
+    command = command_states.by_state(stamps, answered_states)
     answer = commands.numbers['data'][command]
     answer[command < 0] = np.nan
     if answered is None:
-        return answer, command_states if sure else np.full_like(command_states, UNKNOWN), None
+        return answer, answered_states if sure else np.full_like(answered_states, UNKNOWN), None
     known = np.where(command < 0, 0, answered.references[command])
-    return answer, command_states, answers.used(stamps, known, references)
+    return answer, answered_states, command_states.used(stamps, known, references)

@@ -10,8 +10,8 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_bags.bag_reader import Messages
-from parallel_robot_bags.limits import KINDS, MESSAGE, NAME
-from parallel_robot_base import cdr, topics
+from parallel_robot_bags.limits import KINDS, MESSAGE, is_name
+from parallel_robot_base import cdr, layouts, topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import Topic
 
@@ -43,7 +43,7 @@ class Samples(NamedTuple):
 
 
 def decoder(
-    bag: Path, layouts: Mapping[Topic, LayoutOf] | None = None
+    bag: Path, chosen: Mapping[Topic, LayoutOf] | None = None
 ) -> Callable[[Topic, Messages], list[Samples]]:
     """Function that decodes messages of a topic, by kind of message.
 
@@ -51,14 +51,14 @@ def decoder(
     those of their topic.
 
     Args:
-        bag: For messages.
-        layouts: How to find the layout of a topic's messages from one of them; None: LAYOUTS.
+        bag: The bag, for error messages.
+        chosen: How to find the layout of a topic's messages from one of them; None: LAYOUTS.
     """
-    layouts = LAYOUTS if layouts is None else layouts
-    kinds: dict[Topic, list[Kind]] = {}  # that are known, the last used first
+    layout_of = LAYOUTS if chosen is None else chosen
+    kinds: dict[Topic, list[Kind]] = {}  # known so far, the last used first
 
     def decode(topic: Topic, messages: Messages) -> list[Samples]:
-        if topic not in layouts:
+        if topic not in layout_of:
             return [Samples((), messages.log_times, _header_stamps(topic, messages.payloads), {})]
         decoded: list[Samples] = []
         known = kinds.setdefault(topic, [])
@@ -69,7 +69,7 @@ def decoder(
                     break
             else:
                 first = messages.payloads[0, : MESSAGE + 1].tobytes()
-                kind = _kind(bag, topic, first, layouts[topic])
+                kind = _kind(bag, topic, first, layout_of[topic])
                 same = _has_layout(messages.payloads, kind[0])
                 known.append(kind)
             if not same.any() or len(known) > KINDS:
@@ -116,7 +116,7 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
 
 
 def physical(samples: Samples) -> np.ndarray:
-    """Which messages have numbers that a robot can have, shape (N,); NaN and infinity are none."""
+    """Which messages have numbers that a robot can have, shape (N,): finite and bounded."""
     kept = np.ones(len(samples.stamps), bool)
     for numbers in samples.numbers.values():
         if not (numbers.max() <= LARGEST and numbers.min() >= -LARGEST):  # nor with NaN
@@ -129,7 +129,7 @@ def _kind(bag: Path, topic: Topic, message: bytes, layout_of: LayoutOf) -> Kind:
         if len(message) > MESSAGE:
             raise ValueError(f'a message of more than {MESSAGE} bytes')
         layout, joints = layout_of(STORE.deserialize_cdr(message, topic.type))
-        if not all(joint.isprintable() and len(joint) <= NAME for joint in joints):
+        if not all(map(is_name, joints)):
             raise ValueError('the name of a joint is too long or cannot be printed')
     except Exception as error:  # in broken bytes, any length or string can be wrong
         raise BagError(f'{bag}: {topic.name} is not understood: {error}') from None
@@ -160,27 +160,27 @@ def _samples(messages: Messages, layout: cdr.Layout, joints: tuple[str, ...]) ->
 
 def _state_layout(message: Any) -> Kind:
     names = tuple(message.name)
-    return cdr.joint_state(names, frame=message.header.frame_id), names
+    return layouts.joint_state(names, frame=message.header.frame_id), names
 
 
 def _reference_layout(message: Any) -> Kind:
     names = tuple(message.joint_names)
-    return cdr.joint_trajectory(names, message.header.frame_id), names
+    return layouts.joint_trajectory(names, message.header.frame_id), names
 
 
 def _numbers_layout(message: Any) -> Kind:
-    return cdr.float64_multi_array(len(message.data)), ()  # in the order of the joints
+    return layouts.float64_multi_array(len(message.data)), ()  # in the order of the joints
 
 
 def _stamps_layout(message: Any) -> Kind:
-    return cdr.int64_multi_array(len(message.data)), ()
+    return layouts.int64_multi_array(len(message.data)), ()
 
 
 def error_layout(message: Any) -> Kind:
-    """Layout of telemetry: a position for each joint, and what else there is."""
+    """Layout of telemetry: a position for each joint, and any other fields."""
     fields = tuple(name for name in FIELDS[topics.JOINT_STATES] if len(getattr(message, name)))
     names = tuple(message.name)
-    return cdr.joint_state(names, fields, message.header.frame_id), names
+    return layouts.joint_state(names, fields, message.header.frame_id), names
 
 
 LAYOUTS: dict[Topic, LayoutOf] = {
@@ -192,7 +192,7 @@ LAYOUTS: dict[Topic, LayoutOf] = {
 
 
 def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
-    """Where each joint stands in the messages of a topic."""
+    """Index of each joint in the messages of a topic."""
     for joint in joints:
         if names.count(joint) != 1:
             raise BagError(f'{bag}: {topic.name} has no {joint}, only {", ".join(names)}')

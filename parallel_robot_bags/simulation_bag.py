@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_bags.bag_writer import LAWS, BagWriter, certify
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.experiment import SIMULATION, describe, law_source
 from parallel_robot_bags.progress import tracked
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_bags.record_names import LAWS
+from parallel_robot_base import layouts, topics
 from parallel_robot_base.loop import STEP_START
+from parallel_robot_control import faults
 from parallel_robot_control.messages import (
     Status,
     Telemetry,
@@ -21,7 +24,6 @@ from parallel_robot_control.messages import (
     telemetry_messages,
 )
 from parallel_robot_sim.messages import state_layout, state_messages
-from parallel_robot_sim.plant import PlantParameters
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.messages import pose_messages, reference_messages
 
@@ -32,54 +34,49 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     Args:
         directory: Where the bag will be; must not exist.
         values: The resolved configuration.
-        simulation: What happened.
+        simulation: The simulated run.
 
     Raises:
         BagError: the directory exists or cannot be created.
         OSError: the disk is full or gone.
     """
-    loop, law, reference = simulation.loop, simulation.law, simulation.reference
-    run = simulation.run
+    experiment, reference, run = simulation.experiment, simulation.reference, simulation.run
+    loop, law, robot = experiment.loop, experiment.control.law, experiment.trajectory.robot.module
     count = run.steps
     stamps = STEP_START + np.arange(count) * loop.period_ns
     rows = slice(count)
     slow = slice(0, count, topics.SLOW)
-    passive = config.group(values, PlantParameters, 'plant').publish_passive
+    passive = run.passive_position.shape[1] if values['plant.publish_passive'] else 0
     telemetry = Telemetry(
-        reference.position[rows][slow] - run.theta[slow],
-        reference.velocity[rows][slow] - run.theta_dot[slow],
+        reference.position[rows][slow] - run.position[slow],
+        reference.velocity[rows][slow] - run.velocity[slow],
         run.coupled_error[slow],
         run.sliding_variable[slow],
     )
-    commands = cdr.float64_multi_array(len(loop.joints)).records(count, data=run.command[rows])
-    states = state_messages(
-        state_layout(loop.joints, passive),
-        stamps,
-        run.theta[rows],
-        run.theta_dot[rows],
-        run.psi[rows],
-        run.psi_dot[rows],
-        run.effort[rows],
-    )
+    commands = layouts.float64_multi_array(len(loop.joints)).records(count, data=run.command[rows])
+    states = state_messages(state_layout(loop.joints, passive), stamps, run)
     records = {
         topics.JOINT_STATES: states,
         topics.REFERENCE: reference_messages(loop.joints, stamps, reference),
         topics.COMMANDS: commands,
-        topics.POSE: pose_messages(stamps[slow], run.pose[slow]),
-        topics.POSE_REFERENCE: pose_messages(stamps[slow], reference.pose[rows][slow]),
         **telemetry_messages(loop.joints, stamps[slow], telemetry),
     }
+    if robot.PLANAR:
+        poses, desired = run.pose[slow], reference.pose[rows][slow]
+        records[topics.POSE] = pose_messages(stamps[slow], poses)
+        records[topics.POSE_REFERENCE] = pose_messages(stamps[slow], desired)
+    known, suite = faults.of(robot), topics.recorded(robot.PLANAR)
     facts = describe(loop, values, STEP_START, SIMULATION)
-    laws = dict(map(law_source, values['own_laws']))
-    with BagWriter(directory, topics.RECORDED, facts) as writer:
+    laws = dict(map(law_source, values['custom_laws']))
+    with BagWriter(directory, suite, facts) as writer:
         for name, source in laws.items():
             writer.attach(LAWS + name, source)
-        writer.write(topics.ACTIVE_LAW.name, STEP_START, cdr.text_message(law.name))
+        writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
         status = None
         acted = np.bitwise_or.accumulate(run.acted)
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
-            now = Status(law.name, int(run.fault[k]), int(acted[k]))
+            now = Status(law.name, known.get(int(run.fault[k])), int(acted[k]))
             if now != status:
                 status = now
                 writer.write(topics.STATUS.name, log_time, status_message(log_time, status))
@@ -91,6 +88,6 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
                 index, rest = divmod(k, topic.every)
                 if rest == 0:
                     writer.write(topic.name, log_time, messages[index].tobytes())
-        writer.certificate = {
-            topic.name: certify(writer.written[topic.name], 0) for topic in topics.RECORDED
+        writer.certificates = {
+            topic.name: Certificate(writer.written[topic.name], 0) for topic in suite
         }

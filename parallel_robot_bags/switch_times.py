@@ -1,4 +1,4 @@
-"""When a law became active, in lockstep: its name has no stamp, but the status with it has one."""
+"""When a law became active in lockstep: its name has no stamp, but the status with it has."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from typing import Any
 
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_base.cdr import header_stamp
+from parallel_robot_base.cdr_reader import header_stamp
 from parallel_robot_base.topics import ACTIVE_LAW, STATUS
 
-MOST = 100  # names, and statuses, that wait for each other
+MOST = 100  # names, and statuses, that may wait for each other
 STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
 
 
 class SwitchTimes:
-    """Gives messages with the name of the active law the stamps of the statuses that say so too.
+    """Dates the messages that name the active law by the statuses that name it too.
 
     The controller publishes both at a switch, on two topics: either may come first. Before the
     first state it names its law alone.
     """
 
     def __init__(self, start: int) -> None:
-        """Begin at a stamp [ns], that of names without a status."""
+        """Begin at a stamp [ns], which names without a status get."""
         self._time = start
         self._law = ''  # of the newest status
         self._switches: deque[tuple[str, int]] = deque(
             maxlen=MOST
-        )  # law and stamp, that no name has yet
+        )  # law and stamp, without a name so far
         self._names: deque[tuple[str, bytes]] = deque()  # law and message
 
     def add_status(self, message: bytes) -> None:
@@ -46,7 +46,7 @@ class SwitchTimes:
         """Messages whose time is known by now [ns], in their order, each once."""
         while pair := self._pair():
             name, switch = pair
-            for _ in range(name):  # of them no status knows: they were sent before any state
+            for _ in range(name):  # without a status: sent before any state
                 yield self._time, self._names.popleft()[1]
             for _ in range(switch + 1):
                 self._time = self._switches.popleft()[1]
@@ -60,7 +60,7 @@ class SwitchTimes:
             yield self._time, self._names.popleft()[1]
 
     def _pair(self) -> tuple[int, int] | None:
-        """Places of the first name that a status has, and of that status."""
+        """Places of the first name with a status, and of that status."""
         laws = [law for law, _ in self._switches]
         for place, (law, _) in enumerate(self._names):
             if law in laws:
@@ -69,7 +69,7 @@ class SwitchTimes:
 
 
 def _law_of_status(message: bytes) -> str:
-    """Name of the law in a status; empty in one that is broken, or somebody else's."""
+    """Name of the law in a status; empty if it is broken or not the suite's."""
     try:
         status: Any = STORE.deserialize_cdr(message, STATUS.type)
         return str(next(item.value for item in status.status[0].values if item.key == 'law'))

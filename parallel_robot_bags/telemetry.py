@@ -26,5 +26,5 @@ def read(bag: Path, log: run_log.RunLog, topic: Topic, memory: int = MEMORY) -> 
     try:
         found = bag_reader.read(bag, (topic,), decoder(bag, {topic: error_layout}), memory)
         return whole(bag, topic, run_log.streams_of(bag, found.streams, topic)[topic], log.joints)
-    except (BagError, KeyError):  # somebody else's topic of the same name
+    except (BagError, KeyError):  # a topic of that name that is not the suite's
         return None

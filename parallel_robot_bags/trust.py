@@ -23,23 +23,23 @@ def add_trust_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def own_laws(bag: Path, laws: Mapping[str, bytes], directory: Path, trust: bool) -> list[str]:
+def custom_laws(bag: Path, laws: Mapping[str, bytes], directory: Path, trust: bool) -> list[str]:
     """Write the laws that a bag holds to files, if they may run.
 
-    They may when the user says so, or has noted their digests: the first words of the lines of
+    They may run when the user says so or has noted their digests: the first words of the lines of
     ``~/.config/parallel_robot/trusted_laws``, as ``sha256sum`` writes them.
 
     Args:
-        bag: For messages.
+        bag: The bag, for error messages.
         laws: Name to source of each.
         directory: Where to write them.
-        trust: Whether the user has said so; on a terminal, it is asked once more.
+        trust: Whether the user allowed it; on a terminal, they are asked once more.
 
     Returns:
         The files.
 
     Raises:
-        BagError: they may not.
+        BagError: they may not run.
     """
     noted = _noted()
     strange = {
@@ -79,7 +79,7 @@ def _ask(laws: Mapping[str, bytes]) -> None:
     """Show laws on the terminal and ask whether to run them.
 
     Raises:
-        BagError: not.
+        BagError: the user refuses.
     """
     for name, source in laws.items():
         print(f'---- {name}.py, sha256 {hashlib.sha256(source).hexdigest()}', file=sys.stderr)

@@ -27,6 +27,7 @@ KEPT = 5  # versions, this one included
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 119  # pieces of machine code that `make setup` leaves, about
 SOURCES = (b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)')  # what kernels are made of
+PREFIX = 'parallel_robot_custom_'  # of the names of custom modules
 ROOM = re.compile('parallel_robot_[a-z]+|trajectory_gen')  # packages of the suite
 
 
@@ -72,6 +73,18 @@ def subdirectory(name: str) -> str:
     return str(Path(OWN) / name) if OWN else ''
 
 
+def custom(name: str) -> str:
+    """Directory for machine code that depends on a custom module; its name has its hash."""
+    root = Path(OWN or os.environ['NUMBA_CACHE_DIR']) / 'custom'
+    found = root / name
+    with contextlib.suppress(OSError):
+        if not found.exists():
+            found.mkdir(parents=True)
+            prune(root)
+        os.utime(found)
+    return str(found)
+
+
 def compiled() -> str:
     """How far the machine code of the suite is compiled; empty where that cannot be known."""
     if not OWN:
@@ -81,10 +94,7 @@ def compiled() -> str:
 
 
 def prune(root: Path) -> None:
-    """Remove the machine code that will hardly be used again.
-
-    All directories in `root` hold machine code, those of other names that of older versions.
-    """
+    """Remove the machine code that will hardly be used again: all but the newest directories."""
     times: dict[Path, float] = {}
     for path in root.iterdir():
         with contextlib.suppress(OSError):  # another process removes it, too
@@ -109,7 +119,11 @@ def _root() -> Path:
 def _version() -> str:
     """Hash of the sources that the machine code depends on, and of what compiles them."""
     digest = hashlib.sha256(f'{numba.__version__} {sys.implementation.cache_tag}'.encode())
-    rooms = [path for path in _root().iterdir() if ROOM.fullmatch(path.name)]
+    rooms = [
+        path
+        for path in _root().iterdir()
+        if ROOM.fullmatch(path.name) and path.name != 'parallel_robot_ros'
+    ]
     for path in sorted(path for room in rooms for path in room.rglob('*.py')):
         if path.name.startswith('ros_') or path.name.endswith('_node.py'):
             continue  # of ROS, which no kernel knows

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ import numpy as np
 from parallel_robot_base.units import NANOSECONDS
 
 ENCAPSULATION = b'\x00\x01\x00\x00'  # CDR, little endian
-KINDS = 16  # layouts of a type that are kept
 SPARE = 8  # bytes; some serialisers leave fewer than this at the end of a message
 
 
@@ -199,166 +198,6 @@ class Draft:
         return self.bytes.tobytes()
 
 
-class Reader:
-    """Reads one message from its begin to its end, and nothing behind it.
-
-    The generated deserialisers write a line to the terminal for each message that is broken.
-    """
-
-    def __init__(self, data: bytes) -> None:
-        """Begin to read.
-
-        Raises:
-            ValueError: it is not CDR, little endian.
-        """
-        if data[:2] != ENCAPSULATION[:2]:
-            raise ValueError('not CDR, little endian')
-        self._data = memoryview(data)[len(ENCAPSULATION) :]
-        self._at = 0
-
-    def number(self, code: str) -> Any:
-        """Read a number; `code` as in struct: i, I, d.
-
-        Raises:
-            ValueError: the message ends before.
-        """
-        return struct.unpack('<' + code, self._take(struct.calcsize(code), 1))[0]
-
-    def text(self) -> str:
-        """Read a string.
-
-        Raises:
-            ValueError: the message ends before, or it is no UTF-8.
-        """
-        return bytes(self._take(1, self.number('I'))).rstrip(b'\0').decode()
-
-    def texts(self) -> tuple[str, ...]:
-        """Read a sequence of strings."""
-        return tuple(self.text() for _ in range(self.number('I')))
-
-    def numbers(self) -> np.ndarray:
-        """Read a sequence of float64, shape (n,)."""
-        count = self.number('I')
-        return np.frombuffer(self._take(8, count) if count else b'', '<f8')
-
-    def header(self) -> str:
-        """Read a std_msgs/Header; returns its frame."""
-        self.number('i')
-        self.number('I')
-        return self.text()
-
-    def _take(self, size: int, count: int) -> memoryview:
-        """The next numbers of a size [bytes], aligned."""
-        begin = self._at + -self._at % size
-        self._at = begin + size * count
-        if self._at > len(self._data):
-            raise ValueError(f'ends before byte {self._at}')
-        return self._data[begin : self._at]
-
-
-def header_stamp(data: bytes) -> int | None:
-    """Stamp of a serialised message that begins with a header [ns]; None when it is too short."""
-    if len(data) < len(ENCAPSULATION) + 8:
-        return None
-    sec, nanosec = struct.unpack_from('<iI', data, len(ENCAPSULATION))
-    return int(sec) * NANOSECONDS + int(nanosec)
-
-
-def read_numbers(data: bytes) -> np.ndarray:
-    """Numbers of a serialised std_msgs/Float64MultiArray of any dimensions, shape (n,).
-
-    None where it is not one: shape (0,).
-    """
-    try:
-        message = Reader(data)
-        for _ in range(message.number('I')):  # dimensions: label, size, stride
-            message.text(), message.number('I'), message.number('I')
-        message.number('I')  # of what comes before the data
-        return message.numbers()
-    except ValueError:
-        return np.empty(0)
-
-
-def last_state(data: bytes) -> int | None:
-    """Largest stamp in a serialised std_msgs/Int64MultiArray of stamps [ns]; None when empty."""
-    layout = int64_multi_array((len(data) - 20) // 8)
-    records = layout.decode(data) if len(data) >= 28 else None
-    return int(records['data'].max()) if records is not None else None
-
-
 def stamps_of(records: np.ndarray) -> np.ndarray:
     """Stamps of messages [ns], shape (N,), int64."""
     return records['sec'].astype(np.int64) * NANOSECONDS + records['nanosec']
-
-
-@functools.lru_cache(KINDS)
-def joint_state(
-    joints: tuple[str, ...],
-    fields: tuple[str, ...] = ('position', 'velocity', 'effort'),
-    frame: str = '',
-) -> Layout:
-    """sensor_msgs/JointState with one number for every name in each of `fields`, else empty."""
-    layout = Layout('sensor_msgs/msg/JointState').header(frame).texts(joints)
-    for name in ('position', 'velocity', 'effort'):
-        layout.numbers(name, len(joints) if name in fields else 0)
-    return layout
-
-
-@functools.lru_cache(KINDS)
-def joint_trajectory(joints: tuple[str, ...], frame: str = '') -> Layout:
-    """trajectory_msgs/JointTrajectory with one point, meant for its header's stamp."""
-    count = len(joints)
-    layout = Layout('trajectory_msgs/msg/JointTrajectory').header(frame).texts(joints)
-    layout.constant('I', 1)
-    layout.numbers('position', count).numbers('velocity', count).numbers('acceleration', count)
-    return layout.numbers('effort', 0).constant('i', 0).constant('I', 0)
-
-
-@functools.lru_cache
-def float64_multi_array(count: int) -> Layout:
-    """std_msgs/Float64MultiArray with `count` values and no dimensions, as ros2_control takes."""
-    layout = Layout('std_msgs/msg/Float64MultiArray').constant('I', 0).constant('I', 0)
-    return layout.numbers('data', count)
-
-
-@functools.lru_cache
-def int64_multi_array(count: int) -> Layout:
-    """std_msgs/Int64MultiArray with `count` values and no dimensions."""
-    layout = Layout('std_msgs/msg/Int64MultiArray').constant('I', 0).constant('I', 0)
-    return layout.integers('data', count)
-
-
-@functools.lru_cache
-def pose_stamped(frame: str) -> Layout:
-    """geometry_msgs/PoseStamped."""
-    layout = Layout('geometry_msgs/msg/PoseStamped').header(frame)
-    for name in ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'):
-        layout.number(name, 'f8')
-    return layout
-
-
-def diagnostic_array(
-    name: str, level: int, text: str, values: Mapping[str, str], hardware: str = ''
-) -> Layout:
-    """diagnostic_msgs/DiagnosticArray with one status; only its stamp varies."""
-    layout = Layout('diagnostic_msgs/msg/DiagnosticArray').header()
-    layout.constant('I', 1).constant('B', level)
-    layout.text(name).text(text).text(hardware).constant('I', len(values))
-    for key, value in values.items():
-        layout.text(key).text(value)
-    return layout
-
-
-def text_message(value: str) -> bytes:
-    """Serialise a std_msgs/String, filled up as on the wire."""
-    return filled(Layout('std_msgs/msg/String').text(value).template.tobytes())
-
-
-def filled(data: bytes) -> bytes:
-    """A message filled up to four bytes, as DDS does on the wire."""
-    return data + bytes(-len(data) % 4)
-
-
-def clock() -> Layout:
-    """rosgraph_msgs/Clock."""
-    return Layout('rosgraph_msgs/msg/Clock').stamp()

@@ -50,13 +50,13 @@ class MotionError(InputError):
 
     Attributes:
         time: When it fails first [s].
-        leg: Which leg fails, 1-based; None when the whole platform does.
+        part: Which of the robot's parts fails, 1-based; None when it is the whole robot.
     """
 
-    def __init__(self, reason: str, time: float, leg: int | None = None) -> None:
+    def __init__(self, reason: str, time: float, where: str, part: int | None = None) -> None:
         self.time = time
-        self.leg = leg
-        where = f'leg {leg}' if leg is not None else 'platform'
+        self.part = part
+        where = where if part is None else f'{where} {part}'
         super().__init__(f'motion refused at t = {time:.3f} s, {where}: {reason}')
 
 

@@ -10,6 +10,7 @@ from typing import (
     Any,
     Literal,
     NamedTuple,
+    NewType,
     TypeVar,
     get_args,
     get_origin,
@@ -24,8 +25,19 @@ Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple
 
 
+# One number for each actuated joint; in files, a single number is for all of them.
+PerJoint = NewType('PerJoint', tuple[float, ...])
+
+
 class Field(NamedTuple):
-    """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``."""
+    """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``.
+
+    Attributes:
+        unit: Of the value.
+        description: In a few words.
+        low: Smallest value.
+        high: Largest value.
+    """
 
     unit: str
     description: str
@@ -66,13 +78,16 @@ def defaults(group: type, prefix: str) -> dict[str, Any]:
     return {f'{prefix}{key}': plain(value) for key, value in values.items()}
 
 
-def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Group:
+def build(
+    group: type[Group], values: Mapping[str, Any], prefix: str = '', joints: int | None = None
+) -> Group:
     """Make a group of parameters from plain values, checked one by one.
 
     Args:
         group: The NamedTuple to make.
         values: Key to value, without the prefix; exactly the keys of the group.
         prefix: What stands before the key in messages, e.g. ``'friction.'``.
+        joints: Number of the actuated joints, where the group has values per joint.
 
     Returns:
         The group; integers given for floats and NumPy's numbers are converted, lists and arrays
@@ -90,7 +105,7 @@ def build(group: type[Group], values: Mapping[str, Any], prefix: str = '') -> Gr
     missing = [prefix + key for key in keys if key not in values]
     if missing:
         raise InputError(f'parameter {missing[0]} is missing')
-    return group(*(check(prefix + p.key, p.type, p.field, values[p.key]) for p in known))
+    return group(*(check(prefix + p.key, p.type, p.field, values[p.key], joints) for p in known))
 
 
 def plain(value: Any) -> Any:
@@ -104,9 +119,13 @@ def plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def check(name: str, kind: Any, field: Field, value: Any) -> Any:
+def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = None) -> Any:
     """Return `value` as `kind`, or raise InputError with a line that names both."""
     value = plain(value)
+    if kind is PerJoint:
+        if joints is not None:
+            return _check_per_joint(name, field, value, joints)
+        kind = tuple[float, ...]
     if get_origin(kind) is tuple:
         items = get_args(kind)
         length = None if items[-1] is Ellipsis else len(items)
@@ -129,6 +148,18 @@ def check(name: str, kind: Any, field: Field, value: Any) -> Any:
     if kind in (int, float):
         _check_range(name, field, value)
     return value
+
+
+def _check_per_joint(name: str, field: Field, value: Any, joints: int) -> PerJoint:
+    """One number for each joint; a single one is for all of them."""
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return PerJoint((check(name, float, field, value),) * joints)
+    if len(value) != joints:
+        wanted = f'a number or a list of {joints} numbers, one for each joint'
+        raise InputError(f'{name} must be {wanted}, not {len(value)}')
+    return PerJoint(
+        tuple(check(f'{name}[{i}]', float, field, item) for i, item in enumerate(value))
+    )
 
 
 def _check_range(name: str, field: Field, value: float) -> None:

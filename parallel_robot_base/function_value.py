@@ -26,12 +26,12 @@ class _FunctionType(types.FunctionType):  # type: ignore[misc]
     """Type of a function by address, told apart by the types of its arguments.
 
     Numba's own goes by the names of the types: two laws whose ``Gains`` have the same number of
-    fields would be one type to it.
+    fields would be one type to it, and one law two types, before and after :func:`distinguish`.
     """
 
     @property
     def key(self) -> Any:
-        return super().key, self.signature
+        return self.signature
 
 
 register_model(_FunctionType)(FunctionModel)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
 
-from parallel_robot_base.kernel_cache import NoCache, cache_of
+from parallel_robot_base.kernel_cache import cache_of
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -39,23 +38,6 @@ def inlined(function: Function) -> Function:
     For functions that take others, and where handing over many arrays costs more than the work.
     """
     return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
-
-
-@contextlib.contextmanager
-def in_memory(*kernels: Any) -> Iterator[None]:
-    """Compile kernels without the cache on disk, for arguments of types of a module of one's own.
-
-    The index of a cached kernel holds the types that it was compiled for; other processes, which
-    cannot import such a module, could not read it.
-    """
-    caches = [kernel._cache for kernel in kernels]
-    for compiled in kernels:
-        compiled._cache = NoCache()
-    try:
-        yield
-    finally:
-        for compiled, cache in zip(kernels, caches, strict=True):
-            compiled._cache = cache
 
 
 def entry_point(function: Callable[..., Any], *example: Any) -> Callable[..., Any]:

@@ -14,18 +14,30 @@ import hashlib
 import inspect
 import logging
 import os
+import pickle
+import re
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, NullCache, _CacheLocator
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    NullCache,
+    _CacheLocator,
+)
 from numba.core.runtime import rtsys
 
 from parallel_robot_base import cache_directory
+from parallel_robot_base.cache_directory import PREFIX
 
 NOTICE = 'compiling; after an installation this takes about a minute, once'
+UNREADABLE = (OSError, EOFError, ImportError, AttributeError, pickle.UnpicklingError)
 AGAIN = 10.0  # s, between two lines that say how far it is
+CUSTOM = re.compile(rf'{PREFIX}\w+(?=\.)')  # names of custom modules in names of types
 
 
 class _Place(_CacheLocator):  # type: ignore[misc]
@@ -74,7 +86,11 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The cache of one kernel: it says when it does not have it."""
+    """The cache of one kernel: it says when it does not have it.
+
+    Machine code for types of a custom module lies in a directory of that module: processes that
+    have not imported it cannot read an index with its types.
+    """
 
     _impl_class = _Files
 
@@ -92,7 +108,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         context.refresh = initialise
         found = None
         try:
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(*UNREADABLE), self._files_of(signature):
                 found = super().load_overload(signature, context)
         finally:
             vars(context).pop('refresh', None)
@@ -101,14 +117,38 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
-        """Save machine code, if there is a place for it: a full disk stops nobody."""
-        with contextlib.suppress(OSError):
-            super().save_overload(signature, data)
+        """Save machine code, if there is a place for it: a full disk stops nobody.
+
+        An index that cannot be read is begun anew.
+        """
+        with contextlib.suppress(OSError), self._files_of(signature):
+            os.makedirs(self._cache_file._cache_path, exist_ok=True)
+            try:
+                super().save_overload(signature, data)
+            except UNREADABLE:
+                self._cache_file.flush()
+                super().save_overload(signature, data)
             _report()
+
+    @contextlib.contextmanager
+    def _files_of(self, signature: Any) -> Iterator[None]:
+        """Use the files for a signature within the context."""
+        usual = self._cache_file
+        custom = sorted(set(CUSTOM.findall(str(signature))))
+        if custom:
+            self._cache_file: Any = IndexDataCacheFile(
+                cache_directory.custom('_and_'.join(custom)),
+                f'{self._py_func.__module__}.{self._impl.filename_base}',
+                '',
+            )
+        try:
+            yield
+        finally:
+            self._cache_file = usual
 
 
 class NoCache(NullCache):  # type: ignore[misc]
-    """The cache of a kernel that is compiled at every start."""
+    """The cache of a kernel where there is no place for one."""
 
     def load_overload(self, signature: Any, context: Any) -> None:
         """Say that there is none."""

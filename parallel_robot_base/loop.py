@@ -22,7 +22,9 @@ class LoopParameters(NamedTuple):
         Literal['paper', 'custom'],
         Field('', 'paper: gains of all laws as in config/laws, Table 2; custom: others'),
     ]
-    own_laws: Annotated[tuple[str, ...], Field('', "Python files with laws of one's own")]
+    robot_model: Annotated[str, Field('', 'robot, a file of config/robots or a custom one')]
+    custom_laws: Annotated[tuple[str, ...], Field('', 'Python files with custom laws')]
+    custom_robots: Annotated[tuple[str, ...], Field('', 'Python files with custom robots')]
     joints: Annotated[tuple[str, ...], Field('', 'names of the actuated joints, in order')]
     period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
     duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]
@@ -57,7 +59,7 @@ class LoopParameters(NamedTuple):
         return round(self.period * NANOSECONDS)
 
     @property
-    def samples(self) -> int | None:
+    def last_index(self) -> int | None:
         """Index of the last state of the motion; None when it has no end."""
         return round(self.duration / self.period) if self.duration > 0.0 else None
 
@@ -66,16 +68,16 @@ def validate(loop: LoopParameters) -> LoopParameters:
     """Return `loop` when it makes sense.
 
     Raises:
-        InputError: not three joints, or two with one name; a period of which ten do not fit into
+        InputError: no joints, or two with one name; a period of which ten do not fit into
             0.1 s, the grid on which slow topics and common starts lie; a motion of no sample.
     """
-    if len(loop.joints) != 3 or len(set(loop.joints)) != 3:
-        raise InputError(f'joints must be three different names, not {list(loop.joints)}')
+    if not loop.joints or len(set(loop.joints)) != len(loop.joints):
+        raise InputError(f'joints must be different names, not {list(loop.joints)}')
     if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
         raise InputError(
             f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}'
         )
-    if loop.samples == 0:
+    if loop.last_index == 0:
         raise InputError(
             f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}'
         )

@@ -63,3 +63,8 @@ RECORDED = (
     ACTIVE_LAW,
     STATUS,
 )
+
+
+def recorded(planar: bool) -> tuple[Topic, ...]:
+    """Topics that a bag holds; the pose only of a robot that moves in a plane."""
+    return tuple(topic for topic in RECORDED if planar or topic not in (POSE, POSE_REFERENCE))

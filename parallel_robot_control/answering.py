@@ -1,22 +1,16 @@
 """One state message in, one command message out: all that happens between them, compiled.
 
-A Core holds what a controller knows between two states. Its arrays are shared with Python, which
-looks at them and changes them between two calls; what depends on the law (gains, memory) lies in
-the compiled object alone.
+What a controller knows between two states lies in the core of its law, see law_core.py.
 """
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.experimental import structref
 from numpy.typing import NDArray
 
-from parallel_robot_base import cdr
-from parallel_robot_base.kernel import entry_point, in_memory, inner, kernel
+from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
@@ -24,22 +18,42 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
     Acted,
     CycleState,
-    cycle_of,
-    initial_state,
     is_finite,
-    run_cycle,
 )
-from parallel_robot_control.laws import LAWS, PreparedLaw
-from parallel_robot_control.reference_buffer import MISSING, TOO_OLD, reference_at
-from parallel_robot_control.safety import Last, Limits
+from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
+from parallel_robot_control.safety import Last
+from parallel_robot_control.shared_arrays import (
+    ACTED,
+    AGES,
+    ANSWERS,
+    COUPLED,
+    EFFORT,
+    END,
+    ERROR,
+    ERROR_RATE,
+    EXCESS,
+    FAULT,
+    FROM,
+    HEARD,
+    HELD,
+    KNOWN,
+    LAST,
+    LOGGED,
+    NEVER,
+    OFFSET,
+    POSITION,
+    REFERENCE,
+    SKIPPED,
+    SLIDING,
+    START,
+    TAKES_OVER,
+    TORQUE,
+    VELOCITY,
+)
 from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 
-RESTART = NANOSECONDS // 2  # a jump of the stamps by more than this is a new run of the plant
-NEVER = -1  # a stamp that none has
-AGES = 4096  # answers of which the age of the state is kept
 
 # What an answer returns: bits, when there is one ...
 ANSWERED = 1
@@ -53,217 +67,6 @@ OUT_OF_ORDER = -3  # the stamp repeats, goes back or jumps
 OLD = -4  # the state is of a time that has gone
 STALE = -5  # no state was answered for too long: the controller itself stood still
 EARLY = -6  # the state is from before the start
-
-# Rows of Shared.vectors,
-POSE, POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, VELOCITY, EFFORT = range(9)
-MEASURED = [POSITION, VELOCITY, EFFORT]
-# of Shared.telemetry,
-ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
-# and of Shared.numbers.
-(
-    FAULT, TAKES_OVER, KNOWN, ACTED,  # of the cycle
-    LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
-    HEARD,  # when the last answer was given, on the clock that never jumps; 0: none, or the end
-    LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states that never came
-) = range(12)  # fmt: skip
-
-
-class Timing(NamedTuple):
-    """Times [ns], and whether the plant waits for each command."""
-
-    period: int
-    reference_timeout: int
-    state_timeout: int
-    lockstep: bool
-
-
-class Shared(NamedTuple):
-    """The arrays that Python and the kernels share.
-
-    Attributes:
-        vectors: State of the cycle, one row a vector, shape (9, n).
-        telemetry: Of the last answer, shape (4, n).
-        numbers: Fault, stamps and counts, shape (12,).
-        command: The command message of the last answer, serialised.
-        torques: The torques in it [N m], shape (n,).
-        log: Stamps of state and reference of each answer [ns], shape (AGES, 2).
-        ages: Of the states when they were answered [ns], shape (AGES,).
-    """
-
-    vectors: Array
-    telemetry: Array
-    numbers: NDArray[np.int64]
-    command: NDArray[np.uint8]
-    torques: Array
-    log: NDArray[np.int64]
-    ages: NDArray[np.int64]
-
-
-def shared(pose: Array, joints: int) -> Shared:
-    """Arrays before the first state; `pose` is where the forward kinematics starts."""
-    command = cdr.float64_multi_array(joints).draft()
-    made = Shared(
-        np.zeros((9, joints)),
-        np.zeros((4, joints)),
-        np.zeros(12, np.int64),
-        command.bytes,
-        command.fields['data'],
-        np.zeros((AGES, 2), np.int64),
-        np.zeros(AGES, np.int64),
-    )
-    made.numbers[[LAST, START, END]] = NEVER
-    store(made, initial_state(pose, joints))
-    return made
-
-
-def stored(arrays: Shared) -> CycleState:
-    """The state of the cycle."""
-    v, numbers = arrays.vectors.copy(), arrays.numbers
-    last = Last(
-        v[POSITION],
-        v[REFERENCE],
-        v[TORQUE],
-        v[OFFSET],
-        bool(numbers[TAKES_OVER]),
-        bool(numbers[KNOWN]),
-    )
-    return CycleState(v[POSE], last, v[EXCESS], v[HELD], int(numbers[FAULT]))
-
-
-def store(arrays: Shared, state: CycleState) -> None:
-    """Replace the state of the cycle."""
-    last = state.last
-    arrays.vectors[:VELOCITY] = (
-        state.pose,
-        last.position,
-        last.reference,
-        last.torque,
-        last.offset,
-        state.excess,
-        state.held,
-    )
-    arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known
-
-
-@structref.register
-class CommonType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Common."""
-
-
-class Common(structref.StructRefProxy):  # type: ignore[misc]
-    """What does not depend on the law: references, times, the fields of Shared."""
-
-
-@structref.register
-class CoreType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Core: one for each law."""
-
-
-class Core(structref.StructRefProxy):  # type: ignore[misc]
-    """A law with all that its cycle needs."""
-
-
-structref.define_boxing(CommonType, Common)
-structref.define_constructor(Common, CommonType, ('references', 'timing', *Shared._fields))
-structref.define_boxing(CoreType, Core)
-structref.define_constructor(
-    Core, CoreType, ('cycle', 'update', 'gains', 'robot', 'limits', 'memory', 'common')
-)
-
-
-@kernel
-def _common(references: Any, timing: Timing, arrays: Shared) -> Any:
-    return Common(
-        references,
-        timing,
-        arrays.vectors,
-        arrays.telemetry,
-        arrays.numbers,
-        arrays.command,
-        arrays.torques,
-        arrays.log,
-        arrays.ages,
-    )
-
-
-def common(references: Any, timing: Timing, arrays: Shared) -> Any:
-    """Tie together what the cores of all laws share.
-
-    Args:
-        references: ReferenceBuffer.compiled.
-        timing: See Timing.
-        arrays: See Shared.
-    """
-    return _common(references, timing, arrays)
-
-
-@kernel
-def _core(
-    cycle: Any,
-    update: Any,
-    gains: Any,
-    robot: RobotParameters,
-    limits: Limits,
-    memory: Any,
-    common: Any,
-) -> Any:
-    return Core(cycle, update, gains, robot, limits, memory, common)
-
-
-@kernel
-def _memory(core: Any) -> Any:
-    return core.memory
-
-
-class LawCore:
-    """The compiled core with one law; the cores of all laws share the rest.
-
-    Attributes:
-        law: The law.
-    """
-
-    def __init__(
-        self, law: PreparedLaw, robot: RobotParameters, limits: Limits, common: Any, wire: Any
-    ) -> None:
-        """Make the core and compile what works with it; the memory is that before the start.
-
-        Args:
-            law: The law.
-            robot: Nominal robot.
-            limits: See SafetyParameters.
-            common: See :func:`common`.
-            wire: Of states.
-        """
-        self.law = law
-        self._robot, self._limits, self._common = robot, limits, common
-        joints = len(limits.torque)
-        state = initial_state(np.zeros(3), joints)
-        own = law.name not in LAWS
-        with in_memory(run_cycle, _core, _memory, answer) if own else nullcontext():
-            self._cycle = cycle_of(law.update, law.gains, robot, limits, state, law.memory)
-            self._core = self._made(law.memory)
-            self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
-            _memory(self._core)
-
-    def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
-        """See :func:`answer`."""
-        code: int = self._answer(self._core, wire, data, now, monotonic)
-        return code
-
-    @property
-    def memory(self) -> Any:
-        """Memory of the law."""
-        return _memory(self._core)
-
-    @memory.setter
-    def memory(self, memory: Any) -> None:
-        self._core = self._made(memory)
-
-    def _made(self, memory: Any) -> Any:
-        law = self.law
-        return _core(
-            self._cycle, law.update, law.gains, self._robot, self._limits, memory, self._common
-        )
 
 
 @kernel
@@ -288,10 +91,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     if question.code != ANSWERED:
         return question.code
     done = core.cycle(
-        core.update,
-        core.gains,
-        core.robot,
-        core.limits,
+        core.setup,
         question.reference,
         question.position,
         question.velocity,
@@ -391,7 +191,7 @@ def _open(common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Ques
         numbers[KNOWN] != 0,
     )
     state = CycleState(
-        vectors[POSE].copy(), last, vectors[EXCESS].copy(), vectors[HELD].copy(), numbers[FAULT]
+        common.pose.copy(), last, vectors[EXCESS].copy(), vectors[HELD].copy(), numbers[FAULT]
     )
     return Question(code, stamp, known, before, fault, reference, position, velocity, state, dt)
 
@@ -417,7 +217,7 @@ def _close(
         common.telemetry[SLIDING, i] = done.sliding_variable[i]
         common.torques[i] = done.torque[i]
     for i in range(len(after.pose)):
-        v[POSE, i] = after.pose[i]
+        common.pose[i] = after.pose[i]
     stamp, before, period = question.stamp, question.before, common.timing.period
     common.log[numbers[LOGGED] % AGES, 0] = stamp
     common.log[numbers[LOGGED] % AGES, 1] = question.known

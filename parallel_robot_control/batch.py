@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, cycle_of
-from parallel_robot_control.safety import Limits
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
 
 Array = NDArray[np.float64]
 
@@ -47,10 +45,7 @@ class Batch(NamedTuple):
 
 
 def answer(
-    update: Any,
-    gains: Any,
-    robot: RobotParameters,
-    limits: Limits,
+    control: ControlSetup,
     references: JointReference,
     states: States,
     expected: Array,
@@ -60,30 +55,22 @@ def answer(
     """Answer states until a torque is not the expected one.
 
     Args:
-        update: The law, as FirstClass.
-        gains: Its gains.
-        robot: Nominal robot.
-        limits: See SafetyParameters.
+        control: Law, robot and limits.
         references: Desired joint motion at the states, each shape (N, n).
         states: See States.
         expected: Torques [N m], shape (N, n); NaN where any will do.
-        state: Of the controller before the first state.
-        memory: Of the law before the first state.
+        state: State of the controller before the first state.
+        memory: Memory of the law before the first state.
     """
-    cycle = cycle_of(update, gains, robot, limits, state, memory)
-    result: Batch = answers(
-        cycle, update, gains, robot, limits, references, states, expected, state, memory
-    )
+    cycle = cycle_of(control, state, memory)
+    result: Batch = answers(cycle, control, references, states, expected, state, memory)
     return result
 
 
 @kernel
 def answers(
     run_cycle: Any,
-    update: Any,
-    gains: Any,
-    robot: RobotParameters,
-    limits: Limits,
+    control: ControlSetup,
     references: JointReference,
     states: States,
     expected: Array,
@@ -98,10 +85,7 @@ def answers(
             references.position[k], references.velocity[k], references.acceleration[k]
         )
         cycle = run_cycle(
-            update,
-            gains,
-            robot,
-            limits,
+            control,
             reference,
             states.position[k],
             states.velocity[k],

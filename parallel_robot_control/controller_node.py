@@ -15,39 +15,32 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import cdr, realtime, topics
+from parallel_robot_base import realtime, topics
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control import faults
+from parallel_robot_control import configuration, faults
 from parallel_robot_control.answering import (
     ANSWERED,
     EARLY,
-    LOG,
     NO_REFERENCE,
     STALE,
-    STATUS,
-    TELEMETRY,
     UNKNOWN,
 )
-from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import (
-    REFERENCE_FIELDS,
-    Controller,
+from parallel_robot_control.configuration import (
+    ControlConfiguration,
     ControllerParameters,
-    JointSample,
-    Sample,
+    configure,
+    resolve,
 )
-from parallel_robot_control.laws import LAWS, available
-from parallel_robot_control.messages import (
-    Status,
-    limits_text,
-    status_message,
-    telemetry_fields,
-    telemetry_layouts,
-)
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.exchange import Answer, JointSample
+from parallel_robot_control.messages import limits_text
+from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
+from parallel_robot_control.ros_controller_topics import ControllerTopics
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_ros.joint_reader import JointReader
-from parallel_robot_ros.suite_node import SuiteNode, run_node
+from parallel_robot_ros.life_cycle import run_node
+from parallel_robot_ros.suite_node import SuiteNode
 
 LAST_WORD = 0.5  # s, for which the node stays after its zero torque, so that it is read
 LOADING = 0.03  # s, between two laws that are loaded beside the loop
@@ -55,25 +48,25 @@ LOOKS = 4  # at the age of the joint states within the time after which they are
 
 
 class ControllerNode(SuiteNode):
-    """Answers each state with one command; what the controller thinks goes out more slowly."""
+    """Answers each joint state with one command."""
 
     priority = realtime.LOOP
     example = '--ros-args -p law:=s_fotsmc -p s_fotsmc.G:=12'
+    configuration: ControlConfiguration | None = None
 
     def __init__(self) -> None:
         """Prepare the laws, then listen."""
-        groups = {
-            'robot': RobotParameters,
-            'controller': ControllerParameters,
-            'safety': SafetyParameters,
-        }
-        super().__init__('controller', groups | {name: law.Gains for name, law in LAWS.items()})
-        laws = available(self.values)
-        self._laws = ', '.join(laws)
+        super().__init__('controller', resolve)
+        self.configuration = configured = configure(self.values)
+        robot, laws = configured.robot.module, configured.laws
+        self.declare_group('robot', robot.Parameters)
+        self.declare_group('controller', ControllerParameters)
+        self.declare_group('safety', SafetyParameters)
+        self.declare_group('safety', robot.SafetyMargins)
         for name, law in laws.items():
-            if name not in LAWS:
-                self.declare_group(name, law.Gains)
-        self._controller = Controller(self.values, lazy=True)
+            self.declare_group(name, law.Gains)
+        self._laws = ', '.join(laws)
+        self._controller = Controller(configured, lazy=True)
         self._loader = threading.Thread(target=self._load_laws, name='laws', daemon=True)
         self._closing = threading.Event()
         self.counts = self._controller.counts
@@ -85,23 +78,13 @@ class ControllerNode(SuiteNode):
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts
         )
-        self._status: Status | None = None
-        self._told = self._controller.law.name  # the law on the latched topic
-        self._commands = self.publisher(topics.COMMANDS)
-        self._telemetry = {
-            topic: (self.publisher(topic, essential=False), layout.draft())
-            for topic, layout in telemetry_layouts(joints).items()
-        }
-        self._log = self.publisher(topics.ANSWERED, essential=False)
-        self._active_law = self.publisher(topics.ACTIVE_LAW, essential=False)
-        self._active_law.publish(cdr.text_message(self._controller.law.name))
-        self._statuses = self.publisher(topics.STATUS, essential=False)
+        self._topics = ControllerTopics(self, self._controller)
         self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
         self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
-        timeout = self.values['safety.state_timeout']
+        timeout = configured.safety.state_timeout
         self._state_timeout = round(timeout * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
@@ -113,27 +96,27 @@ class ControllerNode(SuiteNode):
 
     def is_settable(self, key: str) -> bool:
         """Law, preset and gains."""
+        laws = self.configuration.laws if self.configuration else {}
         return (
-            super().is_settable(key)
-            or key in ('law', 'preset')
-            or key.partition('.')[0] in available(self.values)
+            super().is_settable(key) or key in ('law', 'preset') or key.partition('.')[0] in laws
         )
 
-    def judge(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
-        """Let the controller judge law, preset and gains."""
+    def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+        """Let the controller prepare a change of law, preset and gains."""
         fixed = {key: value for key, value in changes.items() if not self.is_settable(key)}
         if fixed or 'start_stamp' in changes:
-            return super().judge(fixed or changes)
-        change = self._controller.judge(changes)
+            return super().prepare_change(fixed or changes)
+        change = self._controller.prepare_change(changes)
+        settings = dict(configuration.settings(change.configuration))
 
         def apply() -> None:
             self._warn(change.law.warnings)
             self._controller.apply(change)
-            self.values = change.values
+            self.values = {**self.values, **settings}
 
         stored = {
             key: value
-            for key, value in change.values.items()
+            for key, value in settings.items()
             if key in changes or value != self.values[key]
         }
         return stored, apply
@@ -148,10 +131,10 @@ class ControllerNode(SuiteNode):
             'law': self._controller.law.name,
             'laws': self._laws,
             'limits that acted': limits_text(self._controller.status.acted),
-            'answered': str(self._controller.answered),
-            'skipped': str(self._controller.skipped),
+            'answered': str(self._controller.log.answered),
+            'skipped': str(self._controller.log.skipped),
         }
-        ages = self._controller.take_ages()
+        ages = self._controller.log.take_ages()
         if ages.size and not self.lockstep:
             p50, p99, largest = 1e3 * np.percentile(ages, [50, 99, 100])
             figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
@@ -159,12 +142,12 @@ class ControllerNode(SuiteNode):
 
     def handled(self) -> int:
         """States answered."""
-        return self._controller.answered
+        return self._controller.log.answered
 
     def alarm(self) -> str:
         """The fault."""
-        fault = self._controller.fault
-        return f'fault: {faults.FAULT_TEXT[fault]}' if fault else ''
+        fault = self._controller.status.fault
+        return f'fault: {fault.text}' if fault else ''
 
     def leave_out(self, topic: topics.Topic) -> None:
         """Go over to the safe action: of two robots, or two motions, none is the right one."""
@@ -176,8 +159,8 @@ class ControllerNode(SuiteNode):
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
         self._closing.set()
-        self._send_zero()
-        self._log.publish(self._controller.take_log())
+        self._topics.publish_zero()
+        self._topics.publish_log()
         time.sleep(LAST_WORD)  # those who read best effort acknowledge nothing
         if self._loader.ident:
             self._loader.join()
@@ -194,9 +177,9 @@ class ControllerNode(SuiteNode):
     def _on_state(self, data: bytes) -> None:
         code = self._controller.answer(data, now=self._now())
         if code == ANSWERED:  # nine times out of ten
-            self._commands.publish(self._controller.command)
+            self._topics.publish_command()
         elif code > 0:
-            self._tell_more(code)
+            self._topics.publish_answer(code)
         elif code not in (EARLY, NO_REFERENCE) or self.lockstep:
             self._on_odd_state(code, data)
 
@@ -236,41 +219,10 @@ class ControllerNode(SuiteNode):
             return False
         return bool(self.get_clock().now().nanoseconds > latest)
 
-    def _send(self, sample: Sample | None) -> None:
+    def _send(self, sample: Answer | None) -> None:
         """Publish an answer, if there is one."""
         if sample is not None:
-            self._tell_more(self._controller.code)
-
-    def _tell_more(self, code: int) -> None:
-        """Publish the last answer and what there is to tell with it, by the bits of its code."""
-        self._commands.publish(self._controller.command)
-        stamp = self._controller.stamp
-        if (code & STATUS or self._status is None) and self._controller.status != self._status:
-            self._tell(stamp, self._controller.status)
-        if code & TELEMETRY:
-            for topic, fields in telemetry_fields(self._controller.telemetry).items():
-                publisher, draft = self._telemetry[topic]
-                publisher.publish(draft.encode(stamp, **fields))
-        if code & LOG:
-            self._log.publish(self._controller.take_log())
-
-    def _tell(self, stamp: int, status: Status) -> None:
-        """Publish and log a new status since a stamp [ns]."""
-        before, self._status = self._status, status
-        self._statuses.publish(status_message(stamp, status))
-        if status.law != self._told:
-            self._told = status.law
-            self._active_law.publish(cdr.text_message(status.law))
-            self.get_logger().info(f'law {status.law}')
-        if status.fault != (before.fault if before else faults.NONE):
-            if status.fault:
-                text = faults.FAULT_TEXT[status.fault]
-                self.get_logger().error(f'fault: {text}; ~/clear_fault ends the safe action')
-            else:
-                self.get_logger().info('fault cleared')
-        elif status.acted and status.acted != (before.acted if before else 0):
-            text = f'limits acted: {limits_text(status.acted)}'
-            self.get_logger().warning(text, throttle_duration_sec=1.0)
+            self._topics.publish_answer(self._controller.code)
 
     def _watch(self) -> None:
         """Take the torque away when the joint states are stale."""
@@ -279,16 +231,12 @@ class ControllerNode(SuiteNode):
     def _lose_torque(self, lost: bool) -> None:
         """Take the torque away if the joint states are lost."""
         if lost:
-            self._send_zero()
+            self._topics.publish_zero()
             self._tell_now()
-
-    def _send_zero(self) -> None:
-        self._commands.publish(self._controller.zero_command())
 
     def _tell_now(self) -> None:
         """Publish a fault that no state brought about."""
-        stamp = self._controller.stamp if self.lockstep else time.time_ns()
-        self._tell(stamp, self._controller.status)
+        self._topics.publish_status(self._controller.stamp if self.lockstep else time.time_ns())
 
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response

@@ -12,10 +12,7 @@ from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
-from parallel_robot_model.contract import Model
-from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
-from parallel_robot_model.planar_3rrr.kinematics import FOUND, forward_kinematics
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.contract import Estimate
 
 Array = NDArray[np.float64]
 
@@ -24,7 +21,7 @@ class CycleState(NamedTuple):
     """What one cycle hands to the next.
 
     Attributes:
-        pose: Pose by forward kinematics, shape (3,); the guess of the next one.
+        pose: Pose by forward kinematics, shape (m,); the guess of the next one.
         last: What the cycle saw and did.
         excess: Torque of the law that the limits cut off [N m], shape (n,).
         held: Joint angles at the moment of the fault [rad], shape (n,).
@@ -36,6 +33,24 @@ class CycleState(NamedTuple):
     excess: Array
     held: Array
     fault: int
+
+
+class ControlSetup(NamedTuple):
+    """What a controller is made of and does not change.
+
+    Attributes:
+        update: Update of the law, as FirstClass.
+        estimate: Estimate of the robot module, as FirstClass.
+        gains: Gains of the law.
+        robot: Parameters of the nominal robot.
+        limits: See SafetyParameters.
+    """
+
+    update: Any
+    estimate: Any
+    gains: Any
+    robot: Any
+    limits: Limits
 
 
 class Asked(NamedTuple):
@@ -76,26 +91,15 @@ class Cycle(NamedTuple):
     memory: Any
 
 
-def initial_state(pose: Array, joints: int = 3) -> CycleState:
+def initial_state(pose: Array, joints: int) -> CycleState:
     """State before the first cycle: no torque, and the first torque may be any.
 
     Args:
-        pose: Where the forward kinematics starts, shape (3,).
+        pose: Where the forward kinematics starts, shape (m,).
         joints: n.
     """
     zero = np.zeros(joints)
     return CycleState(pose, Last(zero, zero, zero, zero, False, False), zero, zero, faults.NONE)
-
-
-def taking_over(state: CycleState, torque: Array) -> CycleState:
-    """The state, the next torque going on from the one given [N m], shape (n,).
-
-    Where the torque given is not a number, nobody knows it: zero.
-    """
-    known = np.where(np.isfinite(torque), torque, 0.0)
-    return state._replace(
-        last=state.last._replace(torque=known, takes_over=True), excess=np.zeros(len(torque))
-    )
 
 
 @inner
@@ -107,42 +111,30 @@ def is_finite(x: Array) -> bool:
     return finite
 
 
-class Sensed(NamedTuple):
-    """What is known of a state before the law is asked.
-
-    Attributes:
-        fault: NONE or what is wrong.
-        pose: By forward kinematics, shape (3,); the last one where it fails.
-        model: M and Q; zero in a fault.
-    """
-
-    fault: int
-    pose: Array
-    model: Model
-
-
 @inner
 def sense(
-    robot: RobotParameters,
+    estimate: Any,
+    robot: Any,
     limits: Limits,
     reference: JointReference,
     position: Array,
     velocity: Array,
     state: CycleState,
     dt: float,
-) -> Sensed:
-    """Find the pose, look for faults, compute the model. Arguments as of :func:`run_cycle`."""
-    n = len(position)
-    fault, pose = state.fault, state.pose
-    assembly = forward_kinematics(robot, position, pose)
-    if assembly.status == FOUND:
-        pose = assembly.pose
+) -> Estimate:
+    """Find the pose, look for faults, compute the model. Arguments as of :func:`run_cycle`.
+
+    Returns:
+        The estimate; its fault is the one that the controller is in, or else the first one found:
+        of the motion of the joints, then of the robot.
+    """
+    found = estimate(robot, limits.margins, position, velocity, state.pose)
+    fault = state.fault
     if fault == faults.NONE:
-        fault = find_fault(limits, robot, assembly, reference, position, velocity, state.last, dt)
-    if fault != faults.NONE:
-        return Sensed(fault, pose, Model(np.zeros((n, n)), np.zeros((n, n))))
-    model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
-    return Sensed(fault, pose, model)
+        fault = find_fault(limits, reference, position, velocity, state.last, dt)
+    if fault == faults.NONE:
+        fault = found.fault
+    return Estimate(fault, found.pose, found.model)
 
 
 @inner
@@ -152,7 +144,7 @@ def act(
     position: Array,
     velocity: Array,
     state: CycleState,
-    sensed: Sensed,
+    sensed: Estimate,
     asked: Asked,
     dt: float,
 ) -> Acted:
@@ -164,7 +156,7 @@ def act(
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         state: Of the cycle before.
-        sensed: Of this one.
+        sensed: What is known of the robot.
         asked: By the law; not looked at in a fault.
         dt: Time since the state before [s].
     """
@@ -189,10 +181,7 @@ def act(
 
 @kernel
 def run_cycle(
-    update: Any,
-    gains: Any,
-    robot: RobotParameters,
-    limits: Limits,
+    setup: ControlSetup,
     reference: JointReference,
     position: Array,
     velocity: Array,
@@ -202,28 +191,29 @@ def run_cycle(
 ) -> Cycle:
     """Compute the torque for one joint state.
 
-    Only this function is compiled for each law; what it calls is compiled once.
+    Only this function is compiled for each law; what it calls is compiled once for each robot.
 
     Args:
-        update: The law, as FirstClass.
-        gains: Gains of the law.
-        robot: Nominal robot.
-        limits: See SafetyParameters.
+        setup: Law, robot and limits.
         reference: Desired joint motion at the state's stamp.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         state: Of the cycle before.
-        memory: Of the law.
+        memory: Memory of the law.
         dt: Time since the state before [s].
     """
-    sensed = sense(robot, limits, reference, position, velocity, state, dt)
-    asked = Asked(position, position, position)  # a fault: the law is not asked
+    # 1. What is known of the robot: its pose, its model, a fault.
+    limits = setup.limits
+    sensed = sense(setup.estimate, setup.robot, limits, reference, position, velocity, state, dt)
+    # 2. What the law asks for; in a fault it is not asked.
+    asked = Asked(position, position, position)
     advanced = memory
     if sensed.fault == faults.NONE:
         feedback = Feedback(position, velocity, state.excess)
-        output = update(gains, sensed.model, reference, feedback, memory, dt)
+        output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
         asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
         advanced = output.memory
+    # 3. That within the limits, or the safe action in its place.
     done = act(limits, reference, position, velocity, state, sensed, asked, dt)
     if done.state.fault == faults.NONE:
         memory = advanced
@@ -237,21 +227,14 @@ def run_cycle(
     )
 
 
-def cycle_of(
-    update: Any, gains: Any, robot: RobotParameters, limits: Limits, state: CycleState, memory: Any
-) -> FirstClass:
+def cycle_of(setup: ControlSetup, state: CycleState, memory: Any) -> FirstClass:
     """The cycle with a law, for loops that would else be compiled with all of it in them.
 
     Args:
-        update: The law, as FirstClass.
-        gains: Gains of the law.
-        robot: Nominal robot.
-        limits: See SafetyParameters.
-        state: Of the controller.
-        memory: Of the law.
+        setup: Law, robot and limits.
+        state: State of the controller.
+        memory: Memory of the law.
     """
     row = np.zeros(len(state.held))
     reference = JointReference(row, row, row)
-    return FirstClass(
-        run_cycle, update, gains, robot, limits, reference, row, row, state, memory, 1e-3
-    )
+    return FirstClass(run_cycle, setup, reference, row, row, state, memory, 1e-3)

@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.planar_3rrr.kinematics import FOUND, STATUS_TEXT
+from collections.abc import Mapping
 
-NONE = FOUND  # the outcomes of the forward kinematics are the first faults
+from parallel_robot_model.contract import FOUND, Fault, Robot
+
+NONE = FOUND  # 1 to 9 are the faults of the robot, e.g. a singularity
 TORQUE_NOT_FINITE = 10
 SPEED = 11
 POSITION_JUMP = 12
 REFERENCE_JUMP = 13
-TYPE_1 = 14
-TYPE_2 = 15
 STATES_STALE = 16
 REFERENCE_STALE = 17
 STATES_DISAGREE = 18
 REFERENCES_DISAGREE = 19
 EMERGENCY_STOP = 20
 
-FAULT_TEXT = {
-    **STATUS_TEXT,
-    TORQUE_NOT_FINITE: 'the law gave a torque that is not finite',
-    SPEED: 'a joint is faster than its limit',
-    POSITION_JUMP: 'a joint angle jumped: faster than its limit from one state to the next',
-    REFERENCE_JUMP: 'the reference jumped: faster than the limit from one sample to the next',
-    TYPE_1: 'a leg is close to being stretched or folded (type 1 singularity)',
-    TYPE_2: 'the platform is close to yielding (type 2 singularity)',
-    STATES_STALE: 'no joint state came for too long',
-    REFERENCE_STALE: 'no reference came for too long',
-    STATES_DISAGREE: 'joint states contradict one another: two publishers',
-    REFERENCES_DISAGREE: 'references contradict one another: two publishers',
-    EMERGENCY_STOP: 'emergency stop',
+FAULTS = {
+    TORQUE_NOT_FINITE: Fault('torque_not_finite', 'the law gave a torque that is not finite'),
+    SPEED: Fault('speed', 'a joint is faster than its limit'),
+    POSITION_JUMP: Fault(
+        'position_jump',
+        'a joint angle jumped: faster than its limit from one state to the next',
+    ),
+    REFERENCE_JUMP: Fault(
+        'reference_jump',
+        'the reference jumped: faster than the limit from one sample to the next',
+    ),
+    STATES_STALE: Fault('states_stale', 'no joint state came for too long'),
+    REFERENCE_STALE: Fault('reference_stale', 'no reference came for too long'),
+    STATES_DISAGREE: Fault(
+        'states_disagree', 'joint states contradict one another: two publishers'
+    ),
+    REFERENCES_DISAGREE: Fault(
+        'references_disagree', 'references contradict one another: two publishers'
+    ),
+    EMERGENCY_STOP: Fault('emergency_stop', 'emergency stop'),
 }
+
+
+def of(robot: Robot) -> Mapping[int, Fault]:
+    """All faults that a controller of this robot can be in, by number."""
+    return {**robot.FAULTS, **FAULTS}

@@ -6,11 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import cdr, topics
-from parallel_robot_control import faults, safety
+from parallel_robot_base import cdr, layouts, topics
+from parallel_robot_control import safety
 from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_model.contract import Fault
 
 OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
+LAW = 'law'  # keys of a status: what is for programs is a code, the text beside it for people
+FAULT, FAULT_CODE = 'fault', 'fault code'
+LIMITS, LIMIT_CODES = 'limits that acted', 'limit codes'
+NO_FAULT = 'none'  # the code
 
 
 class Telemetry(NamedTuple):
@@ -34,12 +39,12 @@ class Status(NamedTuple):
 
     Attributes:
         law: Name of the active law.
-        fault: NONE or a key of FAULT_TEXT.
+        fault: The fault that it is in, if it is in one.
         acted: Bits of the limits that acted since the start of the run.
     """
 
     law: str
-    fault: int
+    fault: Fault | None
     acted: int
 
 
@@ -56,8 +61,8 @@ def telemetry_messages(
 
 def telemetry_layouts(joints: tuple[str, ...]) -> dict[topics.Topic, cdr.Layout]:
     """Layouts of the telemetry by topic."""
-    both = cdr.joint_state(joints, ('position', 'velocity'))
-    single = cdr.joint_state(joints, ('position',))
+    both = layouts.joint_state(joints, ('position', 'velocity'))
+    single = layouts.joint_state(joints, ('position',))
     return {
         topics.ERROR: both,
         topics.SYNCHRONISATION_ERROR: both,
@@ -83,7 +88,7 @@ def answers_message(stamps: np.ndarray) -> bytes:
 
     One row a command, in the order of the commands; zero for one that answers no state.
     """
-    head = cdr.int64_multi_array(stamps.size).template[: -stamps.nbytes or None]
+    head = layouts.int64_multi_array(stamps.size).template[: -stamps.nbytes or None]
     return head.tobytes() + stamps.tobytes()
 
 
@@ -92,18 +97,25 @@ def limits_text(acted: int) -> str:
     return ', '.join(text for bit, text in safety.ACTED_TEXT.items() if acted & bit) or 'none'
 
 
+def limit_codes(acted: int) -> str:
+    """Codes of the limits that acted, separated by commas; empty when none did."""
+    return ','.join(code for bit, code in safety.ACTED_CODE.items() if acted & bit)
+
+
 def status_message(stamp: int, status: Status) -> bytes:
     """A status since a stamp [ns] as a diagnostic_msgs/DiagnosticArray of one status."""
-    if status.fault != faults.NONE:
-        level, text = ERROR, f'fault: {faults.FAULT_TEXT[status.fault]}'
+    if status.fault:
+        level, text = ERROR, f'fault: {status.fault.text}'
     elif status.acted:
         level, text = WARN, f'acted: {limits_text(status.acted)}'
     else:
         level, text = OK, 'ok'
     values = {
-        'law': status.law,
-        'fault': faults.FAULT_TEXT[status.fault] if status.fault else 'none',
-        'limits that acted': limits_text(status.acted),
+        LAW: status.law,
+        FAULT: status.fault.text if status.fault else 'none',
+        FAULT_CODE: status.fault.key if status.fault else NO_FAULT,
+        LIMITS: limits_text(status.acted),
+        LIMIT_CODES: limit_codes(status.acted),
     }
-    layout = cdr.diagnostic_array('controller: status', level, text, values)
-    return cdr.filled(layout.encode(stamp))
+    layout = layouts.diagnostic_array('controller: status', level, text, values)
+    return layouts.padded(layout.encode(stamp))

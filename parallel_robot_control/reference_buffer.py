@@ -9,15 +9,20 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base import layouts
+from parallel_robot_base.kernel import entry_point, inner, kernel
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
+from parallel_robot_control.extrapolation import extrapolate
+from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector, wire_of
 
 Array = NDArray[np.float64]
 
+REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 SIZE = 10_000  # samples; the oldest goes when one more comes
 FOUND, TOO_OLD, MISSING = 0, 1, 2
+IN_ORDER, LATE, CONTRADICTS, BACK = range(4)  # order in which a reference comes
+RESTART = NANOSECONDS // 2  # a jump of the stamps by more than this is a new run
 FIRST, COUNT = 0, 1  # of the window
 
 
@@ -46,12 +51,15 @@ class ReferenceBuffer:
         compiled: For the kernels of this module.
     """
 
-    def __init__(self, joints: int) -> None:
-        """Begin empty; `joints` is n."""
+    def __init__(self, joints: tuple[str, ...]) -> None:
+        """Begin empty, for the joints of these names."""
         self._stamps = np.zeros(SIZE, np.int64)
-        self._rows = np.zeros((SIZE, 3, joints))
+        self._rows = np.zeros((SIZE, 3, len(joints)))
         self._window = np.zeros(2, np.int64)
         self.compiled = _buffer(self._stamps, self._rows, self._window)
+        layout = layouts.joint_trajectory(joints)
+        self._wire = wire_of(layout, REFERENCE_FIELDS, range(len(joints)))
+        self._append = entry_point(append_message, self.compiled, self._wire, b'')
 
     def __len__(self) -> int:
         """How many there are."""
@@ -61,6 +69,35 @@ class ReferenceBuffer:
     def newest(self) -> int:
         """Stamp of the newest [ns]; there must be one."""
         return int(self._stamps[self._at(len(self) - 1)])
+
+    def read(self, data: bytes) -> bool:
+        """Add the reference of a message as the suite writes it, when it is the newest.
+
+        Returns:
+            Whether it was; if not, nothing is added.
+        """
+        return bool(self._append(self.compiled, self._wire, data))
+
+    def add(self, stamp: int, reference: JointReference, lockstep: bool) -> int:
+        """Add a reference that is perhaps not the newest.
+
+        In lockstep, one that goes back replaces those from its stamp on. Else it does so only
+        after a jump: the others were wrong, or of another run.
+
+        Returns:
+            IN_ORDER; BACK when others were replaced; LATE when it is left out, and CONTRADICTS
+            when it is left out and another one of its stamp is here that is not the same.
+        """
+        order = IN_ORDER
+        if len(self) and stamp <= self.newest:
+            if not lockstep and self.newest - stamp < RESTART:
+                known = self.at(stamp)
+                same = known is None or all(map(np.array_equal, known, reference))
+                return LATE if same else CONTRADICTS
+            self.drop_since(stamp)
+            order = IN_ORDER if lockstep else BACK
+        self.append(stamp, reference)
+        return order
 
     def append(self, stamp: int, reference: JointReference) -> None:
         """Add one that is newer than all others."""
@@ -129,8 +166,7 @@ def reference_at(
     """
     window, stamps, rows = buffer.window, buffer.stamps, buffer.rows
     n = rows.shape[2]
-    position, velocity, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
-    nothing = JointReference(position, velocity, acceleration)
+    nothing = JointReference(np.zeros(n), np.zeros(n), np.zeros(n))
     first, count = window[FIRST], window[COUNT]
     if count == 0 or (needs_newer and stamps[(first + count - 1) % SIZE] < stamp):
         return MISSING, 0, nothing
@@ -141,14 +177,8 @@ def reference_at(
     known = stamps[first]
     if known > stamp:
         return MISSING, 0, nothing
-    status = TOO_OLD if stamp - known > timeout else FOUND
-    dt = (stamp - known) / NANOSECONDS
-    for i in range(n):
-        position[i] = rows[first, 0, i]
-        if status == FOUND:
-            velocity[i] = rows[first, 1, i]
-            acceleration[i] = rows[first, 2, i]
-        if status == FOUND and known != stamp:
-            position[i] = position[i] + dt * velocity[i] + 0.5 * dt * dt * acceleration[i]
-            velocity[i] = velocity[i] + dt * acceleration[i]
-    return status, known, JointReference(position, velocity, acceleration)
+    age = stamp - known
+    if age > timeout:  # at rest where it was
+        return TOO_OLD, known, JointReference(rows[first, 0].copy(), np.zeros(n), np.zeros(n))
+    newest = extrapolate(age, rows[first, 0], rows[first, 1], rows[first, 2])
+    return FOUND, known, newest

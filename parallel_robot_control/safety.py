@@ -1,25 +1,22 @@
-"""Limits of torque, its rate and joint speed, margins to singularities, and the safe action."""
+"""Limits of torque, its rate and joint speed, and the safe action."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.fields import Field
+from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import inlined, kernel
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_model.planar_3rrr.kinematics import FOUND, Assembly
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from parallel_robot_model.planar_3rrr.singularity import measures
 
 Array = NDArray[np.float64]
-PerJoint = tuple[float, float, float]
 
 TORQUE, RATE, RAMP = 1, 2, 4  # bits of what acted
 ACTED_TEXT = {TORQUE: 'torque limit', RATE: 'torque rate limit', RAMP: 'ramp after a take-over'}
+ACTED_CODE = {TORQUE: 'torque', RATE: 'rate', RAMP: 'ramp'}  # in bags: never changed
 ZERO, DAMP, HOLD = 0, 1, 2
 ACTIONS = {'zero': ZERO, 'damp': DAMP, 'hold': HOLD}
 
@@ -41,12 +38,6 @@ class SafetyParameters(NamedTuple):
         PerJoint, Field('N m/s', 'how fast the torque before a take-over is faded out', 1e-3)
     ]
     speed_limit: Annotated[PerJoint, Field('rad/s', 'joint speed that is a fault', 0.0)]
-    min_sin_psi: Annotated[
-        float, Field('', '|sin psi| that is a fault (type 1 singularity)', 0.0, 1.0)
-    ]
-    min_determinant: Annotated[
-        float, Field('', '|det Jx| / l3 that is a fault (type 2 singularity)', 0.0)
-    ]
     state_timeout: Annotated[
         float, Field('s', 'time without joint states that is a fault (wall time)', 1e-3)
     ]
@@ -64,15 +55,14 @@ class SafeAction(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The parameters as the kernels take them; arrays have shape (n,)."""
+    """The parameters as the kernels take them; arrays have shape (n,), margins are the robot's."""
 
     safe: SafeAction
     torque: Array
     rate: Array
     ramp: Array
     speed: Array
-    sin_psi: float
-    determinant: float
+    margins: Any
 
 
 def safe_action(action: str, parameters: SafetyParameters) -> SafeAction:
@@ -82,16 +72,15 @@ def safe_action(action: str, parameters: SafetyParameters) -> SafeAction:
     )
 
 
-def limits_of(parameters: SafetyParameters) -> Limits:
-    """Take the numbers out of the parameters."""
+def limits_of(parameters: SafetyParameters, margins: Any) -> Limits:
+    """Take the numbers out of the parameters; `margins` are SafetyMargins of the robot."""
     return Limits(
         safe_action(parameters.action, parameters),
         np.array(parameters.torque_limit),
         np.array(parameters.torque_rate),
         np.array(parameters.ramp_rate),
         np.array(parameters.speed_limit),
-        parameters.min_sin_psi,
-        parameters.min_determinant,
+        margins,
     )
 
 
@@ -132,20 +121,16 @@ def safe_torque(safe: SafeAction, held: Array, position: Array, velocity: Array)
 @inlined
 def find_fault(
     limits: Limits,
-    robot: RobotParameters,
-    assembly: Assembly,
     reference: JointReference,
     position: Array,
     velocity: Array,
     last: Last,
     dt: float,
 ) -> int:
-    """The first fault of a state, else NONE.
+    """The first fault in the motion of the joints, else NONE.
 
     Args:
         limits: See SafetyParameters.
-        robot: Nominal robot.
-        assembly: Result of the forward kinematics.
         reference: Desired joint motion.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -160,13 +145,6 @@ def find_fault(
             return faults.POSITION_JUMP
         if last.known and abs(reference.position[i] - last.reference[i]) > reach:
             return faults.REFERENCE_JUMP
-    if assembly.status != FOUND:
-        return assembly.status
-    margin = measures(robot, assembly.pose[2], position, assembly.beta)
-    if margin.type_1 < limits.sin_psi:
-        return faults.TYPE_1
-    if margin.type_2 < limits.determinant:
-        return faults.TYPE_2
     return faults.NONE
 
 

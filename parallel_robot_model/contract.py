@@ -1,22 +1,213 @@
-"""What every robot gives to the rest of the suite."""
+"""What a robot gives to the rest of the suite: the seam between a machine and everything else.
+
+A robot is a module, or a package, with the attributes of :class:`Robot`. Its kernels take its
+``Parameters`` and small arrays; n is the number of its actuated joints, m that of the coordinates
+of its pose. The laws see none of this but the :class:`Model`.
+
+The plant integrates `coordinates` of the robot's own choice: minimal ones, in which its equations
+of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.linear_algebra import multiply
+from parallel_robot_model.feasibility import Infeasible
+from parallel_robot_model.joint_load import JointLoad
+
 Array = NDArray[np.float64]
+
+FOUND = 0  # no fault: there is a pose, and no margin is violated
+REACHED = -1  # no part of the robot is out of reach
 
 
 class Model(NamedTuple):
-    """Inertia and Coriolis matrix in actuated coordinates at one state: M thdd + Q thd = tau.
+    """Equations of motion in the actuated joints at one state: M thdd + Q thd + gravity = tau.
 
     Attributes:
         M: Inertia matrix [kg m^2], shape (n, n).
         Q: Coriolis and centrifugal matrix [kg m^2/s], shape (n, n); Mdot - 2 Q is skew-symmetric.
+        gravity: Torque that holds the robot against gravity [N m], shape (n,).
     """
 
     M: Array
     Q: Array
+    gravity: Array
+
+
+@kernel
+def inverse_dynamics(model: Model, acceleration: Array, velocity: Array) -> Array:
+    """Torque for an acceleration at a velocity: M a + Q v + gravity [N m], shape (n,)."""
+    return multiply(model.M, acceleration) + multiply(model.Q, velocity) + model.gravity
+
+
+@kernel
+def no_model(n: int) -> Model:
+    """What stands in place of a model in a fault: zeros."""
+    return Model(np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
+
+
+class PoseMotion(NamedTuple):
+    """Pose with two derivatives at one time, each shape (m,)."""
+
+    pose: Array
+    rate: Array
+    acceleration: Array
+
+
+class JointMotion(NamedTuple):
+    """Joints with two derivatives at one time.
+
+    Attributes:
+        position: Actuated joints [rad], shape (n,); NaN where the robot does not reach.
+        velocity: [rad/s], shape (n,).
+        acceleration: [rad/s^2], shape (n,).
+        passive: What else describes the posture, for checks and pictures, shape (p,).
+        out_of_reach: 0-based index of the first part that does not reach, else REACHED.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    passive: Array
+    out_of_reach: int
+
+
+class Location(NamedTuple):
+    """Pose by the forward kinematics: shape (m,), and FOUND or the fault why there is none."""
+
+    pose: Array
+    fault: int
+
+
+class Estimate(NamedTuple):
+    """What the controller knows of the robot from its joints.
+
+    Attributes:
+        fault: FOUND or a key of the robot's FAULTS: no pose fits, or a margin is violated.
+        pose: Pose, shape (m,); the guess where none was found.
+        model: Equations of motion; zero in a fault.
+    """
+
+    fault: int
+    pose: Array
+    model: Model
+
+
+class Measurement(NamedTuple):
+    """Joints and pose of the true robot at one state.
+
+    Attributes:
+        position: Actuated joints [rad], shape (n,).
+        velocity: [rad/s], shape (n,).
+        passive_position: Passive joints [rad], shape (p,).
+        passive_velocity: [rad/s], shape (p,).
+        pose: Shape (m,).
+    """
+
+    position: Array
+    velocity: Array
+    passive_position: Array
+    passive_velocity: Array
+    pose: Array
+
+
+class Fault(NamedTuple):
+    """A fault of a robot: a key that never changes, for bags, and what people read."""
+
+    key: str
+    text: str
+
+
+class Coordinate(NamedTuple):
+    """A coordinate of the pose: its name and its unit."""
+
+    name: str
+    unit: str
+
+
+class Robot(Protocol):
+    """A robot module.
+
+    Attributes:
+        Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.
+        SafetyMargins: NamedTuple of the parameters ``safety.*`` that only this robot has: what is
+            a fault.
+        MotionLimits: NamedTuple of the parameters ``trajectory.*`` that only this robot has: what
+            a reference motion must spare it.
+        FAULTS: Faults of its own by number, 1 to 9.
+        PARTS: What one of its joints moves, and the whole, e.g. ``('leg', 'platform')``.
+        PLANAR: Whether its pose begins with x and y [m] in a plane and perhaps the angle phi
+            [rad], so that it can be shown and its error is a distance.
+    """
+
+    Parameters: Any
+    SafetyMargins: Any
+    MotionLimits: Any
+    FAULTS: dict[int, Fault]
+    PARTS: tuple[str, str]
+    PLANAR: bool
+
+    def validate(self, parameters: Any, name: str = 'robot', /) -> Any:
+        """Return the parameters when such a robot can be built; else raise RobotError."""
+
+    def joints(self, parameters: Any, /) -> int:
+        """Number of the actuated joints, n."""
+
+    def coordinates(self, parameters: Any, /) -> tuple[Coordinate, ...]:
+        """Coordinates of the pose."""
+
+    def start(self, parameters: Any, pose: Array, /) -> Array:
+        """Coordinates of the plant at a pose; raises InputError where it is out of reach."""
+
+    def joint_motion(self, parameters: Any, motion: PoseMotion, /) -> JointMotion:
+        """Kernel: joints with two derivatives at a pose with two derivatives."""
+
+    def locate(self, parameters: Any, position: Array, guess: Array, /) -> Location:
+        """Kernel: pose at joint positions, near a guess."""
+
+    def estimate(
+        self,
+        parameters: Any,
+        margins: Any,
+        position: Array,
+        velocity: Array,
+        guess: Array,
+        /,
+    ) -> Estimate:
+        """Kernel: pose, margins and model at a joint state; `guess` is a pose near it."""
+
+    def acceleration(
+        self,
+        parameters: Any,
+        load: JointLoad,
+        coordinates: Array,
+        rate: Array,
+        torque: Array,
+        time: float,
+        /,
+    ) -> Array:
+        """Kernel: second derivative of the plant's coordinates under motor torques [N m]."""
+
+    def measure(self, parameters: Any, coordinates: Array, rate: Array, /) -> Measurement:
+        """Kernel: joints and pose at coordinates of the plant."""
+
+    def infeasible(self, parameters: Any, limits: Any, reference: Any, /) -> list[Infeasible]:
+        """Samples of a reference that MotionLimits forbid, or that are out of reach."""
+
+    def segments(self, parameters: Any, pose: Array, position: Array, /) -> dict[str, Array]:
+        """Straight lines of a picture by the name of their part.
+
+        Args:
+            parameters: The robot.
+            pose: Shape (..., m).
+            position: Actuated joints, shape (..., n).
+
+        Returns:
+            Ends of the lines [m], shape (..., lines, 2, 2); nothing for a robot that is not shown.
+        """

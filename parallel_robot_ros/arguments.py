@@ -1,4 +1,4 @@
-"""The command line of a node: ROS's words, the words of its own, and its help."""
+"""The command line of a node: ROS arguments, arguments of its own, help."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def read(
     """Read the command line of a node; ``--help`` is answered, and ends the process.
 
     Args:
-        node: Class of the node. The docstring of its module says what it is, its `example` what
-            may follow its name.
+        node: Class of the node. Its help shows the docstring of its module and, as an example,
+            its `example` after its name.
         words: The command line, with the name of the program.
-        add_arguments: Declares the words of its own that the node takes; None: it takes none.
+        add_arguments: Declares arguments of the node's own; None: it has none.
 
     Returns:
-        Name to value of the node's own words.
+        Name to value of the node's own arguments.
 
     Raises:
-        InputError: a word is neither ROS's nor the node's, or its value is wrong.
+        InputError: an argument is unknown, or its value is wrong.
     """
     name = node.__name__.removesuffix('Node').lower()
     about = inspect.cleandoc(sys.modules[node.__module__].__doc__ or '')

@@ -1,4 +1,4 @@
-"""Stamped joint vectors from messages, by joint name, whoever published them."""
+"""Reads stamped joint vectors from messages of any publisher, by joint name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import cdr
+from parallel_robot_base import cdr, cdr_reader, layouts
 from parallel_robot_base.topics import Topic
 from parallel_robot_base.units import NANOSECONDS
 
@@ -20,12 +20,12 @@ class JointReader:
     """Reads one topic; learns the byte layout of its publisher from the first message.
 
     Messages that cannot be used are counted with the reason, never passed on: joints that are
-    missing or named twice, fields shorter than the names, values that are not finite, a stamp that
-    is none.
+    missing or named twice, fields shorter than the names, values that are not finite, an invalid
+    stamp.
 
     Attributes:
-        layout: Of the message that was read last, None when it was not understood.
-        order: Where the joints stand in it.
+        layout: Byte layout of the last message; None when it was not understood.
+        order: Index of each joint in the message.
     """
 
     def __init__(
@@ -36,9 +36,14 @@ class JointReader:
         counts: Counter[str],
         optional: str = '',
     ) -> None:
-        """Prepare to read `fields` (position, velocity, acceleration) of `joints`, in order.
+        """Prepare to read a topic.
 
-        The field `optional` is zero where a message does not have it, or has no number there.
+        Args:
+            topic: Name and type.
+            joints: Names of the joints, in the order in which they are read.
+            fields: Names of the fields: position, velocity, acceleration.
+            counts: Counts the messages that cannot be used, by reason.
+            optional: Field that is zero where a message lacks it, or has no finite number there.
         """
         self._topic = topic
         self._joints = joints
@@ -47,16 +52,15 @@ class JointReader:
         self._optional = optional
         self.layout: cdr.Layout | None = None
         self.order = list(range(len(joints)))
-        self.read(
-            OWN[topic.type](joints).encode()
-        )  # what the suite publishes, and no late imports
+        # Learn the layout that the suite publishes, and import all that reading needs.
+        self.read(OWN[topic.type](joints).encode())
 
     def read(self, data: bytes) -> tuple[int, list[np.ndarray]] | None:
         """Read one message.
 
         Returns:
-            Stamp [ns] and one array of shape (n,) for each field, the optional one last; None when
-            it cannot be used.
+            Stamp [ns] and one array of shape (n,) for each field, the optional one last; None for
+            a message that cannot be used.
         """
         records = self.layout.decode(data) if self.layout else None
         if records is None:
@@ -88,7 +92,7 @@ class JointReader:
         if len(data) > LONGEST:
             return f'longer than {LONGEST} bytes'
         try:
-            names, fields, make = KINDS[self._topic.type](cdr.Reader(data))
+            names, fields, make = KINDS[self._topic.type](cdr_reader.Reader(data))
         except ValueError:
             return 'not a message of its type'
         for joint in self._joints:
@@ -110,24 +114,24 @@ class Kind(NamedTuple):
     make: Callable[[], cdr.Layout]
 
 
-def _joint_state(message: cdr.Reader) -> Kind:
+def _joint_state(message: cdr_reader.Reader) -> Kind:
     frame, names = message.header(), message.texts()
     found = {name: len(message.numbers()) for name in ('position', 'velocity', 'effort')}
     fields = tuple(name for name, count in found.items() if count == len(names))
-    return Kind(names, fields, functools.partial(cdr.joint_state, names, fields, frame))
+    return Kind(names, fields, functools.partial(layouts.joint_state, names, fields, frame))
 
 
-def _joint_trajectory(message: cdr.Reader) -> Kind:
+def _joint_trajectory(message: cdr_reader.Reader) -> Kind:
     frame, names = message.header(), message.texts()
-    make = functools.partial(cdr.joint_trajectory, names, frame)
+    make = functools.partial(layouts.joint_trajectory, names, frame)
     return Kind(names, ('position', 'velocity', 'acceleration'), make)
 
 
 OWN: dict[str, Callable[[tuple[str, ...]], cdr.Layout]] = {
-    'sensor_msgs/msg/JointState': cdr.joint_state,
-    'trajectory_msgs/msg/JointTrajectory': cdr.joint_trajectory,
+    'sensor_msgs/msg/JointState': layouts.joint_state,
+    'trajectory_msgs/msg/JointTrajectory': layouts.joint_trajectory,
 }
-KINDS: dict[str, Callable[[cdr.Reader], Kind]] = {
+KINDS: dict[str, Callable[[cdr_reader.Reader], Kind]] = {
     'sensor_msgs/msg/JointState': _joint_state,
     'trajectory_msgs/msg/JointTrajectory': _joint_trajectory,
 }

@@ -1,4 +1,4 @@
-"""Types of messages, from the interface packages that are installed and from nowhere else."""
+"""Types of messages, from installed interface packages only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ INDEX = Path('share', 'ament_index', 'resource_index', 'rosidl_interfaces')
 
 
 def prefixes() -> list[Path]:
-    """Where packages are installed: first what ROS names, then the environment of this Python."""
+    """Where packages are installed: the prefixes of ROS, then the environment of this Python."""
     given = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     return [Path(prefix) for prefix in (*given, sys.prefix) if prefix]
 

@@ -39,8 +39,8 @@ USER_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it in the curr
 def asked(words: Sequence[str]) -> str:
     """Value of the parameter ``middleware`` on a command line, else its default.
 
-    The node's parameters are not known yet: rclpy reads them, but makes its participant first.
-    Those of a file may be of any node.
+    The node's parameters are not known yet: rclpy reads them after it has made its participant.
+    A value in a parameter file counts for whichever node it stands.
     """
     found = config.default(KEY)
     for option, word in itertools.pairwise(words):
@@ -74,7 +74,7 @@ def transport(choice: str) -> Iterator[str]:
         choice: ``'udp'``, without shared memory, or ``'default'``.
 
     Yields:
-        What is in force, for people.
+        The transport in force, as text for people.
     """
     middleware = get_rmw_implementation_identifier()
     user = next((name for name in USER_VARIABLES if os.environ.get(name)), '')
@@ -101,7 +101,7 @@ def _udp() -> dict[str, str | None]:
 
 @contextmanager
 def _environment(changes: Mapping[str, str | None]) -> Iterator[None]:
-    """Change variables for a while: children of this process are to choose for themselves."""
+    """Change variables for a while; processes started later shall choose for themselves."""
     before = {name: os.environ.get(name) for name in changes}
     try:
         _set(changes)

@@ -1,4 +1,4 @@
-"""Parameter services that answer whatever is asked: bounded, and a request as a whole."""
+"""Parameter services that limit the size of a request, and take it as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ TYPES = tuple(kind.value for kind in Parameter.Type if kind != Parameter.Type.NO
 
 
 class BoundedParameterService(ParameterService):  # type: ignore[misc]
-    """Parameter services of a node that has a loop to keep.
+    """Parameter services of a node whose loop must not be held up.
 
-    The parameters of one request are taken together or not at all: gains are judged as a set;
-    rclpy would set them one after the other and stop half-way. A request that is too large is
-    answered as rclpy answers one for a parameter that does not exist, before it is looked at.
+    The parameters of one request are set together or not at all, because gains are checked as a
+    set; rclpy would set them one after the other and stop half-way. A request that is too large
+    is not read; it is answered as rclpy answers one for parameters that do not exist.
     """
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
@@ -57,7 +57,7 @@ class BoundedParameterService(ParameterService):  # type: ignore[misc]
 
 
 def set_together(node: Node, messages: Sequence[ParameterMessage]) -> SetParametersResult:
-    """Set parameters as they came over the wire: all, or none with the reason."""
+    """Set the parameters of a request: all, or none with the reason."""
     try:
         changed = read(messages)
     except InputError as error:
@@ -74,13 +74,15 @@ def read(messages: Sequence[ParameterMessage]) -> list[Parameter]:
     if not messages:
         return []
     if len(messages) > MOST_NAMES:
-        raise InputError(f'{len(messages)} parameters in one request; at most {MOST_NAMES} are')
+        raise InputError(
+            f'{len(messages)} parameters in one request; at most {MOST_NAMES} are read'
+        )
     for message in messages:
         name = message.name
         if len(name) > LONGEST_NAME:
             raise InputError(f'a name of {len(name)} characters; at most {LONGEST_NAME} are read')
         if message.value.type not in TYPES:
-            raise InputError(f'{name!r} has a value of type {message.value.type}, which is none')
+            raise InputError(f'{name!r} has a value of unknown type {message.value.type}')
         if not _size(message.value) <= LONGEST_VALUE:
             raise InputError(f'{name!r} has a value longer than {LONGEST_VALUE}')
     name, times = Counter(message.name for message in messages).most_common(1)[0]

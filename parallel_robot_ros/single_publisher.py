@@ -1,4 +1,4 @@
-"""Keeps the messages of two publishers on one topic apart, by the numbers that they give them."""
+"""Detects by the numbers of its messages that a topic has two publishers."""
 
 from __future__ import annotations
 
@@ -6,19 +6,21 @@ import math
 import time
 from collections.abc import Callable
 
-SETTLED = 1.0  # s without a change of publisher, after which a topic is believed to have one
+SETTLED = (
+    1.0  # s without a change of publisher, after which a topic is taken to have one publisher
+)
 
 
 class SinglePublisher:
-    """Watches the numbers of the messages of a topic, of whatever rate.
+    """Watches the numbers of the messages of a topic, at any rate.
 
     The middleware numbers the messages of each publisher one by one. Numbers that go back once
-    are of a publisher that was started again; again and again, of two that publish in turn. Gaps
-    are losses. Where a middleware has no numbers, nothing is noticed.
+    come from a publisher that was restarted; numbers that go back again and again, from two that
+    publish in turn. Gaps are losses. Without numbers of the middleware, nothing is noticed.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Believe what comes first; `clock` gives the time [s]."""
+        """Take the first message as it comes; `clock` gives the time [s]."""
         self._clock = clock
         self._number = 0
         self._back_at = -math.inf
@@ -29,7 +31,7 @@ class SinglePublisher:
         """Whether a message is one of several publishers, so that it must not be used.
 
         Args:
-            number: That which its publisher gave it, from 1 on; 0: not known.
+            number: Its number, which its publisher counts from 1 on; 0: not known.
         """
         last, self._number = self._number, number
         if self._settled and number > last:  # nearly always

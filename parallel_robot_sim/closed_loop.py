@@ -9,32 +9,30 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import kernel
+from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, cycle_of, is_finite
-from parallel_robot_control.safety import Limits
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from parallel_robot_sim.disturbance import DisturbanceParameters
-from parallel_robot_sim.friction import FrictionParameters
-from parallel_robot_sim.plant import PlantState, Stepping, measure, step
+from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of, is_finite
+from parallel_robot_sim.assembly import Plant
+from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from trajectory_gen.trajectory import Reference
 
 Array = NDArray[np.float64]
 
 
 class ClosedLoopRun(NamedTuple):
-    """Everything that happened, one row a state, each shape (N, 3) unless said otherwise.
+    """Everything that happened, one row a state, each shape (N, n) unless said otherwise.
 
     Attributes:
-        pose: True pose [m, m, rad].
-        theta: Actuated angles [rad].
-        theta_dot: Actuated rates [rad/s].
-        psi: Passive angles [rad].
-        psi_dot: Passive rates [rad/s].
+        pose: True pose, shape (N, m).
+        position: Actuated joints [rad].
+        velocity: Their rates [rad/s].
+        passive_position: Passive joints [rad], shape (N, p).
+        passive_velocity: Their rates [rad/s], shape (N, p).
         effort: Torque applied during the step that ended at the state [N m].
         command: Torque computed from the state [N m].
         sliding_variable: In the law's unit.
         coupled_error: e_c of the law [rad].
-        fault: What the controller is in at the state, a key of FAULT_TEXT, shape (N,).
+        fault: What the controller is in at the state, see faults.py, shape (N,).
         acted: Bits of the limits that acted at the state, shape (N,).
         steps: Number of rows that were computed; fewer than N when the plant left its workspace.
         plant: State of the plant after the last command.
@@ -43,10 +41,10 @@ class ClosedLoopRun(NamedTuple):
     """
 
     pose: Array
-    theta: Array
-    theta_dot: Array
-    psi: Array
-    psi_dot: Array
+    position: Array
+    velocity: Array
+    passive_position: Array
+    passive_velocity: Array
     effort: Array
     command: Array
     sliding_variable: Array
@@ -59,58 +57,32 @@ class ClosedLoopRun(NamedTuple):
     memory: Any
 
 
-def run(
-    update: Any,
-    gains: Any,
-    nominal: RobotParameters,
-    limits: Limits,
-    reference: Reference,
-    plant: Stepping,
-    robot: RobotParameters,
-    friction: FrictionParameters,
-    disturbance: DisturbanceParameters,
-    state: PlantState,
-    cycle_state: CycleState,
-    memory: Any,
-    period: float,
-) -> ClosedLoopRun:
+class LoopState(NamedTuple):
+    """State of the plant, state of the controller and memory of the law at one sample."""
+
+    plant: PlantState
+    cycle: CycleState
+    memory: Any
+
+
+def run(control: Control, plant: Plant, reference: Reference, period: float) -> ClosedLoopRun:
     """Run the loop over all samples of a reference.
 
     Args:
-        update: The law, as FirstClass.
-        gains: Its gains.
-        nominal: Robot as the controller believes it to be.
-        limits: What the controller never exceeds.
+        control: The controller before its first state.
+        plant: The plant at its first state.
         reference: Desired motion, one sample a period.
-        plant: Integration and motors.
-        robot: True robot.
-        friction: Friction of the true robot.
-        disturbance: Disturbance of the true robot.
-        state: State 0 of the plant.
-        cycle_state: State 0 of the controller.
-        memory: Memory of the law before the first update.
         period: [s].
-
-    Returns:
-        The run.
     """
-    row = np.zeros(3)
+    begin = LoopState(plant.state, control.state, control.law.memory)
+    row = np.zeros(reference.position.shape[1])
     result: ClosedLoopRun = compiled_loop(
-        cycle_of(update, gains, nominal, limits, cycle_state, memory),
-        FirstClass(step, plant, robot, friction, disturbance, state, row, period),
-        FirstClass(measure, robot, state),
-        update,
-        gains,
-        nominal,
-        limits,
+        cycle_of(control.setup, begin.cycle, begin.memory),
+        FirstClass(step, plant.setup, begin.plant, row, period),
+        control.setup,
+        plant.setup,
         reference,
-        plant,
-        robot,
-        friction,
-        disturbance,
-        state,
-        cycle_state,
-        memory,
+        begin,
         period,
     )
     return result
@@ -120,76 +92,67 @@ def run(
 def compiled_loop(
     run_cycle: Any,
     step: Any,
-    measure: Any,
-    update: Any,
-    gains: Any,
-    nominal: RobotParameters,
-    limits: Limits,
+    control: ControlSetup,
+    plant: PlantSetup,
     reference: Reference,
-    plant: Stepping,
-    robot: RobotParameters,
-    friction: FrictionParameters,
-    disturbance: DisturbanceParameters,
-    state: PlantState,
-    cycle_state: CycleState,
-    memory: Any,
+    begin: LoopState,
     period: float,
 ) -> ClosedLoopRun:
     """The loop of :func:`run`, with the kernels that it calls as FirstClass."""
-    count = len(reference.position)
-    pose = np.empty((count, 3))
-    theta = np.empty((count, 3))
-    theta_dot = np.empty((count, 3))
-    psi = np.empty((count, 3))
-    psi_dot = np.empty((count, 3))
-    effort = np.empty((count, 3))
-    command = np.empty((count, 3))
-    sliding_variable = np.empty((count, 3))
-    coupled_error = np.empty((count, 3))
+    state, cycle_state, memory = begin
+    # 1. Room for all rows; how many passive joints there are, the robot tells.
+    first = plant.measure(plant.robot, state.coordinates, state.rate)
+    count, n = reference.position.shape
+    m, p = len(first.pose), len(first.passive_position)
+    pose = np.empty((count, m))
+    position = np.empty((count, n))
+    velocity = np.empty((count, n))
+    passive_position = np.empty((count, p))
+    passive_velocity = np.empty((count, p))
+    effort = np.empty((count, n))
+    command = np.empty((count, n))
+    sliding_variable = np.empty((count, n))
+    coupled_error = np.empty((count, n))
     fault = np.empty(count, dtype=np.int64)
     acted = np.empty(count, dtype=np.int64)
     steps = count
     for k in range(count):
-        measurement = measure(robot, state)
-        if not is_finite(measurement.theta_dot):
+        # 2. What the sensors say of state k; nothing, once the robot has left its workspace.
+        joints = plant.measure(plant.robot, state.coordinates, state.rate)
+        if not is_finite(joints.velocity):
             steps = k
             break
+        # 3. The torque that is computed from it.
         desired = JointReference(
             reference.position[k], reference.velocity[k], reference.acceleration[k]
         )
         cycle = run_cycle(
-            update,
-            gains,
-            nominal,
-            limits,
-            desired,
-            measurement.theta,
-            measurement.theta_dot,
-            cycle_state,
-            memory,
-            period,
+            control, desired, joints.position, joints.velocity, cycle_state, memory, period
         )
-        for i in range(3):  # rows as a whole would need a text for each error of their shapes
-            pose[k, i] = state.pose[i]
-            theta[k, i] = measurement.theta[i]
-            theta_dot[k, i] = measurement.theta_dot[i]
-            psi[k, i] = measurement.psi[i]
-            psi_dot[k, i] = measurement.psi_dot[i]
+        for i in range(m):  # element by element: rows as a whole compile to far more code
+            pose[k, i] = joints.pose[i]
+        for i in range(n):
+            position[k, i] = joints.position[i]
+            velocity[k, i] = joints.velocity[i]
             effort[k, i] = state.torque[i]
             command[k, i] = cycle.torque[i]
             sliding_variable[k, i] = cycle.sliding_variable[i]
             coupled_error[k, i] = cycle.coupled_error[i]
+        for i in range(p):
+            passive_position[k, i] = joints.passive_position[i]
+            passive_velocity[k, i] = joints.passive_velocity[i]
         fault[k] = cycle.state.fault
         acted[k] = cycle.acted
         cycle_state = cycle.state
         memory = cycle.memory
-        state = step(plant, robot, friction, disturbance, state, cycle.torque, period)
+        # 4. It acts until state k + 1.
+        state = step(plant, state, cycle.torque, period)
     return ClosedLoopRun(
         pose,
-        theta,
-        theta_dot,
-        psi,
-        psi_dot,
+        position,
+        velocity,
+        passive_position,
+        passive_velocity,
         effort,
         command,
         sliding_variable,

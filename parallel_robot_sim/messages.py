@@ -6,33 +6,26 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import cdr
+from parallel_robot_base import cdr, layouts
+from parallel_robot_sim.closed_loop import ClosedLoopRun
 
 
-def state_layout(joints: tuple[str, ...], passive: bool) -> cdr.Layout:
-    """sensor_msgs/JointState: the actuated joints first, then, if wanted, the passive ones."""
+def state_layout(joints: tuple[str, ...], passive: int) -> cdr.Layout:
+    """sensor_msgs/JointState: the actuated joints first, then some passive ones."""
     names = joints
     if passive:
-        names += tuple(f'{joint}_passive' for joint in joints)
-    return cdr.joint_state(names)
+        names += tuple(f'{joint}_passive' for joint in joints[:passive])
+    return layouts.joint_state(names)
 
 
-def state_messages(
-    layout: cdr.Layout,
-    stamps: Any,
-    theta: np.ndarray,
-    theta_dot: np.ndarray,
-    psi: np.ndarray,
-    psi_dot: np.ndarray,
-    effort: np.ndarray,
-) -> np.ndarray:
-    """Fill the layout of :func:`state_layout`; all shape (N, n); passive joints have no effort."""
-    records = layout.records(len(theta), stamps)
-    n = theta.shape[1]
-    records['position'][:, :n] = theta
-    records['velocity'][:, :n] = theta_dot
-    records['effort'][:, :n] = effort
+def state_messages(layout: cdr.Layout, stamps: Any, run: ClosedLoopRun) -> np.ndarray:
+    """Fill the layout of :func:`state_layout` with a run; passive joints have no effort."""
+    records = layout.records(run.steps, stamps)
+    rows, n = slice(run.steps), run.position.shape[1]
+    records['position'][:, :n] = run.position[rows]
+    records['velocity'][:, :n] = run.velocity[rows]
+    records['effort'][:, :n] = run.effort[rows]
     if records['position'].shape[1] > n:
-        records['position'][:, n:] = psi
-        records['velocity'][:, n:] = psi_dot
+        records['position'][:, n:] = run.passive_position[rows]
+        records['velocity'][:, n:] = run.passive_velocity[rows]
     return records

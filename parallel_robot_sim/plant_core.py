@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.cycle import is_finite
 from parallel_robot_control.wire import lay_open, vector
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from parallel_robot_sim.disturbance import DisturbanceParameters
-from parallel_robot_sim.friction import FrictionParameters
-from parallel_robot_sim.plant import PlantState, Stepping, measure, step
+from parallel_robot_sim.plant import PlantSetup, PlantState, step
 
 Array = NDArray[np.float64]
 
@@ -30,8 +28,8 @@ class PlantCore(structref.StructRefProxy):  # type: ignore[misc]
 
 
 FIELDS = (
-    'stepping', 'robot', 'friction', 'disturbance', 'period',
-    'pose', 'rate', 'torque', 'time', 'stamp', 'position', 'velocity', 'effort',
+    'setup', 'period', 'coordinates', 'rate', 'torque', 'time',
+    'stamp', 'position', 'velocity', 'effort',
 )  # fmt: skip
 structref.define_boxing(PlantCoreType, PlantCore)
 structref.define_constructor(PlantCore, PlantCoreType, FIELDS)
@@ -39,12 +37,9 @@ structref.define_constructor(PlantCore, PlantCoreType, FIELDS)
 
 @kernel
 def plant_core(
-    stepping: Stepping,
-    robot: RobotParameters,
-    friction: FrictionParameters,
-    disturbance: DisturbanceParameters,
+    setup: PlantSetup,
     period: float,
-    pose: Array,
+    coordinates: Array,
     rate: Array,
     torque: Array,
     time: Array,
@@ -56,52 +51,34 @@ def plant_core(
     """Tie robot, state and message together; the arrays are shared, not copied.
 
     Args:
-        stepping: Integrator, substeps, torque limit.
-        robot: The true robot.
-        friction: Of the actuated joints.
-        disturbance: Of the actuated joints.
+        setup: What the plant is made of.
         period: [s].
-        pose: Of the state [m, m, rad], shape (3,).
-        rate: Its derivative, shape (3,).
-        torque: Of the step that ended at the state [N m], shape (3,).
-        time: Of the state [s], shape (1,).
-        stamp: Of the message, seconds and nanoseconds, shape (2,).
-        position: Of the message [rad], shape (n,): actuated, then perhaps passive joints.
-        velocity: Of the message [rad/s], shape (n,).
-        effort: Of the message [N m], shape (n,).
+        coordinates: State, see PlantState, shape (c,).
+        rate: Its derivative, shape (c,).
+        torque: Torque of the step that ended at the state [N m], shape (n,).
+        time: Time of the state [s], shape (1,).
+        stamp: Stamp in the message, seconds and nanoseconds, shape (2,).
+        position: Joints in the message [rad], shape (n,) or with the passive joints (n + p,).
+        velocity: Their rates [rad/s], same shape.
+        effort: Torques in the message [N m], same shape.
     """
     return PlantCore(
-        stepping,
-        robot,
-        friction,
-        disturbance,
-        period,
-        pose,
-        rate,
-        torque,
-        time,
-        stamp,
-        position,
-        velocity,
-        effort,
+        setup, period, coordinates, rate, torque, time, stamp, position, velocity, effort
     )
 
 
 @kernel
 def advance(core: Any, command: Array) -> bool:
-    """Advance by one period under a command [N m], shape (3,).
+    """Advance by one period under a command [N m], shape (n,).
 
     Returns:
         Whether the robot still is in its workspace; if not, the state stays as it was.
     """
-    state = PlantState(core.pose.copy(), core.rate.copy(), core.torque.copy(), core.time[0])
-    after = step(
-        core.stepping, core.robot, core.friction, core.disturbance, state, command, core.period
-    )
-    for i in range(3):
-        if not (np.isfinite(after.pose[i]) and np.isfinite(after.rate[i])):
-            return False
-    core.pose[:] = after.pose
+    state = PlantState(core.coordinates.copy(), core.rate.copy(), core.torque.copy(), core.time[0])
+    after = step(core.setup, state, command, core.period)
+    if not (is_finite(after.coordinates) and is_finite(after.rate)):
+        return False
+    core.coordinates[:] = after.coordinates
     core.rate[:] = after.rate
     core.torque[:] = after.torque
     core.time[0] = after.time
@@ -115,20 +92,19 @@ def tell(core: Any, stamp: int) -> bool:
     Returns:
         Whether the state has joints: the robot is in its workspace.
     """
-    state = PlantState(core.pose, core.rate, core.torque, core.time[0])
-    joints = measure(core.robot, state)
+    setup = core.setup
+    joints = setup.measure(setup.robot, core.coordinates, core.rate)
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS
-    inside = True
-    for i in range(3):
-        inside = inside and np.isfinite(joints.theta_dot[i])
-        core.position[i] = joints.theta[i]
-        core.velocity[i] = joints.theta_dot[i]
+    n = len(joints.position)
+    for i in range(n):
+        core.position[i] = joints.position[i]
+        core.velocity[i] = joints.velocity[i]
         core.effort[i] = core.torque[i]
-        if len(core.position) > 3:
-            core.position[3 + i] = joints.psi[i]
-            core.velocity[3 + i] = joints.psi_dot[i]
-    return inside
+    for i in range(n, len(core.position)):
+        core.position[i] = joints.passive_position[i - n]
+        core.velocity[i] = joints.passive_velocity[i - n]
+    return bool(is_finite(joints.velocity))
 
 
 @kernel
@@ -137,8 +113,7 @@ def read_command(wire: Any, data: bytes, command: Array) -> bool:
     if not lay_open(wire, data):
         return False
     torques = vector(wire, 0)
-    for i in range(len(torques)):
-        if not np.isfinite(torques[i]):
-            return False
+    if not is_finite(torques):
+        return False
     command[:] = torques
     return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -12,13 +13,14 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from parallel_robot_base.topics import FRAME
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from parallel_robot_model.planar_3rrr.skeleton import skeleton
+from parallel_robot_model.robots import RobotModel
 
-PROXIMAL = ColorRGBA(r=0.16, g=0.32, b=0.75, a=1.0)
-DISTAL = ColorRGBA(r=0.40, g=0.62, b=0.90, a=1.0)
-PLATFORM = ColorRGBA(r=0.95, g=0.60, b=0.15, a=1.0)
+COLORS = {
+    'proximal': ColorRGBA(r=0.16, g=0.32, b=0.75, a=1.0),
+    'distal': ColorRGBA(r=0.40, g=0.62, b=0.90, a=1.0),
+    'platform': ColorRGBA(r=0.95, g=0.60, b=0.15, a=1.0),
+}
+OTHER = ColorRGBA(r=0.50, g=0.50, b=0.50, a=1.0)  # of parts with other names
 PATH = ColorRGBA(r=0.85, g=0.20, b=0.25, a=1.0)
 WIDTH = 0.012  # m, of the links
 
@@ -26,44 +28,40 @@ WIDTH = 0.012  # m, of the links
 class RobotMarkers:
     """Builds the markers; remembers the path."""
 
-    def __init__(self, robot: RobotParameters) -> None:
-        """Prepare for one robot."""
+    def __init__(self, robot: RobotModel) -> None:
+        """Prepare for one robot, which must be planar."""
         self._robot = robot
         self._path: deque[Point] = deque(maxlen=500)  # 10 s at 50 Hz
 
-    def build(self, stamp: int, pose: np.ndarray) -> MarkerArray:
-        """Markers at a pose, shape (3,); `stamp` in nanoseconds."""
-        robot = self._robot
-        theta = inverse_kinematics(robot, pose).theta
-        base, elbow, joint = skeleton(robot, pose, theta)
+    def build(self, stamp: int, pose: np.ndarray, position: np.ndarray) -> MarkerArray:
+        """Markers of a posture.
+
+        Args:
+            stamp: [ns].
+            pose: Shape (m,).
+            position: Actuated joints [rad], shape (n,).
+        """
+        segments = self._robot.module.segments(self._robot.parameters, pose, position)
         self._path.append(_point(pose))
-        lists = [
-            ('proximal', Marker.LINE_LIST, PROXIMAL, WIDTH, _pairs(base, elbow)),
-            ('distal', Marker.LINE_LIST, DISTAL, WIDTH, _pairs(elbow, joint)),
-            (
-                'platform',
-                Marker.LINE_STRIP,
-                PLATFORM,
-                WIDTH,
-                [*map(_point, joint), _point(joint[0])],
-            ),
-            ('path', Marker.LINE_STRIP, PATH, 0.3 * WIDTH, list(self._path)),
-        ]
         time = Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
-        markers = []
-        for namespace, kind, color, width, points in lists:
-            marker = Marker(ns=namespace, type=kind, color=color, points=points)
-            marker.header.frame_id = FRAME
-            marker.header.stamp = time
-            marker.scale.x = width
-            marker.pose.orientation.w = 1.0
-            markers.append(marker)
+        markers = [
+            _marker(time, part, Marker.LINE_LIST, WIDTH, map(_point, ends.reshape(-1, 2)))
+            for part, ends in segments.items()
+        ]
+        markers.append(_marker(time, 'path', Marker.LINE_STRIP, 0.3 * WIDTH, self._path))
+        markers[-1].color = PATH
         return MarkerArray(markers=markers)
+
+
+def _marker(time: Time, part: str, kind: int, width: float, points: Iterable[Point]) -> Marker:
+    color = COLORS.get(part, OTHER)
+    marker = Marker(ns=part, type=kind, color=color, points=list(points))
+    marker.header.frame_id = FRAME
+    marker.header.stamp = time
+    marker.scale.x = width
+    marker.pose.orientation.w = 1.0
+    return marker
 
 
 def _point(xy: np.ndarray) -> Point:
     return Point(x=float(xy[0]), y=float(xy[1]))
-
-
-def _pairs(start: np.ndarray, end: np.ndarray) -> list[Point]:
-    return [_point(xy) for pair in zip(start, end, strict=True) for xy in pair]

@@ -1,20 +1,25 @@
-"""How the tests put a closed loop together; the only place that knows."""
+"""How the tests put a closed loop together: as the suite does, with some parts changed."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import config
-from parallel_robot_control import laws
+from parallel_robot_control import assembly as control
+from parallel_robot_control import faults
+from parallel_robot_control.configuration import configure as configure_control
+from parallel_robot_control.configuration import resolve
 from parallel_robot_control.cycle import initial_state
-from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from parallel_robot_sim import plant
+from parallel_robot_control.prepared_law import PreparedLaw
+from parallel_robot_model import planar_3rrr
+from parallel_robot_sim import simulation
+from parallel_robot_sim.assembly import Plant, assemble_plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
-from parallel_robot_sim.disturbance import DisturbanceParameters
-from parallel_robot_sim.friction import FrictionParameters
-from trajectory_gen.trajectory import Reference, Trajectory
+from parallel_robot_sim.configuration import configure, configure_plant
+from parallel_robot_sim.plant import PlantState, step
+from trajectory_gen.trajectory import Reference
+
+FAULTS = faults.of(planar_3rrr)
 
 
 class Simulation(NamedTuple):
@@ -29,23 +34,14 @@ class Simulation(NamedTuple):
         return float(np.sqrt((error**2).sum(axis=1).mean()))
 
 
-class Plant(NamedTuple):
-    """What a step of the plant takes, in order, before state, torque and period."""
-
-    stepping: plant.Stepping
-    robot: RobotParameters
-    friction: FrictionParameters
-    disturbance: DisturbanceParameters
+def make_plant(values: Mapping[str, Any]) -> Plant:
+    """Plant of a configuration, at its state 0."""
+    return assemble_plant(configure_plant(values))
 
 
-def make_plant(values: Mapping[str, Any]) -> tuple[Plant, plant.PlantState]:
-    """Plant of a configuration and its state 0."""
-    parameters = config.group(values, plant.PlantParameters, 'plant')
-    robot = config.group(values, RobotParameters, 'true_robot')
-    friction = config.group(values, FrictionParameters, 'friction')
-    stepping = plant.stepping(parameters)
-    disturbance = config.group(values, DisturbanceParameters, 'disturbance')
-    return Plant(stepping, robot, friction, disturbance), plant.initial_state(parameters, robot)
+def prepare(law: str, values: Mapping[str, Any]) -> PreparedLaw:
+    """A law with the gains of a configuration."""
+    return control.assemble(configure_control(values), law).law
 
 
 def simulate(
@@ -54,27 +50,29 @@ def simulate(
     overrides: Mapping[str, Any] | None = None,
     guess: Any = None,
 ) -> Simulation:
-    """Closed loop of a scenario over `duration` [s]."""
-    values = config.resolve(scenario, overrides)
-    period = values['period']
-    law = laws.prepare(values['law'], values)
-    reference = Trajectory.of(values).sample(np.arange(round(duration / period) + 1) * period)
-    nominal = config.group(values, RobotParameters, 'robot')
-    start = reference.pose[0] if guess is None else np.array(guess, dtype=float)
-    parts, state = make_plant(values)
-    limits = limits_of(config.group(values, SafetyParameters, 'safety'))
-    out = run(
-        law.update, law.gains, nominal, limits, reference,
-        *parts, state, initial_state(start), law.memory, period,
-    )  # fmt: skip
-    return Simulation(out, reference)
+    """Closed loop of a scenario over `duration` [s], its motion not checked beforehand."""
+    values = resolve(scenario, {'duration': duration, **(overrides or {})})
+    configuration = configure(values)
+    controller = control.assemble(configuration.control)
+    if guess is not None:
+        state = initial_state(np.array(guess, dtype=float), configuration.control.joints)
+        controller = controller._replace(state=state)
+    period = configuration.loop.period
+    times = np.arange(round(duration / period) + 1) * period
+    reference = configuration.trajectory.sample(times)
+    return Simulation(run(controller, make_plant(values), reference, period), reference)
 
 
-def open_loop(values: Mapping[str, Any], torques: Any) -> list[plant.PlantState]:
-    """States of the plant under torques held over each period, shape (N, 3)."""
-    parts, state = make_plant(values)
+def simulated(values: Mapping[str, Any]) -> simulation.Simulation:
+    """Simulation of a resolved configuration."""
+    return simulation.simulate(configure(values))
+
+
+def open_loop(values: Mapping[str, Any], torques: Any) -> list[PlantState]:
+    """States of the plant under torques held over each period, shape (N, n)."""
+    setup, state = make_plant(values)
     states = [state]
     for torque in torques:
-        state = plant.step(*parts, state, torque, values['period'])
+        state = step(setup, state, torque, values['period'])
         states.append(state)
     return states

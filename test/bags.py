@@ -8,16 +8,23 @@ from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_base import cdr, topics
+from parallel_robot_base import layouts, topics
+from parallel_robot_control import safety
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 5 * 10**9  # ns
 MS = 10**6  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')
+OLD_LIMITS = {
+    safety.TORQUE: 'torque limit',
+    safety.RATE: 'torque rate limit',
+    safety.RAMP: 'ramp after a take-over',
+}
 
 
 @contextlib.contextmanager
@@ -70,6 +77,22 @@ def write_mcap(path, streams, **options):
         writer.finish()
 
 
+WRITERS = {
+    'chunks of 1 MiB': write_foreign,
+    'zstd in chunks': lambda path, found: write_foreign(path, found, 'STORAGE'),
+    'zstd by message': lambda path, found: write_foreign(path, found, 'MESSAGE'),
+    'zstd by file': lambda path, found: write_foreign(path, found, 'FILE'),
+    'a namespace': lambda path, found: write_foreign(path, found, space='/left/robot'),
+    'small chunks': lambda path, found: write_mcap(path, found, chunk_size=2000),
+    'lz4': lambda path, found: write_mcap(path, found, compression=CompressionType.LZ4),
+    'uncompressed': lambda path, found: write_mcap(path, found, compression=CompressionType.NONE),
+    'no chunks': lambda path, found: write_mcap(path, found, use_chunking=False),
+    'no indexes, no summary': lambda path, found: write_mcap(
+        path, found, index_types=IndexType.NONE, repeat_channels=False, repeat_schemas=False,
+        use_statistics=False, use_summary_offsets=False, enable_crcs=False),
+}  # fmt: skip
+
+
 def chunks(path):
     """Chunks of a whole MCAP file as mcap reads them: [(begin, end, [(topic, time, bytes)])]."""
     found = []
@@ -97,15 +120,25 @@ def streams(reference, position, effort=None, names=JOINTS, start=START):
     effort = np.zeros((count, 3)) if effort is None else effort
     order = [JOINTS.index(name) for name in names]
     records = {
-        topics.JOINT_STATES: cdr.joint_state(names).records(
+        topics.JOINT_STATES: layouts.joint_state(names).records(
             count, stamps, position=position[:, order], effort=effort[:, order]
         ),
-        topics.REFERENCE: cdr.joint_trajectory(names).records(
+        topics.REFERENCE: layouts.joint_trajectory(names).records(
             count, stamps, position=reference[:, order]
         ),
-        topics.COMMANDS: cdr.float64_multi_array(3).records(count, data=effort),
+        topics.COMMANDS: layouts.float64_multi_array(3).records(count, data=effort),
     }
     return {
         topic: [(int(stamp), row.tobytes()) for stamp, row in zip(stamps, rows, strict=True)]
         for topic, rows in records.items()
     }
+
+
+def old_status_message(stamp, status):
+    """A status as bags had it before it had codes."""
+    acted = ', '.join(text for bit, text in OLD_LIMITS.items() if status.acted & bit) or 'none'
+    fault = status.fault.text if status.fault else 'none'
+    values = {'law': status.law, 'fault': fault, 'limits that acted': acted}
+    return layouts.padded(
+        layouts.diagnostic_array('controller: status', 1, fault, values).encode(stamp)
+    )

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import lz4.frame
 import zstandard
+from assembly import simulated
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from parallel_robot_bags import bag_writer, simulation_bag
-from parallel_robot_base import cdr, config, topics
-from parallel_robot_sim.simulation import simulate
+from parallel_robot_base import config, layouts, topics
 
 MAGIC = b'\x89MCAP0\r\n'
 HUGE = 2**63
@@ -42,7 +42,7 @@ def make(bag: Path) -> Good:
     values = config.resolve('paper_circle', {'duration': 0.06, 'time_mode': 'lockstep'})
     size, bag_writer.CHUNK_SIZE = bag_writer.CHUNK_SIZE, 8000
     try:
-        simulation_bag.write(bag, values, simulate(values))
+        simulation_bag.write(bag, values, simulated(values))
     finally:
         bag_writer.CHUNK_SIZE = size
     return read(bag)
@@ -192,11 +192,11 @@ def configured(good, **changes):
     return bag(good, {**good.facts, 'config': json.dumps(values)})
 
 
-STATE = cdr.joint_state((*JOINTS, *(f'{joint}_passive' for joint in JOINTS)))
+STATE = layouts.joint_state((*JOINTS, *(f'{joint}_passive' for joint in JOINTS)))
 LAYOUTS = {
     'joint_states': STATE,
-    'reference': cdr.joint_trajectory(JOINTS),
-    'effort_controller/commands': cdr.float64_multi_array(3),
+    'reference': layouts.joint_trajectory(JOINTS),
+    'effort_controller/commands': layouts.float64_multi_array(3),
 }
 
 
@@ -233,12 +233,12 @@ def stamps(stamp):
 
 def joints(good, names, configured_too=True):
     """A robot of other joints."""
-    other = cdr.joint_state(names)
+    other = layouts.joint_state(names)
     messages = [
         (name, time, {
             'joint_states': other.encode(time),
-            'reference': cdr.joint_trajectory(names).encode(time),
-            'effort_controller/commands': cdr.float64_multi_array(len(names)).encode(),
+            'reference': layouts.joint_trajectory(names).encode(time),
+            'effort_controller/commands': layouts.float64_multi_array(len(names)).encode(),
         }.get(name, payload))
         for name, time, payload in good.messages
     ]  # fmt: skip
@@ -250,8 +250,8 @@ def joints(good, names, configured_too=True):
 def renamed(good, names):
     """The same motion of joints with other names."""
     other = {
-        'joint_states': cdr.joint_state(names),
-        'reference': cdr.joint_trajectory(names),
+        'joint_states': layouts.joint_state(names),
+        'reference': layouts.joint_trajectory(names),
     }
     messages = []
     for name, time, payload in good.messages:
@@ -343,7 +343,7 @@ VALUES = {
     'period': (0, -1, 1e-300, 1e300, 'a', [1e-3], True, 10**30, 0.0007),
     'duration': (-1, 1e300, 1e9, 'long', None),
     'time_mode': ('never', 1, ['wall']),
-    'own_laws': ('x', [1], ['/etc/passwd'], ['/dev/stdin'], [['a']]),
+    'custom_laws': ('x', [1], ['/etc/passwd'], ['/dev/stdin'], [['a']]),
     'plant.torque_limit': (0, 'a', [1, 2], [], 1e308, [math.pi, 'a', 1]),
     'robot.l1': (0, -1, 1e308, 'a', [1], 1e-300),
     'robot.base_x': ([1, 2], [1, 1, 1], 'abc', [0, 1, 'a']),
@@ -367,15 +367,15 @@ CHANGES = {
     'nothing': {},
 }
 ATTACHMENTS = {
-    'NUL': 'own_laws/a\0b',
-    'parent': 'own_laws/../../../owned',
-    'absolute': 'own_laws//tmp/owned',
-    'long': 'own_laws/' + 'x' * 300,
-    'very long': 'own_laws/' + 'x' * LONG,
-    'empty': 'own_laws/',
-    'escape': 'own_laws/' + ESCAPE,
-    'a law of the suite': 'own_laws/smc',
-    'dots': 'own_laws/..',
+    'NUL': 'custom_laws/a\0b',
+    'parent': 'custom_laws/../../../owned',
+    'absolute': 'custom_laws//tmp/owned',
+    'long': 'custom_laws/' + 'x' * 300,
+    'very long': 'custom_laws/' + 'x' * LONG,
+    'empty': 'custom_laws/',
+    'escape': 'custom_laws/' + ESCAPE,
+    'a law of the suite': 'custom_laws/smc',
+    'dots': 'custom_laws/..',
 }
 NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e155, 1e300, 5e-324)
 EXTREMES = {
@@ -527,8 +527,10 @@ def files():
             for name, title in ATTACHMENTS.items()
         },
         'a thousand attachments': lambda good: bag(good, attachments=[
-            (f'own_laws/a{k}', b'x') for k in range(1000)]),
-        'huge attachment': lambda good: bag(good, attachments=[('own_laws/a', bytes(3 * 10**7))]),
+            (f'custom_laws/a{k}', b'x') for k in range(1000)]),
+        'huge attachment': lambda good: bag(
+            good, attachments=[('custom_laws/a', bytes(3 * 10**7))]
+        ),
         # schemas, channels, messages
         'schema twice': lambda good: by_hand(
             described(), described(), schema(1, 'other/msg/Type'), chunk(content(good))),
@@ -565,7 +567,7 @@ def files():
         'two messages of each': lambda good: bag(good, messages=good.messages[:26]),
         'in a namespace': lambda good: bag(good, space='/left'),
         'topic with escapes': lambda good: bag(good, messages=[
-            *good.messages, (ESCAPE, 5, cdr.text_message(ESCAPE)), ('x' * 60_000, 5, b'a'),
+            *good.messages, (ESCAPE, 5, layouts.text_message(ESCAPE)), ('x' * 60_000, 5, b'a'),
             ('', 5, b''), ('../../x', 5, b''), ('a b', 5, b'')]),
         **{
             f'{name} {what}': lambda good, name=name, change=change: bag(good, messages=[
@@ -600,11 +602,11 @@ def files():
         'joint with a very long name': lambda good: joints(
             good._replace(messages=good.messages[:30]), ('a' * (LONG // 10), 'b', 'c')),
         'commands of two': lambda good: edited(
-            good, 'effort_controller/commands', field('data', 0), cdr.float64_multi_array(2)),
+            good, 'effort_controller/commands', field('data', 0), layouts.float64_multi_array(2)),
         'commands of four': lambda good: edited(
-            good, 'effort_controller/commands', field('data', 0), cdr.float64_multi_array(4)),
+            good, 'effort_controller/commands', field('data', 0), layouts.float64_multi_array(4)),
         'commands of none': lambda good: edited(
-            good, 'effort_controller/commands', lambda *_: None, cdr.float64_multi_array(0)),
+            good, 'effort_controller/commands', lambda *_: None, layouts.float64_multi_array(0)),
         # numbers
         **{
             f'{name} {key} {number} {every}':
@@ -643,7 +645,7 @@ def files():
 
 def answers():
     data = [2**63 - 1, -(2**63), 0, 2**62, -5, 1]
-    return cdr.int64_multi_array(6).encode(data=data)
+    return layouts.int64_multi_array(6).encode(data=data)
 
 
 def flipped(data, seed):

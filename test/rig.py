@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from parallel_robot_base import config
+from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import Controller, JointSample
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.exchange import JointSample
+from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.trajectory import Trajectory
 
@@ -18,11 +20,11 @@ class Rig:
 
     def __init__(self, mode='wall', scenario='paper_circle', **overrides):
         keys = {key.replace('__', '.'): value for key, value in overrides.items()}
-        self.values = config.resolve(scenario, {'time_mode': mode, **keys})
-        self.controller = Controller(self.values)
+        self.values = resolve(scenario, {'time_mode': mode, **keys})
+        self.controller = Controller(configure(self.values))
         self.controller.begin(START)
-        self.simulator = Simulator(self.values)
-        self.samples = Trajectory.of(self.values).sample(np.arange(SAMPLES) * 1e-3)
+        self.simulator = Simulator(configure_plant(self.values))
+        self.samples = Trajectory(self.values).sample(np.arange(SAMPLES) * 1e-3)
         self.k = 0  # index of the state that is next
         self.torques = []
 
@@ -32,7 +34,7 @@ class Rig:
 
     def measured(self):
         joints = self.simulator.measurement()
-        return JointSample(joints.theta, joints.theta_dot, self.simulator.state.torque)
+        return JointSample(joints.position, joints.velocity, self.simulator.state.torque)
 
     def reference(self, k=None):
         rows = (self.samples.position, self.samples.velocity, self.samples.acceleration)
@@ -62,4 +64,4 @@ class Rig:
     def change(self, **changes):
         """Change parameters of the controller, as the node does."""
         keys = {key.replace('__', '.'): value for key, value in changes.items()}
-        self.controller.apply(self.controller.judge(keys))
+        self.controller.apply(self.controller.prepare_change(keys))

@@ -20,9 +20,11 @@ from rclpy.executors import SingleThreadedExecutor
 
 from parallel_robot_analysis.processes import children, command
 from parallel_robot_base import config
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
+from parallel_robot_ros.subscription import qos_of
+from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
@@ -193,8 +195,8 @@ class Peer:
 def compiled():
     """Kernels on disk, so that a node starts within PATIENCE."""
     values = config.resolve('paper_circle')
-    Controller(values)
-    Simulator(values).advance(np.zeros(3))
+    Controller(configure(values))
+    Simulator(configure_plant(values)).advance(np.zeros(3))
 
 
 @pytest.fixture
@@ -239,16 +241,22 @@ class Sink:
 
 @pytest.fixture(params=['wall', 'lockstep'])
 def node(request, domain):
-    """Make a node of a class in this process, its output going into a sink."""
+    """Make a node of a class in this process; what it publishes on a topic goes into a list."""
     made = []
     words = ['-p', f'time_mode:={request.param}', '--log-level', 'fatal']
     words += ['-p', 'use_sim_time:=true']  # the clock stands at zero: no stamp is too old
     rclpy.init(args=['--ros-args', *words])
 
     def make(kind, output):
-        made.append(kind())
-        setattr(made[-1], output, Sink())
-        return made[-1], getattr(made[-1], output).data
+        sink = Sink()
+
+        class Node(kind):
+            def publisher(self, topic, essential=True):
+                publisher = super().publisher(topic, essential)
+                return sink if topic == output else publisher
+
+        made.append(Node())
+        return made[-1], sink.data
 
     yield make
     for one in made:

@@ -11,7 +11,8 @@ from reliability import hosts
 from reliability.hosts import two_hosts
 from ros_fixtures import PATIENCE, SLOW_LOOP
 
-from parallel_robot_control.faults import FAULT_TEXT, STATES_STALE
+from parallel_robot_control import faults
+from parallel_robot_control.faults import STATES_STALE
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -47,7 +48,7 @@ def test_a_cut_link_is_ridden_through_or_ends_in_safe_actions(
     assert done.returncode == 0, done.stderr
     short, long = json.loads((tmp_path / 'rows').read_text())
     assert short['recovery'] is not None and long['recovery'] is not None
-    assert f'fault: {FAULT_TEXT[STATES_STALE]}' in long['reaction']  # at the far end
+    assert f'fault: {faults.FAULTS[STATES_STALE].text}' in long['reaction']  # at the far end
     assert 'plant: the motors take their safe action' in long['reaction']  # at the near end
     assert 1e-3 < long['worst'] < 0.08  # damped, it stays where it was; the circle goes on
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from assembly import simulated
 from rig import Rig
 
 from parallel_robot_base import config
 from parallel_robot_control.answering import EXCESS
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.laws import LAWS
-from parallel_robot_sim.simulation import simulate
 
 WITH_INTEGRAL = [
     'pid', 'super_twisting', 's_smc',
@@ -41,7 +41,7 @@ def weak_at_first(law, deaf):
     conditional integration (`deaf`) the law does not learn what was cut off.
     """
     rig = Rig('lockstep', law=law)
-    limit = rig.controller._limits.torque  # the kernels look at this very array
+    limit = rig.controller.limits.torque  # the kernels look at this very array
     strong = limit.copy()
     limit[:] = 1.5
     errors = []
@@ -82,5 +82,5 @@ def test_without_saturation_nothing_changes(law):
 @pytest.mark.parametrize('law', LAWS)
 @pytest.mark.parametrize('scenario', ['paper_circle', 'paper_line', 'circle_pi12'])
 def test_in_the_paper_s_scenarios_no_limit_acts(scenario, law):
-    made = simulate(config.resolve(scenario, {'law': law, 'duration': 12.0}))
+    made = simulated(config.resolve(scenario, {'law': law, 'duration': 12.0}))
     assert not made.run.acted.any() and not made.run.fault.any()

@@ -13,33 +13,35 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_bags import bag_reader
+from parallel_robot_bags.bag_files import open_file
 from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.mcap_records import Block, Damage
-from parallel_robot_base import cdr, topics
+from parallel_robot_bags.mcap_block import Block
+from parallel_robot_bags.mcap_records import Damage, scan
+from parallel_robot_base import layouts, topics
 from parallel_robot_base.errors import BagError
+from parallel_robot_control.faults import FAULTS, SPEED
 from parallel_robot_control.messages import Status, status_message
 
 JOINTS = ('joint1', 'joint2', 'joint3')
 METADATA = {'scenario': 'Kreis: "ä"\n', 'law': 's_fotsmc', 'config': 'a: [1, 2]\nb: 3\n'}
 NUMBERS = np.random.default_rng(7)
 LAYOUTS = {
-    topics.JOINT_STATES.type: cdr.joint_state(JOINTS),
-    topics.REFERENCE.type: cdr.joint_trajectory(JOINTS),
-    topics.COMMANDS.type: cdr.float64_multi_array(3),
-    topics.POSE.type: cdr.pose_stamped('base'),
-    topics.ANSWERED.type: cdr.int64_multi_array(20),
+    topics.JOINT_STATES.type: layouts.joint_state(JOINTS),
+    topics.REFERENCE.type: layouts.joint_trajectory(JOINTS),
+    topics.COMMANDS.type: layouts.float64_multi_array(3),
+    topics.POSE.type: layouts.pose_stamped('base'),
+    topics.ANSWERED.type: layouts.int64_multi_array(20),
 }
 
 
 def message(topic, stamp):
     """A message of a topic with random numbers."""
     if topic == topics.ACTIVE_LAW:
-        return cdr.text_message('s_fotsmc')
+        return layouts.text_message('s_fotsmc')
     if topic == topics.STATUS:
-        return status_message(stamp, Status('s_fotsmc', 11, 3))
+        return status_message(stamp, Status('s_fotsmc', FAULTS[SPEED], 3))
     if topic == topics.STATUS:
-        return status_message(stamp, Status('s_fotsmc', 11, 3))
+        return status_message(stamp, Status('s_fotsmc', FAULTS[SPEED], 3))
     layout = LAYOUTS[topic.type]
     record = layout.records(1, stamp if layout.stamped else None)
     for name in record.dtype.names:
@@ -179,13 +181,13 @@ def test_what_was_written_before_an_error_stays_readable(tmp_path):
 
 def survives(path):
     """Messages in the chunks of a file that nobody has closed, and its damage."""
-    records = list(bag_reader.scan_file(path))
+    records = list(scan(*open_file(path)))
     count = sum(len(record.starts) for record in records if isinstance(record, Block))
     return count, [record for record in records if isinstance(record, Damage)]
 
 
 def test_finished_chunks_are_with_the_system_at_once(tmp_path):
-    layout, size, lost = cdr.float64_multi_array(100), 812 + 31, 0
+    layout, size, lost = layouts.float64_multi_array(100), 812 + 31, 0
     with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
         for k in range(2000):
             writer.write(topics.COMMANDS.name, k, layout.encode(data=NUMBERS.normal(size=100)))
@@ -235,7 +237,7 @@ def test_a_recording_of_hours_needs_little_memory(tmp_path):
 @pytest.mark.parametrize('where', ['first', 'middle', 'end', 'metadata'])
 def test_a_full_disk_leaves_what_is_finished(where, tmp_path):
     """The file is cut after its last whole record; metadata.yaml is whole or not there."""
-    layout, path = cdr.float64_multi_array(100), tmp_path / 'bag' / 'bag_0.mcap'
+    layout, path = layouts.float64_multi_array(100), tmp_path / 'bag' / 'bag_0.mcap'
     many = [topics.Topic(f'{name}{k}', topics.COMMANDS.type) for name in 'ab' for k in range(100)]
     messages = [layout.encode(data=NUMBERS.normal(size=100)) for _ in range(1000)]
     messages = [] if where == 'metadata' else messages

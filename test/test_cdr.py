@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_base import cdr
+from parallel_robot_base import cdr, cdr_reader, layouts
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('joint1', 'j', 'drittes_Gelenk')
@@ -35,7 +35,7 @@ def joint_state(stamp, draw, joints=JOINTS, fields=('position', 'velocity', 'eff
         name=list(joints),
         **{'position': NONE, 'velocity': NONE, 'effort': NONE, **drawn},
     )
-    return cdr.joint_state(joints, fields, frame), drawn, message
+    return layouts.joint_state(joints, fields, frame), drawn, message
 
 
 def joint_trajectory(stamp, draw, joints=JOINTS):
@@ -54,14 +54,14 @@ def joint_trajectory(stamp, draw, joints=JOINTS):
         joint_names=list(joints),
         points=[point],
     )
-    return cdr.joint_trajectory(joints), drawn, message
+    return layouts.joint_trajectory(joints), drawn, message
 
 
 def float64_multi_array(_, draw, count=3):
     data = draw(count)
     layout = make('std_msgs/msg/MultiArrayLayout', dim=[], data_offset=0)
     message = make('std_msgs/msg/Float64MultiArray', layout=layout, data=data)
-    return cdr.float64_multi_array(count), {'data': data} if count else {}, message
+    return layouts.float64_multi_array(count), {'data': data} if count else {}, message
 
 
 def pose_stamped(stamp, draw):
@@ -75,11 +75,11 @@ def pose_stamped(stamp, draw):
     )
     message = make('geometry_msgs/msg/PoseStamped', header=header(stamp, 'base'), pose=pose)
     names = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
-    return cdr.pose_stamped('base'), dict(zip(names, numbers, strict=True)), message
+    return layouts.pose_stamped('base'), dict(zip(names, numbers, strict=True)), message
 
 
 def clock(stamp, _):
-    return cdr.clock(), {}, make('rosgraph_msgs/msg/Clock', clock=header(stamp).stamp)
+    return layouts.clock(), {}, make('rosgraph_msgs/msg/Clock', clock=header(stamp).stamp)
 
 
 CASES = {
@@ -205,18 +205,18 @@ def test_spare_bytes_at_the_end_do_not_matter(case):
 
 
 def test_nothing_is_no_message():
-    assert cdr.joint_state(JOINTS).decode(b'') is None
+    assert layouts.joint_state(JOINTS).decode(b'') is None
 
 
 def test_other_joint_names_are_not_this_layout():
     data = example(joint_state)[1]
     for joints in [('joint1', 'k', 'drittes_Gelenk'), ('j', 'joint1', 'drittes_Gelenk')]:
-        assert cdr.joint_state(joints).decode(data) is None
+        assert layouts.joint_state(joints).decode(data) is None
 
 
 @pytest.mark.parametrize('text', ['', 'a', 'Größe: 1', 'kind: law\nname: s_fotsmc\n' * 100])
 def test_texts_are_those_of_rosbags(text):
-    data = cdr.text_message(text)
+    data = layouts.text_message(text)
     assert data.rstrip(b'\0') == theirs(make('std_msgs/msg/String', data=text)).rstrip(b'\0')
     assert len(data) % 4 == 0  # as on the wire
     assert deserialize_message(data, ros_class('std_msgs/msg/String')).data == text
@@ -224,27 +224,27 @@ def test_texts_are_those_of_rosbags(text):
 
 def test_special_numbers_survive():
     numbers = [np.nan, np.inf, -np.inf, -0.0, 5e-324, 1.7976931348623157e308]
-    layout = cdr.float64_multi_array(6)
+    layout = layouts.float64_multi_array(6)
     records = layout.decode(layout.encode(data=numbers))
     assert records['data'][0].tobytes() == struct.pack('<6d', *numbers)
 
 
 def test_a_whole_run_equals_its_messages_one_by_one():
-    layout = cdr.joint_state(JOINTS)
+    layout = layouts.joint_state(JOINTS)
     position, effort = np.random.default_rng(2).standard_normal((2, 50, 3))
     stamps = 1_999_999_990 + 7 * np.arange(50)
     records = layout.records(50, stamps, position=position, effort=effort)
     for k in range(50):
         one = layout.encode(int(stamps[k]), position=position[k], effort=effort[k])
         assert records[k].tobytes() == one
-        assert cdr.header_stamp(one) == stamps[k]
+        assert cdr_reader.header_stamp(one) == stamps[k]
     together = layout.decode(records.tobytes(), 50)
     assert np.array_equal(cdr.stamps_of(together), stamps)
     assert np.array_equal(together['effort'], effort) and not together['velocity'].any()
 
 
 def test_a_message_does_not_remember_the_one_before():
-    layout = cdr.joint_state(JOINTS)
+    layout = layouts.joint_state(JOINTS)
     fresh = layout.encode(5, position=[1, 2, 3])
     layout.encode(6, position=[4, 5, 6], velocity=[1, 1, 1], effort=[2, 2, 2])
     assert layout.encode(5, position=[1, 2, 3]) == fresh
@@ -252,7 +252,7 @@ def test_a_message_does_not_remember_the_one_before():
 
 def test_a_reader_reads_what_rosbags_writes():
     _, ours, message = example(CASES['a frame'])
-    reader = cdr.Reader(ours)
+    reader = cdr_reader.Reader(ours)
     assert (reader.header(), reader.texts()) == ('base', JOINTS)
     for field in ('position', 'velocity', 'effort'):
         assert np.array_equal(reader.numbers(), getattr(message, field))
@@ -260,17 +260,17 @@ def test_a_reader_reads_what_rosbags_writes():
     layout = make('std_msgs/msg/MultiArrayLayout', dim=dimensions, data_offset=3)
     numbers = np.arange(4.0)
     shaped = make('std_msgs/msg/Float64MultiArray', layout=layout, data=numbers)
-    assert np.array_equal(cdr.read_numbers(theirs(shaped)), numbers)
+    assert np.array_equal(cdr_reader.read_numbers(theirs(shaped)), numbers)
 
 
 def test_a_reader_ends_with_the_message():
     _, whole, _ = example(CASES['joint_state'])
     for length in range(len(whole)):
         with pytest.raises(ValueError, match=r'ends|CDR'):  # noqa: PT012
-            reader = cdr.Reader(whole[:length])
+            reader = cdr_reader.Reader(whole[:length])
             reader.header(), reader.texts()
             reader.numbers(), reader.numbers(), reader.numbers()
     for lie in (b'\xff\xff\xff\xff', b'\xff\xff\xff\x7f', b'\0\0\0\x20'):
-        assert not cdr.read_numbers(b'\0\1\0\0' + 8 * b'\0' + lie).size
-        assert not cdr.read_numbers(b'\0\1\0\0' + lie).size
-    assert not cdr.read_numbers(b'\0\0' + example(CASES['float64_multi_array'])[1][2:]).size
+        assert not cdr_reader.read_numbers(b'\0\1\0\0' + 8 * b'\0' + lie).size
+        assert not cdr_reader.read_numbers(b'\0\1\0\0' + lie).size
+    assert not cdr_reader.read_numbers(b'\0\0' + example(CASES['float64_multi_array'])[1][2:]).size

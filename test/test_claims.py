@@ -1,4 +1,4 @@
-"""Claims are judged by the figures they name, and `compare` shows table and verdicts."""
+"""Claims are verified by the metrics they name; `compare` shows table and verdicts."""
 
 import json
 import math
@@ -6,15 +6,15 @@ import re
 
 import pytest
 
-from parallel_robot_analysis import claims, figures_of_merit
+from parallel_robot_analysis import claims, readable_metrics
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.figures_of_merit import shown
 from parallel_robot_analysis.metrics import Errors, Metrics, Torque, Transient
+from parallel_robot_analysis.readable_metrics import shown
 from parallel_robot_bags.counts import TopicCount
 from parallel_robot_base import config
 
 
-def figures(error, settled, chattering):
+def measured(error, settled, chattering):
     return Metrics(
         12.0,
         Transient(settled, None),
@@ -24,36 +24,43 @@ def figures(error, settled, chattering):
 
 
 AS_CLAIMED = {
-    'smc': figures(4.0, None, 0.0),
-    's_smc': figures(3.0, 3.0, 0.0),
-    'nftsmc': figures(2.0, 2.0, 2.0),
-    's_fotsmc': figures(1.0, 1.0, 1.0),
+    'smc': measured(4.0, None, 0.0),
+    's_smc': measured(3.0, 3.0, 0.0),
+    'nftsmc': measured(2.0, 2.0, 2.0),
+    's_fotsmc': measured(1.0, 1.0, 1.0),
 }
 
 
-def test_all_claims_hold_for_figures_as_claimed():
-    verdicts = claims.judge('paper_line', AS_CLAIMED)
+def test_all_claims_hold_for_metrics_as_claimed():
+    verdicts = claims.verify('paper_line', AS_CLAIMED)
     assert [v.claim for v in verdicts] == list(claims.CLAIMS)
     assert all(v.reproduced for v in verdicts)
 
 
 @pytest.mark.parametrize('claim', claims.CLAIMS, ids=lambda claim: claim.text)
 def test_each_claim_falls_when_its_law_is_not_ahead(claim):
-    results = AS_CLAIMED | {claim.better: figures(9.0, None, 9.0)}
-    verdict = next(v for v in claims.judge('paper_line', results) if v.claim == claim)
+    results = AS_CLAIMED | {claim.better: measured(9.0, None, 9.0)}
+    verdict = next(v for v in claims.verify('paper_line', results) if v.claim == claim)
     assert not verdict.reproduced
-    assert set(verdict.figures) == {claim.better, *claim.others}
+    assert set(verdict.values) == {claim.better, *claim.others}
 
 
 def test_a_tie_is_no_lead():
-    results = dict.fromkeys(AS_CLAIMED, figures(1.0, 1.0, 1.0))
-    assert not any(v.reproduced for v in claims.judge('paper_line', results))
+    results = dict.fromkeys(AS_CLAIMED, measured(1.0, 1.0, 1.0))
+    assert not any(v.reproduced for v in claims.verify('paper_line', results))
 
 
 @pytest.mark.parametrize('scenario', ['circle_pi12', 'disturbed_circle', 'heavy_circle', ''])
 def test_the_paper_claims_nothing_of_other_scenarios(scenario):
-    assert claims.judge(scenario, AS_CLAIMED) == []
+    assert claims.verify(scenario, AS_CLAIMED) == []
     assert set(claims.SCENARIOS) <= set(config.scenarios())
+
+
+def test_a_metric_that_is_not_defined_verifies_nothing():
+    results = AS_CLAIMED | {'smc': measured(math.nan, math.nan, 0.0)}
+    found = {verdict.claim.text for verdict in claims.verify('paper_line', results)}
+    rest = [c.text for c in claims.CLAIMS if 'smc' not in (c.better, *c.others)]
+    assert found == set(rest) and rest
 
 
 @pytest.mark.parametrize(
@@ -65,22 +72,22 @@ def test_the_paper_claims_nothing_of_other_scenarios(scenario):
         (None, 'never'), (math.inf, 'never'),
     ],
 )  # fmt: skip
-def test_all_figures_have_four_digits(value, text):
-    assert figures_of_merit.shown(value) == text
+def test_all_values_have_four_digits(value, text):
+    assert readable_metrics.shown(value) == text
 
 
 def test_claims_about_laws_without_results_are_left_out():
     assert [
         v.claim.better
-        for v in claims.judge('paper_line', {k: AS_CLAIMED[k] for k in ('smc', 's_smc')})
+        for v in claims.verify('paper_line', {k: AS_CLAIMED[k] for k in ('smc', 's_smc')})
     ] == ['s_smc']
 
 
-def test_missing_messages_stand_beside_the_figures():
+def test_missing_messages_stand_beside_the_metrics():
     counts = {'reference': TopicCount(99, 2), 'pose': TopicCount(10, 0), 'clock': TopicCount(5, 7)}
-    lines = figures_of_merit.brief(figures(1e-6, 1.0, 0.5), counts)
+    lines = readable_metrics.brief(measured(1e-6, 1.0, 0.5), counts)
     assert len(lines) == 4 and lines[3] == '  messages missing: reference 2, clock 7'
-    assert lines[0].startswith('  platform error, rms 1.000 um; ')
+    assert lines[0].startswith('  end-effector error, rms 1.000 um; ')
 
 
 def test_compare_shows_what_was_measured(tmp_path, capsys):

@@ -11,12 +11,13 @@ from mujoco_robot import open_loop as mujoco_open_loop
 from test_s_fotsmc import ring
 
 from parallel_robot_base import config
-from parallel_robot_control import laws
+from parallel_robot_base.kernel import entry_point
+from parallel_robot_control.assembly import assemble
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import initial_state, run_cycle
-from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_model.planar_3rrr.kinematics import GUESS_OUT_OF_REACH
-from parallel_robot_sim.plant import measure
+from parallel_robot_model.planar_3rrr import measure
+from parallel_robot_model.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH
 
 HEAVY = {'true_robot.m1': 1.1 * 5.12, 'true_robot.m2': 1.1 * 7.39, 'true_robot.mp': 1.1 * 3.84}
 
@@ -54,15 +55,20 @@ def test_heavier_masses_need_more_torque(circle):
 
 def test_loops_stay_closed_for_a_minute(robot):
     out = simulate(duration=60.0).out
-    gaps = closure(robot, out.pose[-1], out.theta[-1], out.theta[-1] + out.psi[-1])
+    gaps = closure(
+        robot, out.pose[-1], out.position[-1], out.position[-1] + out.passive_position[-1]
+    )
     assert out.steps == 60001 and gaps.max() < 1e-12
 
 
 def test_recorded_joints_are_those_of_the_recorded_pose(robot, circle):
     theta, beta = legs(robot, circle.out.pose)
-    assert np.abs(np.exp(1j * theta) - np.exp(1j * circle.out.theta)).max() < 1e-12
-    assert np.abs(np.exp(1j * (beta - theta)) - np.exp(1j * circle.out.psi)).max() < 1e-12
-    for angle, rate in (('theta', 'theta_dot'), ('psi', 'psi_dot')):
+    assert np.abs(np.exp(1j * theta) - np.exp(1j * circle.out.position)).max() < 1e-12
+    assert (
+        np.abs(np.exp(1j * (beta - theta)) - np.exp(1j * circle.out.passive_position)).max()
+        < 1e-12
+    )
+    for angle, rate in (('position', 'velocity'), ('passive_position', 'passive_velocity')):
         slope = np.gradient(getattr(circle.out, angle), 1e-3, axis=0)
         assert np.abs(slope - getattr(circle.out, rate))[1:-1].max() < 1e-3
 
@@ -82,10 +88,10 @@ def test_effort_is_saturated_and_the_command_is_not():
 def test_recorded_efforts_reproduce_the_joints_from_state_0(scenario):
     out = simulate(scenario).out
     values = config.resolve(scenario)
-    robot = make_plant(values)[0].robot
+    robot = make_plant(values).setup.robot
     states = open_loop(values, out.effort[1:])
-    theta = np.array([measure(robot, state).theta for state in states])
-    assert np.abs(theta - out.theta).max() < 1e-9
+    position = [measure(robot, state.coordinates, state.rate).position for state in states]
+    assert np.abs(np.array(position) - out.position).max() < 1e-9
 
 
 def test_recorded_commands_move_mujoco_alike(robot):
@@ -100,7 +106,7 @@ def test_recorded_commands_move_mujoco_alike(robot):
 
 
 def test_the_coupled_error_is_the_error_and_the_integral_of_the_coupling(circle):
-    error = circle.reference.position - circle.out.theta
+    error = circle.reference.position - circle.out.position
     summed = 1e-3 * (np.cumsum(error @ ring(3), axis=0) - error @ ring(3))
     assert np.abs(circle.out.coupled_error - (error + 0.9 * summed)).max() < 1e-12
 
@@ -114,7 +120,7 @@ def test_the_same_run_gives_the_same_bits(circle):
 def test_a_controller_without_a_pose_leaves_the_robot_damped():
     out = simulate(duration=0.1, guess=[5.0, 5.0, 0.0]).out
     assert (out.fault == GUESS_OUT_OF_REACH).all() and out.steps == 101
-    assert np.array_equal(out.command, -40.0 * out.theta_dot)
+    assert np.array_equal(out.command, -40.0 * out.velocity)
 
 
 def test_a_plant_out_of_its_workspace_ends_the_run():
@@ -144,16 +150,17 @@ def test_memory_does_not_grow_with_the_steps_of_a_run():
 
 @pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='needs Linux')
 def test_memory_does_not_grow_with_single_cycles(values, robot):
-    law, theta, still = laws.prepare('s_fotsmc', values), legs(robot, PAPER_START)[0], np.zeros(3)
+    control = assemble(configure(values))
+    theta, still = legs(robot, PAPER_START)[0], np.zeros(3)
     reference = JointReference(theta, still, still)
-    limits = limits_of(config.group(values, SafetyParameters, 'safety'))
+
+    begin = control.setup, reference, theta, still, control.state, control.law.memory, 1e-3
+    cycle_alone = entry_point(run_cycle, *begin)
 
     def cycles(count):
-        state, memory = initial_state(PAPER_START), law.memory
+        state, memory = initial_state(PAPER_START, 3), control.law.memory
         for _ in range(count):
-            cycle = run_cycle(
-                law.update, law.gains, robot, limits, reference, theta, still, state, memory, 1e-3
-            )
+            cycle = cycle_alone(control.setup, reference, theta, still, state, memory, 1e-3)
             state, memory = cycle.state, cycle.memory
 
     cycles(1000)

@@ -1,4 +1,4 @@
-"""The command line: one clear line for bad input, and the figures that were asked for."""
+"""The command line: one clear line for bad input, and the results that were asked for."""
 
 import json
 import re
@@ -7,16 +7,16 @@ import subprocess
 import sys
 
 import pytest
+from assembly import simulated
 from bags import full_disk
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import recover, rerun, run
-from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE
+from parallel_robot_analysis.readable_metrics import STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_base import config
-from parallel_robot_sim import simulation
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 
@@ -61,7 +61,7 @@ BAD = {
     'NaN in a list': (setting('circle.center=[0.5, .nan]'), 'circle.center[1] must be finite'),
     'list too short': (
         setting('plant.initial_pose=[0.5, 0.4]'),
-        'plant.initial_pose must be a list of 3 numbers',
+        'plant.initial_pose must be [x, y, phi], not [0.5, 0.4]',
     ),
     'guess too short': (setting('controller.guess=[0.5, 0.4]'), 'controller.guess'),
     'guess of text': (setting('controller.guess=[a, b, c]'), 'controller.guess'),
@@ -69,7 +69,7 @@ BAD = {
     'period out of range': (setting('period=1'), 'period must be from 0.0001 to 0.1 s'),
     'two joints of one name': (
         setting('joints=[a, a, b]'),
-        'joints must be three different names',
+        "joints must be different names, not ['a', 'a', 'b']",
     ),
     'no equals sign': (setting('period'), "--set takes KEY=VALUE, not 'period'"),
     'broken YAML': (setting('joints=[a'), '--set joints'),
@@ -149,7 +149,7 @@ def test_results_that_cannot_be_written(words, bag, tmp_path, capsys, monkeypatc
 
 
 @pytest.mark.parametrize('words', [[], ['--set', 'true_robot.l1=0.4001']])
-def test_simulate_ends_with_the_figures_of_analyze(words, tmp_path, capsys):
+def test_simulate_ends_with_the_metrics_of_analyze(words, tmp_path, capsys):
     out = tmp_path / 'a bag'
     assert main(['simulate', 'paper_circle', '--duration', '1', *words, '--out', str(out)]) == 0
     _, head, *brief, place, following = capsys.readouterr().out.splitlines()
@@ -158,15 +158,15 @@ def test_simulate_ends_with_the_figures_of_analyze(words, tmp_path, capsys):
     assert main(shlex.split(following)[2:]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert head == first
-    merits = [re.sub(r'  +', ' ', line.strip()) for line in lines[: len(STEADY + TORQUE)]]
-    assert '; '.join(line.strip() for line in brief) == '; '.join(merits)
+    metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[: len(STEADY + TORQUE)]]
+    assert '; '.join(line.strip() for line in brief) == '; '.join(metrics_of_bag)
 
 
-def test_a_bag_is_good_though_its_figures_fail(tmp_path, capsys, monkeypatch):
+def test_a_bag_is_good_though_its_metrics_fail(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(metrics, 'evaluate', lambda *_: 1 / 0)
     assert main(['simulate', *CIRCLE, '--out', str(tmp_path / 'bag')]) == 0
     out, err = capsys.readouterr()
-    assert not err and 'no figures: ZeroDivisionError: division by zero\nbag ' in out
+    assert not err and 'no metrics: ZeroDivisionError: division by zero\nbag ' in out
     assert not run_log.read(tmp_path / 'bag').warnings
 
 
@@ -212,7 +212,7 @@ def test_a_path_may_be_a_text(bag, tmp_path):
     assert rerun.compare(str(bag), copy) == (rerun.compare(bag, tmp_path / 'copy')[0], '')
     figures.draw_run(log, metrics.poses(log), picture)
     values = config.resolve('paper_circle', {'duration': 0.01})
-    simulation_bag.write(str(tmp_path / 'new'), values, simulation.simulate(values))
+    simulation_bag.write(str(tmp_path / 'new'), values, simulated(values))
     assert {path.name for path in tmp_path.iterdir()} == {'copy', 'new', 'run.png'}
     assert list(runs.read_runs([copy])) == ['paper_circle']
 
@@ -258,7 +258,7 @@ def test_help_names_every_command(capsys):
 @pytest.mark.parametrize(
     ('assignment', 'message'),
     [
-        ('hold.pose=nonsense', 'hold.pose must be a list of 3 numbers'),
+        ('hold.pose=nonsense', 'hold.pose must be a list of numbers'),
         ('pid.Kp=.nan', 'pid.Kp must be finite'),
         ('period=0.003', 'period must divide 0.01 s'),
         ('duration=1e-9', 'duration must be 0 or at least one period'),

@@ -12,8 +12,8 @@ from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
-from parallel_robot_sim.friction import FrictionParameters
+from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.robots import robot_of
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
 
@@ -39,7 +39,7 @@ def test_every_scenario_gives_complete_groups(scenario):
     ]:
         config.group(values, kind, prefix)
     for prefix in ('robot', 'true_robot'):
-        validate(config.group(values, RobotParameters, prefix), prefix)
+        robot_of(values, prefix)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_every_scenario_gives_complete_groups(scenario):
 def test_every_parameter_file_is_of_ros_and_for_every_node(path):
     (nodes,) = yaml.safe_load(path.read_text()).items()
     assert nodes[0] == '/**' and set(nodes[1]) == {'ros__parameters'}
-    given = config._flatten(nodes[1]['ros__parameters'])
+    given = config.flat(nodes[1]['ros__parameters'])
     values = config.resolve('paper_circle', given)
     assert given.items() <= values.items()
     config.group(values, SafetyParameters, 'safety')
@@ -58,7 +58,7 @@ def test_every_parameter_file_is_of_ros_and_for_every_node(path):
 def test_the_strict_time_outs_are_tighter_than_those_of_a_desktop():
     strict = yaml.safe_load((config.directory() / 'hardware' / 'strict.yaml').read_text())
     values = config.resolve('paper_circle')
-    for key, value in config._flatten(strict['/**']['ros__parameters']).items():
+    for key, value in config.flat(strict['/**']['ros__parameters']).items():
         assert value < values[key], key
 
 
@@ -159,8 +159,8 @@ def test_an_unknown_key_in_a_scenario_is_refused(files):
 
 
 def test_a_scenario_brings_no_code(files):
-    (files / 'scenarios' / 'coded.yaml').write_text('own_laws: [law.py]\n')
-    with pytest.raises(InputError, match=r'coded\.yaml: own_laws is given on a command line'):
+    (files / 'scenarios' / 'coded.yaml').write_text('custom_laws: [law.py]\n')
+    with pytest.raises(InputError, match=r'coded\.yaml: custom_laws is given on a command line'):
         config.resolve('coded')
 
 
@@ -218,12 +218,20 @@ def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
         config.directory()
 
 
+@pytest.mark.parametrize('key', ['own_laws', 'custom_laws'])
+def test_the_key_of_older_versions_is_taken_with_a_hint(key, caplog):
+    values = config.resolve('paper_circle', {key: ['docs/example_law.py']})
+    assert Path(values['custom_laws'][0]).name == 'example_law.py' and 'own_laws' not in values
+    hints = ['own_laws is called custom_laws now'] if key == 'own_laws' else []
+    assert caplog.messages == hints
+
+
 @pytest.mark.parametrize('path', ['docs/example_law.py', '~/docs/example_law.py'])
 def test_files_of_laws_are_absolute(path, monkeypatch):
     """A recorder with another current directory finds them by what the controller says."""
     root = Path(__file__).parents[1]
     monkeypatch.chdir(root)
     monkeypatch.setenv('HOME', str(root))
-    values = config.resolve('paper_circle', {'own_laws': [path]})
-    assert values['own_laws'] == [str(root / 'docs' / 'example_law.py')]
-    assert experiment.law_source(*values['own_laws'])[0] == 'example_law'
+    values = config.resolve('paper_circle', {'custom_laws': [path]})
+    assert values['custom_laws'] == [str(root / 'docs' / 'example_law.py')]
+    assert experiment.law_source(*values['custom_laws'])[0] == 'example_law'

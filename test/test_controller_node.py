@@ -7,10 +7,11 @@ import pytest
 from rclpy.clock import ClockType
 from rclpy.time import Time
 
-from parallel_robot_base import cdr, config
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_control import controller as module
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.faults import NONE, STATES_STALE
+from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.messages import reference_messages
 from trajectory_gen.trajectory import Trajectory
@@ -26,10 +27,10 @@ class Loop:
     """A node and the states of a plant at rest, at times that the test sets."""
 
     def __init__(self, node, monkeypatch):
-        self.controller, self._commands = node(ControllerNode, '_commands')
+        self.controller, self._commands = node(ControllerNode, topics.COMMANDS)
         values = config.resolve('paper_circle')
-        self._plant = Simulator(values)
-        self._motion = Trajectory.of(values).sample(np.zeros(1))
+        self._plant = Simulator(configure_plant(values))
+        self._motion = Trajectory(values).sample(np.zeros(1))
         self.stands = 0.0  # s, for which the node has stood still
         clock = SimpleNamespace(monotonic_ns=lambda: SECOND + round(1e9 * self.stands))
         monkeypatch.setattr(module, 'time', clock)
@@ -44,7 +45,7 @@ class Loop:
         )
         count = len(self._commands)
         self.controller._on_state(self._plant.message(stamp))
-        layout = cdr.float64_multi_array(len(joints))
+        layout = layouts.float64_multi_array(len(joints))
         return [layout.decode(data)['data'][0] for data in self._commands[count:]]
 
     @property

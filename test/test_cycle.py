@@ -4,19 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from assembly import FAULTS
 from geometry import PAPER_START, PI12_START, legs
 
-from parallel_robot_base import config
-from parallel_robot_control import laws
+from parallel_robot_control.assembly import assemble
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import Cycle, CycleState, initial_state, run_cycle
-from parallel_robot_control.faults import FAULT_TEXT, NONE, SPEED, TORQUE_NOT_FINITE
+from parallel_robot_control.faults import NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.safety import SafetyParameters, limits_of
 from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
-from parallel_robot_model.planar_3rrr.kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
-
-LIMITS = limits_of(config.group(config.resolve('paper_circle'), SafetyParameters, 'safety'))
+from parallel_robot_model.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
 
 
 class Situation(NamedTuple):
@@ -27,14 +25,14 @@ class Situation(NamedTuple):
     velocity: np.ndarray
     state: CycleState
 
-    def solve(self, law, robot, memory=None) -> Cycle:
-        memory = law.memory if memory is None else memory
-        return run_cycle(law.update, law.gains, robot, LIMITS, *self, memory, 1e-3)
+    def solve(self, control, memory=None) -> Cycle:
+        memory = control.law.memory if memory is None else memory
+        return run_cycle(control.setup, *self, memory, 1e-3)
 
 
 @pytest.fixture
-def law(values):
-    return laws.prepare('s_fotsmc', values)
+def control(values):
+    return assemble(configure(values))
 
 
 @pytest.fixture(params=[PAPER_START, PI12_START])
@@ -50,12 +48,12 @@ def situation(robot, pose):
         JointReference(theta + 0.01 * rng.standard_normal(3), rate_d, acceleration_d),
         theta,
         velocity,
-        initial_state(pose + np.array([0.002, -0.001, 0.01])),
+        initial_state(pose + np.array([0.002, -0.001, 0.01]), 3),
     )
 
 
-def test_torque_is_the_laws_at_the_true_pose(law, robot, pose, situation):
-    cycle = situation.solve(law, robot)
+def test_torque_is_the_laws_at_the_true_pose(control, robot, pose, situation):
+    law, cycle = control.law, situation.solve(control)
     theta, beta = legs(robot, pose)
     model = actuated_dynamics(robot, pose[2], theta, beta, situation.velocity)
     feedback = Feedback(theta, situation.velocity, np.zeros(3))
@@ -82,7 +80,7 @@ def bad_reference(situation):
 
 
 def bad_guess(situation):
-    return situation._replace(state=initial_state(np.array([5.0, 5.0, 0.0])))
+    return situation._replace(state=initial_state(np.array([5.0, 5.0, 0.0]), 3))
 
 
 @pytest.mark.parametrize(
@@ -95,12 +93,12 @@ def bad_guess(situation):
     ],
 )
 def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
-    law, robot, situation, spoil, fault
+    control, situation, spoil, fault
 ):
-    memory = situation.solve(law, robot).memory
+    memory = situation.solve(control).memory
     spoilt = spoil(situation)
-    cycle = spoilt.solve(law, robot, memory)
-    assert cycle.state.fault == fault and FAULT_TEXT[fault]
+    cycle = spoilt.solve(control, memory)
+    assert cycle.state.fault == fault and FAULTS[fault].text
     damped = np.where(np.isfinite(spoilt.velocity), -40.0 * spoilt.velocity, 0.0)
     assert np.array_equal(cycle.torque, np.clip(damped, -200.0, 200.0))
     assert not cycle.sliding_variable.any()
@@ -108,8 +106,8 @@ def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
         assert np.array_equal(after, before)
 
 
-def test_a_fault_stays_when_its_cause_is_gone(law, robot, situation):
-    failed = bad_velocity(situation).solve(law, robot)
-    again = situation._replace(state=failed.state).solve(law, robot, failed.memory)
+def test_a_fault_stays_when_its_cause_is_gone(control, situation):
+    failed = bad_velocity(situation).solve(control)
+    again = situation._replace(state=failed.state).solve(control, failed.memory)
     assert again.state.fault == SPEED
     assert np.allclose(again.torque, np.clip(-40.0 * situation.velocity, -200.0, 200.0))

@@ -4,7 +4,7 @@ import numpy as np
 from assembly import make_plant, open_loop
 
 from parallel_robot_base import config
-from parallel_robot_sim.disturbance import DisturbanceParameters, disturbance_torque
+from parallel_robot_model.disturbance import DisturbanceParameters, disturbance_torque
 
 DISTURBED = config.resolve('disturbed_circle')
 DISTURBANCE = config.group(DISTURBED, DisturbanceParameters, 'disturbance')
@@ -21,16 +21,16 @@ def test_a_motor_that_opposes_it_keeps_the_robot_still():
     values = DISTURBED | {'disturbance.frequency': 0.0}
     torques = np.tile(5.0 * np.sin([0.0, np.pi / 2, 1.0]), (200, 1))
     states = open_loop(values, torques)
-    assert np.abs(states[-1].pose - states[0].pose).max() < 1e-12
+    assert np.abs(states[-1].coordinates - states[0].coordinates).max() < 1e-12
 
 
 def test_it_acts_at_every_moment_of_a_step():
     """Halving the step changes the motion by far less than holding delta over it would."""
     values = DISTURBED | {'plant.integrator': 'rk4', 'friction.coulomb': [0.0, 0.0, 0.0]}
     torques = np.zeros((100, 3))
-    ends = [open_loop(values | {'plant.substeps': n}, torques)[-1].pose for n in (1, 2)]
+    ends = [open_loop(values | {'plant.substeps': n}, torques)[-1].coordinates for n in (1, 2)]
     assert np.abs(ends[0] - ends[1]).max() < 1e-9
 
 
 def test_the_paper_has_none():
-    assert not any(make_plant(config.resolve('paper_circle'))[0].disturbance.amplitude)
+    assert not any(make_plant(config.resolve('paper_circle')).setup.load.disturbance.amplitude)

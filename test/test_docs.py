@@ -5,14 +5,16 @@ import re
 from pathlib import Path
 
 import pytest
+from assembly import simulated
 
-from parallel_robot_base import cdr, config
+from parallel_robot_base import config, layouts
 from parallel_robot_base.fields import parameters
 from parallel_robot_control import faults, safety
+from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model import planar_3rrr
 from parallel_robot_ros import joint_reader
 from parallel_robot_ros import parameter_services as services
-from parallel_robot_sim.simulation import simulate
 
 DOCS = Path(__file__).parents[1] / 'docs'
 EXAMPLE = DOCS / 'example_law.py'
@@ -53,7 +55,7 @@ def test_every_limit_is_in_the_table_of_safety():
     for parameter in parameters(safety.SafetyParameters):
         where = text if parameter.key in ('action', 'damping', 'stiffness') else table
         assert parameter.key.replace('damping', 'damping').replace('stiffness', 'spring') in where
-    assert len(table.splitlines()) >= len(faults.FAULT_TEXT)
+    assert len(table.splitlines()) >= len(faults.of(planar_3rrr))
 
 
 def test_the_limits_of_the_wire_are_those_of_the_code():
@@ -62,20 +64,20 @@ def test_the_limits_of_the_wire_are_those_of_the_code():
         f'{services.MOST_NAMES} names, {services.MOST_PREFIXES} prefixes',
         f'{services.LONGEST_NAME} characters of a name, {services.LONGEST_VALUE} characters or',
         f'looked at up to {joint_reader.LONGEST >> 10} KiB',
-        f'layouts of {cdr.KINDS} kinds',
+        f'layouts of {layouts.KINDS} kinds',
     ):
         assert limit in text
 
 
 def test_the_example_law_is_short_and_tracks():
     assert len(EXAMPLE.read_text().splitlines()) <= 30
-    changed = {'own_laws': [str(EXAMPLE)], 'duration': 4.0}
-    values = config.resolve('paper_circle', changed | {'law': 'example_law'})
-    rival = config.resolve('paper_circle', changed | {'law': 'computed_torque'})
+    changed = {'custom_laws': [str(EXAMPLE)], 'duration': 4.0}
+    values = resolve('paper_circle', changed | {'law': 'example_law'})
+    rival = resolve('paper_circle', changed | {'law': 'computed_torque'})
 
     def error(values):
-        done = simulate(values)
+        done = simulated(values)
         assert not done.run.fault.any()
-        return abs(done.reference.position - done.run.theta)[2000:].max()
+        return abs(done.reference.position - done.run.position)[2000:].max()
 
     assert error(values) < error(rival)

@@ -16,42 +16,40 @@ from parallel_robot_bags import run_log
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.experiment import describe
 from parallel_robot_bags.progress import Progress
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import DRIVEN_OUT
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 
 END = 201  # states inside the workspace
-AT = f'{DRIVEN_OUT} at pose [1.0, 0.9, 0.1] (m, m, rad)'
 
 
-def diagnostics(level, node, text):
+def diagnostics(node, **values):
+    items = [KeyValue(key=key, value=value) for key, value in values.items()]
     status = DiagnosticStatus(
-        level=level,
-        name=f'{node.rpartition("/")[2]}: loop',
-        message=text,
-        hardware_id=node,
-        values=[KeyValue(key='state', value='7')],
+        level=DiagnosticStatus.ERROR, name=f'{node}: loop', message=DRIVEN_OUT, hardware_id=node
     )
+    status.values = items
     return DiagnosticArray(status=[status])
 
 
 @pytest.mark.parametrize(
-    ('level', 'node', 'text', 'driven_out'),
+    ('node', 'outside', 'driven_out'),
     [
-        (DiagnosticStatus.ERROR, '/left/plant', AT, True),
-        (DiagnosticStatus.ERROR, '/plant', AT, False),  # of another robot
-        (DiagnosticStatus.WARN, '/left/plant', AT, False),
-        (DiagnosticStatus.ERROR, '/left/controller', AT, False),
-        (DiagnosticStatus.ERROR, '/left/plant', 'no commands', False),
+        ('/left/plant', 'True', True),
+        ('/left/plant', 'False', False),  # whatever its text says
+        ('/left/plant', 'perhaps', False),
+        ('/plant', 'True', False),  # of another robot
+        ('/left/controller', 'True', False),
     ],
 )
-def test_the_session_hears_it_from_the_plant(level, node, text, driven_out):
+def test_the_session_hears_it_from_the_plant(node, outside, driven_out):
     session = Session([], lambda: None, '/left')
-    session._on_diagnostics(diagnostics(level, node, text))
+    session.take_diagnostics(diagnostics(node, **{OUTSIDE: outside, STATE_INDEX: '7'}))
     assert session.driven_out == driven_out
     assert session.state == (7 if node == '/left/plant' else -1)
-    session._on_diagnostics(diagnostics(DiagnosticStatus.OK, '/left/plant', 'ok'))
-    assert session.driven_out == driven_out
+    session.take_diagnostics(diagnostics('/left/plant', **{OUTSIDE: 'False'}))
+    assert session.driven_out == driven_out  # it has been, though it was put back
 
 
 def test_the_run_does_not_wait_for_the_rest_of_the_motion():
@@ -78,14 +76,17 @@ def driven_out(tmp_path):
         facts = describe(config.group(values, LoopParameters, ''), values, START)
         position = log.position[: END + 30].copy()
         position[END:] += np.linspace(0.3, 1.5, 30)[:, np.newaxis] * [1.0, -1.0, 0.0]
-        states, references = cdr.joint_state(log.joints), cdr.joint_trajectory(log.joints)
+        states, references = (
+            layouts.joint_state(log.joints),
+            layouts.joint_trajectory(log.joints),
+        )
         with BagWriter(directory, topics.RECORDED, facts) as bag:
             for k, row in enumerate(position):
                 stamp = START + k * MS
                 desired = log.reference_position[k]
                 bag.write('joint_states', stamp, states.encode(stamp, position=row))
                 bag.write('reference', stamp, references.encode(stamp, position=desired))
-                command = cdr.float64_multi_array(3).encode(data=log.command[k])
+                command = layouts.float64_multi_array(3).encode(data=log.command[k])
                 bag.write('effort_controller/commands', stamp, command)
         return directory
 
@@ -107,7 +108,7 @@ def test_run_keeps_the_bag_and_says_when(driven_out, tmp_path, monkeypatch, caps
     assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 1
     out, err = capsys.readouterr()
     assert f'{DRIVEN_OUT} at t = 0.230 s' in err.splitlines()[-1]
-    assert ' s of 0.4 s; errors' in out and 'platform error, rms' in out
+    assert ' s of 0.4 s; errors' in out and 'end-effector error, rms' in out
     assert f'bag     {bag}\nnext    parallel_robot analyze {bag}\n' in out
     assert len(run_log.read(bag).time) == END + 30
 

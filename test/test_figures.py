@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs
+from matplotlib.figure import Figure
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.report import figures
@@ -36,6 +37,40 @@ def test_a_picture_comes_out(log, tmp_path):
 def test_the_suffix_chooses_the_format(suffix, begin, log, tmp_path):
     figures.draw_run(log, metrics.poses(log), tmp_path / f'run.{suffix}')
     assert (tmp_path / f'run.{suffix}').read_bytes().startswith(begin)
+
+
+def drawn(monkeypatch):
+    """Figures that are drawn from now on."""
+    found = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: found.append(figure))
+    return found
+
+
+@pytest.mark.parametrize('count', [1, 2, 3, 5, 13])
+@pytest.mark.parametrize('planar', [True, False])
+def test_there_is_a_curve_for_each_joint(count, planar, log, tmp_path, monkeypatch):
+    columns = np.arange(count) % 3
+    names = tuple(f'axis{k + 1}' for k in range(count))
+    fields = ('position', 'reference_position', 'effort', 'answer')
+    other = log._replace(
+        joints=names, **{field: getattr(log, field)[:, columns] for field in fields}
+    )
+    pose = metrics.Poses(other.position, other.reference_position, planar)
+    if planar:
+        pose = metrics.poses(log)
+    found = drawn(monkeypatch)
+    figures.draw_run(other, pose, tmp_path / 'run.png')
+    panels = {axes.get_title(): axes for axes in found[0].axes}
+    expected = ['Joint errors', 'Torques']
+    expected += ['Path', 'End-effector error'] if planar else ['Synchronisation errors']
+    assert sorted(panels) == sorted(expected)
+    for title in {'Joint errors', 'Torques', 'Synchronisation errors'} & {*panels}:
+        lines = panels[title].lines
+        assert [line.get_label() for line in lines] == [f'axis {k + 1}' for k in range(count)]
+        looks = {(line.get_color(), line.get_linestyle()) for line in lines}
+        assert len(looks) == min(count, 12)
+    figures.draw_torques(other, other.effort, 'pid', tmp_path / 'torques.png')
+    assert [axes.get_title() for axes in found[1].axes] == [f'axis {k + 1}' for k in range(count)]
 
 
 def test_errors_of_zero_can_be_drawn(log, tmp_path):

@@ -6,7 +6,7 @@ from geometry import rows
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_sim.friction import FrictionParameters, friction_torque
+from parallel_robot_model.friction import FrictionParameters, friction_torque
 
 PAPER = FrictionParameters((2.5, 2.5, 2.5), (0.5, 0.5, 0.5), 0.0)
 UNEVEN = FrictionParameters((1.0, 2.0, 3.0), (0.1, 0.2, 0.4), 0.0)

@@ -11,7 +11,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_base import config
+from parallel_robot_base import config, topics
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_sim.plant_node import PlantNode
@@ -20,7 +20,7 @@ from trajectory_gen.trajectory import Trajectory
 pytest_plugins = ['ros_fixtures']
 
 JOINTS = ('joint1', 'joint2', 'joint3')
-MOTION = Trajectory.of(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
+MOTION = Trajectory(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
 LIMITS = config.group(config.resolve('paper_circle'), SafetyParameters, 'safety')
 BATCH = 50  # messages of one example
 SECOND, MS = 10**9, 10**6  # ns
@@ -143,7 +143,7 @@ def torques_of(data):
 
 
 def test_no_message_stops_the_controller_or_spoils_its_torque(node):
-    controller, commands = node(ControllerNode, '_commands')
+    controller, commands = node(ControllerNode, topics.COMMANDS)
     answered = []
 
     @settings(max_examples=100)
@@ -174,16 +174,16 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
 
 def test_no_message_stops_the_plant_or_spoils_its_state(node):
     """Commands that drive the robot out of its workspace hold it there."""
-    plant, states = node(PlantNode, '_states')
+    plant, states = node(PlantNode, topics.JOINT_STATES)
     if plant.loop.lockstep:
         plant.set_start(SECOND)
 
     def take(data, tick):
-        plant._on_command(data)
+        plant.take_command(data)
         if not plant.loop.lockstep:
-            plant._tick(tick * MS)
+            plant.tick(tick * MS)
         if plant.alarm():
-            plant._put_back()
+            plant.run.reset()
 
     @settings(max_examples=100)
     @given(st.lists(MESSAGE, min_size=BATCH, max_size=BATCH))
@@ -192,7 +192,7 @@ def test_no_message_stops_the_plant_or_spoils_its_state(node):
         for tick, (kind, _, names, how, number, place, frame) in enumerate(messages):
             kind = 'garbage' if kind == 'garbage' else 'command'
             take(encode(kind, (0, 0), names, how, number, place, frame), 1000 + tick)
-            assert np.isfinite(plant._command).all() and plant._command.shape == (3,)
+            assert np.isfinite(plant.run.command).all() and plant.run.command.shape == (3,)
         for data in states:
             joints = deserialize_message(data, JointState)
             for numbers in (joints.position, joints.velocity, joints.effort):

@@ -4,6 +4,7 @@ import os
 import random
 
 import pytest
+from assembly import simulated
 from rcl_interfaces import srv
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterValue
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -16,7 +17,6 @@ from parallel_robot_bags import simulation_bag
 from parallel_robot_base import config
 from parallel_robot_control.laws import LAWS
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']
 
@@ -103,7 +103,7 @@ def victim(request, launch, peer, tmp_path):
     words = []
     if name == 'player':
         values = config.resolve('paper_circle', {'duration': 0.1})
-        simulation_bag.write(tmp_path / 'played', values, simulate(values))
+        simulation_bag.write(tmp_path / 'played', values, simulated(values))
         words = [tmp_path / 'played', '--pause']
     process = launch(NODES[name], *words, '--ros-args', '-p', 'recorder.out:=bag')
     peer.call(Trigger, f'{name}/ready', Trigger.Request(), process)

@@ -9,7 +9,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from parallel_robot_bags import mcap_records
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.indexed_reader import BagReader
-from parallel_robot_base import cdr, topics
+from parallel_robot_base import layouts, topics
 from parallel_robot_base.errors import BagError
 
 LATCHED = topics.ACTIVE_LAW
@@ -23,7 +23,7 @@ def write(path, log_times, compression=CompressionType.ZSTD, index=IndexType.ALL
         schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
         channels = [writer.register_channel(name, 'cdr', schema) for name in ('/a', '/b')]
         for k, log_time in enumerate(log_times):
-            writer.add_message(channels[k % 2], log_time, cdr.text_message(f'{k}' * 9), 0)
+            writer.add_message(channels[k % 2], log_time, layouts.text_message(f'{k}' * 9), 0)
         writer.finish()
 
 
@@ -66,9 +66,9 @@ def test_files_of_one_bag_are_one(tmp_path):
 def test_memory_holds_a_few_chunks(tmp_path, monkeypatch):
     write(tmp_path / 'bag.mcap', range(10_000))
     loaded = []
-    unpacked = mcap_records.unpacked
+    load = mcap_records.chunk_content
     monkeypatch.setattr(
-        mcap_records, 'unpacked', lambda *args: loaded.append(args) or unpacked(*args)
+        mcap_records, 'chunk_content', lambda *args: loaded.append(args) or load(*args)
     )
     reader = BagReader(tmp_path / 'bag.mcap')
     messages = reader.messages(['/a', '/b'], 0)
@@ -81,14 +81,14 @@ def test_memory_holds_a_few_chunks(tmp_path, monkeypatch):
 def test_what_was_latched_is_known_later(tmp_path):
     with BagWriter(tmp_path / 'bag', [LATCHED, topics.POSE], {}) as writer:
         for moment, law in ((10, 'smc'), (20, 'pid'), (30, 's_smc')):
-            writer.write(LATCHED.name, moment, cdr.text_message(law))
-            writer.write(topics.POSE.name, moment, cdr.pose_stamped('base').encode(moment))
+            writer.write(LATCHED.name, moment, layouts.text_message(law))
+            writer.write(topics.POSE.name, moment, layouts.pose_stamped('base').encode(moment))
     reader = BagReader(tmp_path / 'bag')
     assert reader.topics['/controller/active_law'].latched == 1
     assert reader.topics['/pose'].latched == 0
     for moment, laws in ((10, []), (20, ['smc']), (25, ['pid']), (99, ['s_smc'])):
         found = reader.latched(list(reader.topics), moment)
-        assert [message.data for message in found] == [cdr.text_message(law) for law in laws]
+        assert [message.data for message in found] == [layouts.text_message(law) for law in laws]
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_old_and_new_profiles_are_understood(durability, latched, tmp_path):
 
 
 def test_bags_of_others_are_read(tmp_path):
-    data = cdr.pose_stamped('base').encode(1)
+    data = layouts.pose_stamped('base').encode(1)
     write_foreign(tmp_path / 'bag', {topics.POSE: [(1, data), (2, data)]})
     (path,) = (tmp_path / 'bag').glob('*.mcap')
     found = list(BagReader(tmp_path / 'bag').messages(['/pose'], 0))

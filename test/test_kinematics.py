@@ -21,18 +21,23 @@ from scipy.integrate import solve_ivp
 
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_base.linear_algebra import determinant, inverse, multiply
-from parallel_robot_model.planar_3rrr.kinematics import (
-    FOUND,
+from parallel_robot_model import planar_3rrr
+from parallel_robot_model.contract import FOUND
+from parallel_robot_model.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
     forward_kinematics,
+)
+from parallel_robot_model.planar_3rrr.kinematics import (
     inverse_kinematics,
     jacobian_q,
     jacobian_x,
-    pose_of,
     velocity_maps,
 )
+from parallel_robot_model.poses import poses_of
+from parallel_robot_model.robots import RobotModel
 
+MODEL = RobotModel('planar_3rrr', planar_3rrr, ROBOT)
 MIRRORED = ROBOT._replace(working_mode=(-1.0, -1.0, -1.0))
 MIXED = ROBOT._replace(working_mode=(1.0, -1.0, 1.0))
 COLLINEAR = ROBOT._replace(base_x=(0.0, 1.0, 0.5), base_y=(0.0, 0.0, 0.0))
@@ -225,15 +230,14 @@ def test_a_row_of_angles_is_followed_pose_by_pose(start):
     t = np.linspace(0, 2 * np.pi, 400)[:, None]
     path = start + 0.03 * np.hstack([np.cos(t) - 1, np.sin(t), np.sin(t)])
     theta = legs(ROBOT, path)[0]
-    assert np.abs(pose_of(ROBOT, theta, start) - path).max() < 1e-9
-    assert np.abs(pose_of(ROBOT, theta[7], path[6]) - path[7]).max() < 1e-9
+    assert np.abs(poses_of(MODEL, theta, start) - path).max() < 1e-9
 
 
 def test_a_row_that_breaks_names_the_sample():
     theta = np.tile(legs(ROBOT, PAPER_START)[0], (5, 1))
     theta[3, 1] = np.nan
     with pytest.raises(KinematicsError, match='sample 3'):
-        pose_of(ROBOT, theta, PAPER_START)
+        poses_of(MODEL, theta, PAPER_START)
 
 
 @given(poses(0.1), rows(1.0))

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from assembly import simulate
+from assembly import prepare, simulate
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.laws import LAWS, prepare
+from parallel_robot_control.laws import LAWS
 from parallel_robot_model.contract import Model
 
 VALUES = config.resolve('paper_circle')
@@ -158,11 +159,12 @@ def test_torque_of_every_sample_is_that_of_the_formula(law, changed, size):
     memory, past = prepared.memory, []
     for _ in range(25):
         root = draw((3, 3))
-        M, Q = root @ root.T + np.eye(3), draw((3, 3))
+        M, Q, gravity = root @ root.T + np.eye(3), draw((3, 3)), draw(3)
         r = JointReference(*draw((3, 3)))
         f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))), np.zeros(3))
-        found = LAWS[law].update(prepared.gains, Model(M, Q), r, f, memory, DT)
-        assert np.allclose(found.torque, FORMULAS[law](k, M, Q, r, f, past), rtol=1e-9, atol=1e-9)
+        wanted = FORMULAS[law](k, M, Q, r, f, past) + (gravity if law != 'pid' else 0.0)
+        found = LAWS[law].update(prepared.gains, Model(M, Q, gravity), r, f, memory, DT)
+        assert np.allclose(found.torque, wanted, rtol=1e-9, atol=1e-9)
         memory = found.memory
         past.append((r, f))
 
@@ -199,7 +201,7 @@ def test_without_coupling_the_laws_are_their_ablations():
 
 def test_an_unknown_law_is_refused_with_the_nearest_name():
     with pytest.raises(UnknownNameError, match="did you mean 'super_twisting'"):
-        prepare('super_twister', VALUES)
+        configure(VALUES | {'law': 'super_twister'})
 
 
 FULL_ORDER = ('s_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft')

@@ -1,4 +1,4 @@
-"""Figures of merit, against closed forms."""
+"""Metrics, against closed forms."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ from bags import JOINTS
 from geometry import PAPER_START, legs
 
 from parallel_robot_analysis import metrics
+from parallel_robot_analysis.readable_metrics import METRICS, as_data, brief, defined
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base import config
 
@@ -87,6 +88,27 @@ def test_a_run_of_one_state(robot):
     log = run(theta, theta)._replace(time=TIME[:1], effort=np.array([[1.0, -3.0, 2.0]]))
     found = metrics.evaluate(log, metrics.poses(log))
     assert found.duration_s == 0.0 and found.torque == (3.0, 0.0, 0.0)
+
+
+def test_a_robot_outside_a_plane_has_no_distances():
+    log = run(still([0, 0, 0]), still([2e-3] * 3))
+    pose = metrics.Poses(still([0, 0, 0]), still([2e-3] * 3), planar=False)
+    found = metrics.evaluate(log, pose)
+    assert np.isnan(found.transient).all()
+    assert np.isnan([found.steady.xy_rms_m, found.steady.xy_max_m]).all()
+    assert found.steady.joint_rms_rad == pytest.approx(2e-3) and found.steady.sync_rms_rad == 0.0
+    data = as_data(found)
+    assert data['transient'] == {} and set(data['steady']) == {'joint_rms_rad', 'sync_rms_rad'}
+    assert data['torque'] == found.torque._asdict()
+    assert defined(METRICS, found) == list(METRICS[4:])
+    assert len(brief(found, {})) == 2 and 'nan' not in ' '.join(brief(found, {}))
+
+
+def test_a_state_that_is_never_reached_is_a_metric():
+    """Unlike one that is not defined."""
+    far = evaluate(run(still([0, 0, 0]), still([0, 0, 0])), [0.6, 0.4, 0])
+    assert far.transient == (None, None) and defined(METRICS, far) == list(METRICS)
+    assert as_data(far)['transient'] == {'to_1_mm_s': None, 'to_0_1_mm_s': None}
 
 
 def test_settling_is_the_time_after_the_last_excursion():

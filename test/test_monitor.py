@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from assembly import simulated
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.monitor import Monitor
 from parallel_robot_base import config
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_model.planar_3rrr.kinematics import pose_of
-from parallel_robot_sim import simulation
+from parallel_robot_model.poses import poses_of
+from parallel_robot_model.robots import robot_of
 
 START = 10**9  # ns
 MS = 10**6  # ns
@@ -18,11 +19,11 @@ MS = 10**6  # ns
 def setup():
     """A second of the paper's circle, and a configuration with a short window."""
     values = config.resolve('paper_circle', {'duration': 1.0, 'monitor.window': 0.5})
-    return values, simulation.simulate(values)
+    return values, simulated(values)
 
 
 def feed(monitor, simulation, indices, shift=0, ahead=20):
-    """Give states and references, these some samples ahead; collect the figures."""
+    """Give states and references, these some samples ahead; collect the metrics."""
     found = []
     reference, run = simulation.reference, simulation.run
     sent = indices[0]
@@ -31,19 +32,19 @@ def feed(monitor, simulation, indices, shift=0, ahead=20):
             motion = [reference.position, reference.velocity, reference.acceleration]
             monitor.add_reference(START + (sent + shift) * MS, [part[sent] for part in motion])
             sent += 1
-        figures = monitor.add_state(START + (k + shift) * MS, run.theta[k], run.effort[k])
-        if figures is not None:
-            found.append(figures)
+        measured = monitor.add_state(START + (k + shift) * MS, run.position[k], run.effort[k])
+        if measured is not None:
+            found.append(measured)
     return found
 
 
 def expected(setup, rows):
-    """The figures of some samples, as for a recorded run."""
+    """The metrics of some samples, as for a recorded run."""
     values, simulation = setup
-    reference, run = simulation.reference.position[rows], simulation.run.theta[rows]
-    robot = Monitor(values)._robot
+    reference, run = simulation.reference.position[rows], simulation.run.position[rows]
+    robot = robot_of(values)
     guess = simulation.reference.pose[rows][0]
-    pose = metrics.Poses(pose_of(robot, run, guess), pose_of(robot, reference, guess))
+    pose = metrics.Poses(poses_of(robot, run, guess), poses_of(robot, reference, guess))
     time = np.arange(len(run)) * 1e-3
     return [
         *metrics.errors(metrics.distances(pose), reference - run),
@@ -51,13 +52,13 @@ def expected(setup, rows):
     ]
 
 
-def test_figures_are_those_of_the_window_ten_times_a_second(setup):
+def test_metrics_are_those_of_the_window_ten_times_a_second(setup):
     values, simulation = setup
     found = feed(Monitor(values), simulation, range(1001))
     assert len(found) == 10
-    for k, figures in zip(range(100, 1001, 100), found, strict=True):
+    for k, measured in zip(range(100, 1001, 100), found, strict=True):
         rows = slice(max(0, k - 500), k + 1)
-        assert list(figures) == pytest.approx(expected(setup, rows), rel=1e-9)
+        assert list(measured) == pytest.approx(expected(setup, rows), rel=1e-9)
 
 
 def test_missing_references_are_extrapolated(setup):
@@ -68,13 +69,13 @@ def test_missing_references_are_extrapolated(setup):
         if k % 5 == 0:
             motion = [reference.position[k], reference.velocity[k], reference.acceleration[k]]
             monitor.add_reference(START + k * MS, motion)
-        found.append(monitor.add_state(START + k * MS, run.theta[k], run.effort[k]))
-    last = [figures for figures in found if figures][-1]
+        found.append(monitor.add_state(START + k * MS, run.position[k], run.effort[k]))
+    last = [measured for measured in found if measured][-1]
     assert list(last) == pytest.approx(expected(setup, slice(0, 501)), rel=1e-3)
 
 
 @pytest.mark.parametrize('shift', [-300, 5000], ids=['back', 'far on'])
-def test_a_jump_begins_anew(shift, setup):
+def test_a_jump_clears_the_window(shift, setup):
     values, simulation = setup
     monitor = Monitor(values)
     feed(monitor, simulation, range(600, 1001))
@@ -93,10 +94,10 @@ def test_after_a_jump_no_reference_of_before_it_is_used(shift, setup):
     reference, run = simulation.reference, simulation.run
     for k in rows:
         stamp = START + (1000 + shift + k) * MS
-        found.append(monitor.add_state(stamp, run.theta[k], run.effort[k]))
+        found.append(monitor.add_state(stamp, run.position[k], run.effort[k]))
         motion = [reference.position, reference.velocity, reference.acceleration]
         monitor.add_reference(stamp + ahead * MS, [part[k + ahead] for part in motion])
-    last = [figures for figures in found if figures][-1]
+    last = [measured for measured in found if measured][-1]
     wanted = expected(setup, slice(ahead, 301))
     if shift == 2000:  # the window is longer than the jump: it also holds what was before
         before = np.array(expected(setup, slice(0, 1001)))
@@ -108,7 +109,7 @@ def test_after_a_jump_no_reference_of_before_it_is_used(shift, setup):
         assert list(last) == pytest.approx(wanted, rel=1e-9)
 
 
-def test_a_trajectory_that_ends_leaves_no_figures(setup):
+def test_a_trajectory_that_ends_leaves_no_metrics(setup):
     values, simulation = setup
     reference, run = simulation.reference, simulation.run
     monitor = Monitor(values)
@@ -116,24 +117,37 @@ def test_a_trajectory_that_ends_leaves_no_figures(setup):
         if k <= 300:
             motion = [reference.position[k], reference.velocity[k], reference.acceleration[k]]
             monitor.add_reference(START + k * MS, motion)
-        figures = monitor.add_state(START + k * MS, run.theta[k], run.effort[k])
-    assert figures is None and len(monitor._window.stamps) == 0
+        measured = monitor.add_state(START + k * MS, run.position[k], run.effort[k])
+    assert measured is None and len(monitor._window.stamps) == 0
 
 
-def test_without_references_there_are_no_figures(setup):
+def test_without_references_there_are_no_metrics(setup):
     values, simulation = setup
     assert not feed(Monitor(values), simulation, range(300), ahead=-1000)
 
 
-def test_a_pose_that_is_not_to_be_had_leaves_the_joints(setup):
+def test_without_a_pose_the_joints_are_left(setup):
     values, simulation = setup
     monitor = Monitor(values)
     for k in range(201):
         motion = [simulation.reference.position[k], np.zeros(3), np.zeros(3)]
         monitor.add_reference(START + k * MS, motion)
         theta = np.array([0.0, np.pi, np.pi / 2])
-        figures = monitor.add_state(START + k * MS, theta, np.zeros(3)) or None
-    assert np.isnan(figures.platform_error_rms) and np.isfinite(figures.joint_error_rms)
+        measured = monitor.add_state(START + k * MS, theta, np.zeros(3)) or None
+    assert np.isnan(measured.platform_error_rms) and np.isfinite(measured.joint_error_rms)
+
+
+def test_a_robot_outside_a_plane_has_no_platform_error():
+    values = config.resolve('axes_step', {'duration': 0.2})
+    made = simulated(values)
+    monitor = Monitor(values)
+    last = feed(monitor, made, range(201))[-1]
+    names = [name for name in last._fields if not name.startswith('platform')]
+    assert list(monitor.names) == names and len(names) == 5
+    assert np.isnan([last.platform_error_rms, last.platform_error_max]).all()
+    error = made.reference.position - made.run.position
+    assert last.joint_error_rms == pytest.approx(np.sqrt((error**2).mean()), rel=1e-9)
+    assert np.isfinite([getattr(last, name) for name in names]).all()
 
 
 def test_it_costs_little(setup):

@@ -4,14 +4,14 @@ import signal
 
 import numpy as np
 import pytest
+from assembly import simulated
 from bags import streams, write_foreign
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.monitor import Figures
+from parallel_robot_analysis.monitor import WindowMetrics
 from parallel_robot_bags import run_log
 from parallel_robot_base import config, topics
 from parallel_robot_base.topics import Topic
-from parallel_robot_sim.simulation import simulate
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
@@ -19,10 +19,10 @@ pytestmark = pytest.mark.xdist_group('processes')
 
 def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
     values = config.resolve('paper_circle', {'duration': 0.5})
-    simulation = simulate(values)
+    simulation = simulated(values)
     rows = slice(simulation.run.steps)
     messages = streams(
-        simulation.reference.position[rows], simulation.run.theta, simulation.run.effort
+        simulation.reference.position[rows], simulation.run.position, simulation.run.effort
     )
     write_foreign(tmp_path / 'bag', messages)
     log = run_log.read(tmp_path / 'bag')
@@ -32,7 +32,8 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
 
     process = launch('parallel_robot_analysis.monitor_node')
     heard = [
-        peer.listen(Topic(f'monitor/{name}', 'std_msgs/msg/Float64')) for name in Figures._fields
+        peer.listen(Topic(f'monitor/{name}', 'std_msgs/msg/Float64'))
+        for name in WindowMetrics._fields
     ]
     publishers = {name: peer.publisher(name) for name in (topics.REFERENCE, topics.JOINT_STATES)}
 

@@ -14,6 +14,7 @@ from parallel_robot_analysis.namespaces import full
 from parallel_robot_analysis.ros_session import Session
 from parallel_robot_bags.ros_parameters import ParameterWatch
 from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_ros.diagnostics import STATE_INDEX
 
 pytest_plugins = ['ros_fixtures']
 
@@ -67,9 +68,9 @@ def test_progress_is_that_of_the_own_plant():
     session = Session(['plant'], lambda: None, '/left')
 
     def report(node, state):
-        values = [KeyValue(key='state', value=state)]
+        values = [KeyValue(key=STATE_INDEX, value=state)]
         status = DiagnosticStatus(hardware_id=node, values=values)
-        session._on_diagnostics(DiagnosticArray(status=[status]))
+        session.take_diagnostics(DiagnosticArray(status=[status]))
 
     report('/right/plant', '7')
     report('/plant', '8')

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from assembly import simulated
 from bags import content
 from diagnostic_msgs.msg import DiagnosticArray
 from domain_coordinator import domain_id
@@ -21,7 +22,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import config, topics
-from parallel_robot_sim.simulation import simulate
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they r
 
 TABLE_2 = {'G': 10.0, 'g': 0.01, 'Gamma1': 16.0, 'Gamma2': 6.5, 'gamma1': 0.5, 'gamma2': 0.67,
            'lambda': 0.9}  # fmt: skip
-MOTION = Trajectory.of(config.resolve('paper_circle')).sample(np.arange(1000) * 1e-3)
+MOTION = Trajectory(config.resolve('paper_circle')).sample(np.arange(1000) * 1e-3)
 JOINTS = ['joint1', 'joint2', 'joint3']
 OFFSET = np.array([1e-3, -2e-3, 3e-3])  # rad
 
@@ -234,7 +234,7 @@ def test_descriptors_carry_unit_meaning_and_range(session):
     (allowed,) = described(session, 's_fotsmc.gamma1').floating_point_range
     assert (allowed.from_value, allowed.to_value) == (0.0, 1.0)
     assert not described(session, 'law').read_only and not described(session, 'preset').read_only
-    for name in ('period', 'robot.m1', 'safety.torque_limit', 'own_laws'):
+    for name in ('period', 'robot.m1', 'safety.torque_limit', 'custom_laws'):
         fixed = described(session, name)
         assert isinstance(fixed, ParameterDescriptor) and fixed.read_only and fixed.description
 
@@ -282,6 +282,6 @@ def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
     assert len(torques) == 5001 and 0 < switched < 5000
     assert np.abs(np.subtract(torques[switched], torques[switched - 1])).max() <= 1.0 + 1e-9
     values = config.resolve('paper_circle', {'duration': 5.0})
-    unswitched = simulate(values).run.command
+    unswitched = simulated(values).run.command
     assert np.array_equal(torques[:switched], unswitched[:switched])
     assert not np.array_equal(torques[switched], unswitched[switched])

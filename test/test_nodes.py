@@ -4,6 +4,7 @@ import signal
 
 import numpy as np
 import pytest
+from assembly import simulated
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
@@ -18,9 +19,10 @@ from parallel_robot_analysis.processes import MODULES
 from parallel_robot_bags import run_log
 from parallel_robot_base import config, topics
 from parallel_robot_base.kernel_cache import NOTICE
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import Controller, JointSample
-from parallel_robot_sim.simulation import simulate
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.exchange import JointSample
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
@@ -133,7 +135,7 @@ def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
     assert recorder.end(signal.SIGINT) == 0, recorder.stderr
     log = run_log.read(tmp_path / 'bag')
     assert len(log.stamps) == 201
-    assert np.array_equal(log.command[:200], simulate(log.config).run.command[:200])
+    assert np.array_equal(log.command[:200], simulated(log.config).run.command[:200])
 
 
 def diagnosed(peer):
@@ -167,10 +169,10 @@ def test_the_plant_ignores_what_is_not_a_command(start, peer):
 
 def test_joints_are_found_by_name(start, peer):
     values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
-    motion = Trajectory.of(values).sample(0.0)
+    motion = Trajectory(values).sample(0.0)
     desired = [motion.position[0], motion.velocity[0], motion.acceleration[0]]
     theta, theta_dot = desired[0] + [1e-3, -2e-3, 3e-3], np.array([0.01, 0.02, 0.03])
-    core = Controller(values)
+    core = Controller(configure(values))
     core.add_reference(10**9, JointReference(*desired))
     expected = core.add_state(10**9, JointSample(theta, theta_dot, np.zeros(3))).torque
 

@@ -6,6 +6,7 @@ from rcl_interfaces.msg import Parameter as Message
 from rcl_interfaces.msg import ParameterValue
 from rclpy.parameter import Parameter
 
+from parallel_robot_base import topics
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_ros import parameter_services as services
 
@@ -15,7 +16,7 @@ pytest_plugins = ['ros_fixtures']
 @pytest.fixture
 def service(node):
     """Parameter services of a controller."""
-    return node(ControllerNode, '_commands')[0]._parameter_service
+    return node(ControllerNode, topics.COMMANDS)[0]._parameter_service
 
 
 def put(service, *messages):
@@ -31,11 +32,11 @@ def text(name, value):
 WRONG = {
     'no type': (
         [Message(name='law', value=ParameterValue(type=10))],
-        "'law' has a value of type 10, which is none",
+        "'law' has a value of unknown type 10",
     ),
     'not set': (
         [Message(name='smc.z', value=ParameterValue(type=0))],
-        "'smc.z' has a value of type 0, which is none",
+        "'smc.z' has a value of unknown type 0",
     ),
     'long text': ([text('law', 10**7 * 'x')], "'law' has a value longer than 4096"),
     'long texts': (

@@ -8,6 +8,7 @@ from mujoco_robot import open_loop as mujoco_open_loop
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_model.planar_3rrr import measure
 from parallel_robot_sim import plant
 
 FREE = {'friction.viscous': [0.0] * 3, 'friction.coulomb': [0.0] * 3}
@@ -26,7 +27,7 @@ def sines(amplitude, count=1000, period=1e-3):
 
 
 def poses_of(states):
-    return np.array([state.pose for state in states])
+    return np.array([state.coordinates for state in states])
 
 
 @pytest.mark.parametrize('viscous', [[0.0, 0.0, 0.0], [2.5, 2.0, 3.0]])
@@ -49,10 +50,10 @@ def test_an_uneven_robot_agrees_with_mujoco(robot):
 
 def motion(values, state, torque, period, count):
     """States under one torque."""
-    parts, _ = make_plant(values)
+    setup, _ = make_plant(values)
     states = [state]
     for _ in range(count):
-        states.append(plant.step(*parts, states[-1], torque, period))
+        states.append(plant.step(setup, states[-1], torque, period))
     return states
 
 
@@ -62,8 +63,8 @@ def moving(rate, start=PAPER_START):
 
 def test_energy_stays_without_torque_and_friction(robot):
     states = motion(resolve(), moving([0.1, -0.15, 0.5]), np.zeros(3), 1e-3, 1000)
-    energy = [kinetic_energy(robot, state.pose, state.rate) for state in states[::50]]
-    assert energy[0] > 0.1 and np.ptp([state.pose for state in states], axis=0).max() > 0.05
+    energy = [kinetic_energy(robot, state.coordinates, state.rate) for state in states[::50]]
+    assert energy[0] > 0.1 and np.ptp([state.coordinates for state in states], axis=0).max() > 0.05
     assert np.ptp(energy) < 1e-8 * energy[0]
 
 
@@ -73,7 +74,7 @@ def test_power_balance(robot, rate):
     values = resolve(friction__viscous=[2.5, 2.0, 3.0], friction__coulomb=[0.5, 0.3, 0.4])
     torque, h = np.array([3.0, -2.0, 1.0]), 1e-4
     states = motion(values, moving(rate), torque, h, 100)
-    energy = np.array([kinetic_energy(robot, s.pose, s.rate) for s in states])
+    energy = np.array([kinetic_energy(robot, s.coordinates, s.rate) for s in states])
     gained = (energy[2:] - energy[:-2]) / (2 * h)
     poses = poses_of(states)
     theta_dot = wrap(np.gradient(legs(robot, poses)[0], h, axis=0)[1:-1])
@@ -106,7 +107,7 @@ def test_substeps_are_shorter_steps_under_one_torque(integrator):
     single = motion(
         resolve(plant__integrator=integrator, plant__substeps=1), start, torque, 1e-3, 4
     )
-    assert np.allclose(in_one[-1].pose, single[-1].pose, rtol=1e-15)
+    assert np.allclose(in_one[-1].coordinates, single[-1].coordinates, rtol=1e-15)
     assert np.allclose(in_one[-1].rate, single[-1].rate, rtol=1e-14)
 
 
@@ -126,7 +127,7 @@ def test_a_torque_that_is_no_number_does_not_pass_unseen():
 
 def test_the_start_is_at_rest_at_the_initial_pose():
     _, state = make_plant(resolve(PI12_START))
-    assert np.array_equal(state.pose, PI12_START)
+    assert np.array_equal(state.coordinates, PI12_START)
     assert not state.rate.any() and not state.torque.any()
 
 
@@ -140,18 +141,20 @@ def test_an_initial_pose_out_of_reach_names_the_leg(pose, leg):
 
 def test_a_robot_torn_out_of_its_workspace_is_not_finite(robot):
     states = open_loop(resolve(), np.tile([150.0, 150.0, 150.0], (1000, 1)))
-    last = plant.measure(robot, states[-1])
-    assert not np.isfinite(last.theta_dot).all()
+    last = measure(robot, states[-1].coordinates, states[-1].rate)
+    assert not np.isfinite(last.velocity).all()
 
 
 def test_measured_joints_close_the_loops_and_their_rates_are_derivatives(robot):
     pose, rate, h = PI12_START, np.array([0.3, -0.2, 0.7]), 1e-5
 
     def at(p):
-        return plant.measure(robot, plant.PlantState(p, rate, np.zeros(3)))
+        return measure(robot, p, rate)
 
     here, ahead, behind = at(pose), at(pose + h * rate), at(pose - h * rate)
-    assert closure(robot, pose, here.theta, here.theta + here.psi).max() < 1e-14
-    assert np.abs(here.theta_dot - (ahead.theta - behind.theta) / (2 * h)).max() < 1e-7
-    assert np.abs(here.psi_dot - (ahead.psi - behind.psi) / (2 * h)).max() < 1e-7
-    assert (np.abs(here.psi) <= np.pi).all()
+    assert closure(robot, pose, here.position, here.position + here.passive_position).max() < 1e-14
+    assert np.abs(here.velocity - (ahead.position - behind.position) / (2 * h)).max() < 1e-7
+    passive = (ahead.passive_position - behind.passive_position) / (2 * h)
+    assert np.abs(here.passive_velocity - passive).max() < 1e-7
+    assert (np.abs(here.passive_position) <= np.pi).all()
+    assert np.array_equal(here.pose, pose)

@@ -5,14 +5,16 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import cdr
+from parallel_robot_base import cdr_reader, layouts, topics
+from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_node import PlantNode
 
 pytest_plugins = ['ros_fixtures']
 
 MS = 10**6  # ns
 SECOND = 10**9  # ns
-COMMAND = cdr.float64_multi_array(3).encode(data=[1.0, -2.0, 0.5])
+COMMAND = layouts.float64_multi_array(3).encode(data=[1.0, -2.0, 0.5])
 
 
 def call(plant, name):
@@ -23,17 +25,17 @@ class Rig:
     """A plant in this process, and the states that it has published."""
 
     def __init__(self, node):
-        self.plant, self.states = node(PlantNode, '_states')
+        self.plant, self.states = node(PlantNode, topics.JOINT_STATES)
         self.plant.missing = lambda: ''  # nobody else is here
 
     def begin(self):
         """Publish the first state (lockstep)."""
         while not self.states:
-            self.plant._begin_lockstep()
+            self.plant._poll()
 
     def command(self, times=1, data=COMMAND):
         for _ in range(times):
-            self.plant._on_command(data)
+            self.plant.take_command(data)
 
 
 @pytest.fixture
@@ -76,40 +78,30 @@ def test_a_number_of_steps_that_is_none_is_refused(steps, rig):
     assert rig.plant.get_parameter('plant.steps').value == rig.plant.values['plant.steps'] == 1
 
 
-@lockstep
-def test_a_paused_plant_does_not_ask_again(rig, monkeypatch):
-    rig.begin()
-    call(rig.plant, 'pause')
-    monkeypatch.setattr('parallel_robot_sim.plant_node.REPEAT', 0.0)
-    rig.plant._begin_lockstep()
-    assert len(rig.states) == 1
-    call(rig.plant, 'resume')
-    rig.plant._begin_lockstep()
-    assert rig.states == rig.states[:1] * 2
-
-
 @wall
 def test_a_reset_puts_back_a_robot_that_was_driven_out(rig):
     """It stays silent and says so, until somebody resets it; then the next command moves it."""
     plant, stamp = rig.plant, SECOND
-    plant._tick(stamp)
-    start = cdr.header_stamp(rig.states[0]), rig.states[0][12:]
-    torque = cdr.float64_multi_array(3).encode(data=[200.0, 200.0, 200.0])
+    plant.tick(stamp)
+    start = cdr_reader.header_stamp(rig.states[0]), rig.states[0][12:]
+    torque = layouts.float64_multi_array(3).encode(data=[200.0, 200.0, 200.0])
     while not plant.alarm():
         rig.command(data=torque)
         stamp += MS
-        plant._tick(stamp)
+        plant.tick(stamp)
         assert stamp < 20 * SECOND
     assert 'driven out of its workspace' in plant.alarm() and '~/reset' in plant.alarm()
+    assert plant.diagnose()[OUTSIDE] and plant.diagnose()[STATE_INDEX] == len(rig.states) - 1
     told = len(rig.states)
-    plant._tick(stamp + MS)
+    plant.tick(stamp + MS)
     assert len(rig.states) == told
-    layout = plant._simulator.layout
+    layout = state_layout(plant.loop.joints, 3)
     assert all(np.isfinite(layout.decode(data)['position']).all() for data in rig.states)
     assert call(plant, 'reset').success
-    plant._tick(stamp + 2 * MS)
+    plant.tick(stamp + 2 * MS)
     assert not plant.alarm() and rig.states[told][12:] == start[1]
+    assert not plant.diagnose()[OUTSIDE] and STATE_INDEX not in plant.diagnose()
     rig.command(data=torque)
-    plant._tick(stamp + 3 * MS)
-    plant._tick(stamp + 4 * MS)
+    plant.tick(stamp + 3 * MS)
+    plant.tick(stamp + 4 * MS)
     assert rig.states[-1][12:] != start[1]

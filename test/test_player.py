@@ -9,12 +9,12 @@ from bags import MS
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.player import Player, PlayerOptions
-from parallel_robot_base import cdr, topics
+from parallel_robot_base import layouts, topics
 from parallel_robot_base.errors import InputError
 
 START = 10**9  # ns
 COUNT = 101  # messages, one a millisecond
-LAW = cdr.text_message('s_fotsmc')
+LAW = layouts.text_message('s_fotsmc')
 
 
 @pytest.fixture

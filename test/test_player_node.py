@@ -3,6 +3,7 @@
 import signal
 
 import pytest
+from assembly import simulated
 from bags import STORE
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -11,8 +12,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from parallel_robot_bags import simulation_bag
-from parallel_robot_base import cdr, config, topics
-from parallel_robot_sim import simulation
+from parallel_robot_base import config, layouts, topics
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
@@ -25,7 +25,7 @@ def bag(tmp_path_factory):
     """Half a second of the paper's circle."""
     path = tmp_path_factory.mktemp('player') / 'bag'
     values = config.resolve('paper_circle', {'duration': 0.5})
-    simulation_bag.write(path, values, simulation.simulate(values))
+    simulation_bag.write(path, values, simulated(values))
     return path
 
 
@@ -120,7 +120,7 @@ def test_it_ends_in_order(number, bag, launch, peer):
 
 
 def test_types_that_are_not_installed_are_left_out(launch, peer, tmp_path):
-    text = cdr.text_message('here')
+    text = layouts.text_message('here')
     path = tmp_path / 'bag'
     definition = {'nobody_msgs/msg/Odd': STORE.fielddefs['std_msgs/msg/String']}
     STORE.register(definition)

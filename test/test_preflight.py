@@ -6,11 +6,12 @@ from geometry import ROBOT, jacobian, legs
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import MotionError
+from parallel_robot_model.planar_3rrr import MotionLimits
 from trajectory_gen.preflight import check
-from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
+from trajectory_gen.trajectory import Trajectory
 
 PERIOD = 1e-3  # s
-FREE = TrajectoryParameters('line', 0.0, 0.0, np.inf, np.inf)
+FREE = {'min_sin_psi': 0.0, 'max_condition': np.inf, 'max_joint_speed': np.inf}
 
 
 def move(end, phi=np.pi / 2, start=(0.52, 0.37)):
@@ -21,7 +22,7 @@ def move(end, phi=np.pi / 2, start=(0.52, 0.37)):
         'line.phi': phi,
         'line.duration': 1.0,
     }
-    return Trajectory.of(config.resolve('paper_circle', overrides))
+    return Trajectory(config.resolve('paper_circle', overrides))
 
 
 def poses_of(motion):
@@ -29,17 +30,24 @@ def poses_of(motion):
     return times, motion.sample(times).pose
 
 
+def check_with(motion, limits):
+    """Check a motion with other limits than those of its configuration."""
+    speed = limits['max_joint_speed']
+    motion.parameters = motion.parameters._replace(max_joint_speed=speed)
+    motion.limits = MotionLimits(limits['min_sin_psi'], limits['max_condition'])
+    check(motion, PERIOD)
+
+
 def refusal(motion, limits):
     with pytest.raises(MotionError) as caught:
-        check(motion, limits, PERIOD)
+        check_with(motion, limits)
     return caught.value
 
 
 @pytest.mark.parametrize('scenario', config.scenarios())
 def test_every_scenario_is_allowed(scenario):
     values = config.resolve(scenario)
-    limits = config.group(values, TrajectoryParameters, 'trajectory')
-    check(Trajectory.of(values), limits, values['period'])
+    check(Trajectory(values), values['period'])
 
 
 @pytest.mark.parametrize('end', [(1.6, 0.37), (-0.6, 0.37), (0.52, -0.8), (0.52, 1.6)])
@@ -49,8 +57,8 @@ def test_out_of_reach(end):
     lost = np.isnan(legs(ROBOT, poses)[0])
     first = lost.any(axis=1).argmax()
     error = refusal(motion, FREE)
-    assert (error.time, error.leg) == (times[first], lost[first].argmax() + 1)
-    assert f't = {times[first]:.3f} s, leg {error.leg}' in str(error)
+    assert (error.time, error.part) == (times[first], lost[first].argmax() + 1)
+    assert f't = {times[first]:.3f} s, leg {error.part}' in str(error)
     assert 'out of reach' in str(error) and '0.2 to 1 m' in str(error)
 
 
@@ -65,8 +73,8 @@ def test_type_1(end):
     theta, beta = legs(ROBOT, poses)
     close = np.abs(np.sin(beta - theta)) < 0.3  # NaN, out of reach, compares false
     first = close.any(axis=1).argmax()
-    error = refusal(motion, FREE._replace(min_sin_psi=0.3))
-    assert (error.time, error.leg) == (times[first], close[first].argmax() + 1)
+    error = refusal(motion, FREE | {'min_sin_psi': 0.3})
+    assert (error.time, error.part) == (times[first], close[first].argmax() + 1)
     assert 'type 1 singularity' in str(error)
 
 
@@ -76,8 +84,8 @@ def test_type_2():
     conditions = np.array([np.linalg.cond(jacobian(ROBOT, pose)) for pose in poses])
     limit = float(np.sort(conditions)[len(conditions) // 2])
     first = (conditions > limit * (1 + 1e-9)).argmax()
-    error = refusal(motion, FREE._replace(max_condition=limit * (1 + 1e-9)))
-    assert (error.time, error.leg) == (times[first], None)
+    error = refusal(motion, FREE | {'max_condition': limit * (1 + 1e-9)})
+    assert (error.time, error.part) == (times[first], None)
     assert 'platform: type 2 singularity' in str(error)
 
 
@@ -86,9 +94,9 @@ def test_joint_speed():
     _, poses = poses_of(motion)
     speeds = np.abs(np.gradient(legs(ROBOT, poses)[0], PERIOD, axis=0))
     fastest, leg = speeds.max(), np.unravel_index(speeds.argmax(), speeds.shape)[1] + 1
-    check(motion, FREE._replace(max_joint_speed=fastest * 1.001), PERIOD)
-    error = refusal(motion, FREE._replace(max_joint_speed=fastest * 0.999))
-    assert error.leg == leg and 'joint speed' in str(error)
+    check_with(motion, FREE | {'max_joint_speed': fastest * 1.001})
+    error = refusal(motion, FREE | {'max_joint_speed': fastest * 0.999})
+    assert error.part == leg and 'joint speed' in str(error)
     assert abs(error.time - 0.5) < 0.1
 
 
@@ -101,17 +109,17 @@ def test_limits_are_drawn_where_they_say(key):
         worst, outward = np.abs(np.sin(beta - theta)).min(), 1 - 1e-9
     else:
         worst, outward = max(np.linalg.cond(jacobian(ROBOT, p)) for p in poses), 1 + 1e-9
-    check(motion, FREE._replace(**{key: worst * outward}), PERIOD)
-    refusal(motion, FREE._replace(**{key: worst / outward}))
+    check_with(motion, FREE | {key: worst * outward})
+    refusal(motion, FREE | {key: worst / outward})
 
 
 def test_the_first_failure_is_the_one_reported():
     motion = move((1.6, 0.37))
     alone = [
         refusal(motion, limits).time
-        for limits in (FREE, FREE._replace(min_sin_psi=0.3), FREE._replace(max_joint_speed=1.0))
+        for limits in (FREE, FREE | {'min_sin_psi': 0.3}, FREE | {'max_joint_speed': 1.0})
     ]
-    together = refusal(motion, FREE._replace(min_sin_psi=0.3, max_joint_speed=1.0))
+    together = refusal(motion, FREE | {'min_sin_psi': 0.3, 'max_joint_speed': 1.0})
     assert len(set(alone)) == 3 and together.time == min(alone)
 
 
@@ -119,4 +127,4 @@ def test_a_held_pose_is_checked_too():
     values = config.resolve(
         'paper_circle', {'trajectory.shape': 'hold', 'hold.pose': [0.5, 2.0, 0.0]}
     )
-    assert refusal(Trajectory.of(values), FREE).time == 0.0
+    assert refusal(Trajectory(values), FREE).time == 0.0

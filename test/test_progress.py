@@ -9,7 +9,7 @@ from parallel_robot_analysis.commands import run
 from parallel_robot_analysis.report import runs
 from parallel_robot_bags import progress
 from parallel_robot_bags.progress import CLEAR, Progress, tracked
-from parallel_robot_base import kernel_cache
+from parallel_robot_base import cache_directory
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.kernel_cache import NOTICE
 
@@ -72,7 +72,9 @@ def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
     def read(bag, _):
         if bag.name == 'third':
             raise BagError('broken')
-        return SimpleNamespace(scenario='line', law='smc')
+        return SimpleNamespace(
+            scenario='line', law='smc', joints=('a',), config={'robot_model': 'one'}
+        )
 
     monkeypatch.setattr(runs.run_log, 'read', read)
     with pytest.raises(BagError, match='broken'):
@@ -81,10 +83,10 @@ def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
 
 
 def test_nodes_that_compile_are_told_of_once_and_shown(terminal, capsys, monkeypatch):
-    monkeypatch.setattr(kernel_cache, 'compiled', lambda: '7 of about 119 kernels are compiled')
+    monkeypatch.setattr(cache_directory, 'compiled', lambda: '7 of about 119 kernels are compiled')
     processes = SimpleNamespace(compiling=lambda name: name == 'plant')
     with Progress(4, 'nodes ready') as bar:
-        tell = run._telling(processes, bar)
+        tell = run.waiting_display(processes, bar)
         tell(['controller', 'recorder'])
         assert capsys.readouterr().err == ''
         tell(['plant', 'controller'])

@@ -1,6 +1,7 @@
 """The recorder without ROS."""
 
 import itertools
+import json
 import subprocess
 import sys
 import textwrap
@@ -12,12 +13,15 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot_bags import bag_reader
+from parallel_robot_bags import history
 from parallel_robot_bags import recorder as module
-from parallel_robot_bags.bag_writer import MESSAGES, channel, channel_of, qos_profile
-from parallel_robot_bags.mcap_records import Block
+from parallel_robot_bags.bag_files import open_file
+from parallel_robot_bags.channels import channel, channel_of, qos_profile
+from parallel_robot_bags.mcap_block import Block
+from parallel_robot_bags.mcap_records import scan
+from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_bags.recorder import Recorder
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.topics import Topic
@@ -27,11 +31,11 @@ START = 10**9  # ns; that of lockstep
 MS = 10**6  # ns
 SAMPLES = 20
 LAYOUTS = {
-    topics.JOINT_STATES.type: cdr.joint_state(('a', 'b', 'c')),
-    topics.REFERENCE.type: cdr.joint_trajectory(('a', 'b', 'c')),
-    topics.POSE.type: cdr.pose_stamped('base'),
+    topics.JOINT_STATES.type: layouts.joint_state(('a', 'b', 'c')),
+    topics.REFERENCE.type: layouts.joint_trajectory(('a', 'b', 'c')),
+    topics.POSE.type: layouts.pose_stamped('base'),
 }
-LAW = cdr.text_message('s_fotsmc')
+LAW = layouts.text_message('s_fotsmc')
 
 
 def message(topic, k):
@@ -39,9 +43,9 @@ def message(topic, k):
     if topic == topics.ACTIVE_LAW:
         return LAW
     if topic == topics.STATUS:
-        return status_message(START + k * MS, Status('s_fotsmc', 0, 0))
+        return status_message(START + k * MS, Status('s_fotsmc', None, 0))
     if topic == topics.COMMANDS:
-        return cdr.float64_multi_array(3).encode(data=[k, k, k])
+        return layouts.float64_multi_array(3).encode(data=[k, k, k])
     if topic == topics.ANSWERED:
         return answers_message(np.full((1, 2), START + k * MS))
     return LAYOUTS[topic.type].encode(START + k * MS)
@@ -92,9 +96,9 @@ SWITCHES = [(0, 's_fotsmc'), (5, 'pid'), (12, 's_fotsmc')]  # state, law
 @pytest.mark.parametrize('common', [True, False])
 @pytest.mark.parametrize('order', ['name first', 'status first', 'names last', 'statuses last'])
 def test_in_lockstep_the_name_of_a_law_has_the_time_of_its_switch(order, common, make, tmp_path):
-    names = [(topics.ACTIVE_LAW, cdr.text_message(law)) for _, law in SWITCHES]
+    names = [(topics.ACTIVE_LAW, layouts.text_message(law)) for _, law in SWITCHES]
     statuses = [
-        (topics.STATUS, status_message(START + k * MS, Status(law, 0, limits)))
+        (topics.STATUS, status_message(START + k * MS, Status(law, None, limits)))
         for k, law in SWITCHES
         for limits in (0, 1)  # the second says no other law
     ]
@@ -120,11 +124,13 @@ def test_names_of_laws_that_no_status_knows_are_kept(make, tmp_path):
     recorder = make()
     recorder.open(START)
     take(recorder, range(9), left_out=[(topics.ACTIVE_LAW, 0), (topics.STATUS, 0)])
-    names = [cdr.text_message(law) for law in ('s_fotsmc', 'pid', 'smc')] + [b'\x00\x01\x00\x00']
+    names = [layouts.text_message(law) for law in ('s_fotsmc', 'pid', 'smc')] + [
+        b'\x00\x01\x00\x00'
+    ]
     for name in names:
         recorder.take(topics.ACTIVE_LAW, name)
     recorder.take(topics.STATUS, b'\x00\x01\x00\x00' + bytes(8) + b'broken')
-    recorder.take(topics.STATUS, status_message(START + 3 * MS, Status('pid', 0, 0)))
+    recorder.take(topics.STATUS, status_message(START + 3 * MS, Status('pid', None, 0)))
     recorder.close()
     times = [0, 3, 3, 3]
     expected = [(START + k * MS, name) for k, name in zip(times, names, strict=True)]
@@ -136,8 +142,10 @@ def test_names_of_laws_do_not_wait_in_numbers(make, tmp_path):
     recorder = make()
     recorder.open(START)
     for k in range(3000):
-        recorder.take(topics.ACTIVE_LAW, cdr.text_message(f'law {k}'))
-        recorder.take(topics.STATUS, status_message(START + k * MS, Status(f'status {k}', 0, 0)))
+        recorder.take(topics.ACTIVE_LAW, layouts.text_message(f'law {k}'))
+        recorder.take(
+            topics.STATUS, status_message(START + k * MS, Status(f'status {k}', None, 0))
+        )
     assert len(recorder._switches._names) <= 100 and len(recorder._switches._switches) <= 100
     recorder.close()
     assert len(recorded(tmp_path)['controller/active_law']) == 3000
@@ -146,7 +154,7 @@ def test_names_of_laws_do_not_wait_in_numbers(make, tmp_path):
 def test_the_name_of_a_law_without_statuses_is_written_at_once(tmp_path):
     values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
     loop = config.group(values, LoopParameters, '')
-    recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail, suite=False)
+    recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail, suite=())
     for topic in (topics.JOINT_STATES, topics.ACTIVE_LAW):
         recorder.add(topic, channel_of(topic))
     recorder.open()
@@ -280,7 +288,7 @@ def test_what_comes_slowly_is_soon_with_the_system(make, tmp_path, monkeypatch):
     file, count = tmp_path / 'bag' / 'bag_0.mcap', 0
     while count < sum(recorder.received.values()):
         assert time.monotonic() < deadline, 'waited in vain'
-        blocks = [record for record in bag_reader.scan_file(file) if isinstance(record, Block)]
+        blocks = [record for record in scan(*open_file(file)) if isinstance(record, Block)]
         count = sum(len(block.starts) for block in blocks)
     recorder.close()
 
@@ -290,7 +298,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         import os, resource, threading
         from pathlib import Path
         from parallel_robot_bags.recorder import Recorder
-        from parallel_robot_base import cdr, config, topics
+        from parallel_robot_base import config, layouts, topics
         from parallel_robot_base.loop import LoopParameters
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
@@ -300,7 +308,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         recorder = Recorder(Path({str(tmp_path / 'bag')!r}), loop, values,
                             lambda error: (errors.append(error), failed.set()))
         recorder.open()
-        layout = cdr.float64_multi_array(1000)
+        layout = layouts.float64_multi_array(1000)
         for _ in range(200):
             recorder.take(topics.COMMANDS, layout.encode() + os.urandom(9000))
         assert failed.wait(20.0)
@@ -336,9 +344,9 @@ def test_missing_numbers_are_losses_and_stand_in_the_bag(make, tmp_path):
     assert 'joint_states: received 7, written 7, lost 3' in report
     assert 'pose: received 7, written 7, lost unknown' in report
     found = certificate(tmp_path)
-    assert found['joint_states'] == 'written 7, lost 3'
-    assert found['pose'] == 'written 7, lost unknown'
-    assert found['reference'] == 'written 0, lost unknown'
+    assert json.loads(found['joint_states']) == {'written': 7, 'lost': 3}
+    assert json.loads(found['pose']) == {'written': 7, 'lost': None}
+    assert json.loads(found['reference']) == {'written': 0, 'lost': None}
 
 
 def test_a_state_that_the_controller_left_out_is_no_loss(make, tmp_path, monkeypatch):
@@ -405,3 +413,22 @@ def test_other_topics_are_recorded_with_their_definition(mode, make, tmp_path):
     (schema,) = (s for s in summary.schemas.values() if s.name == ODD.type)
     (odd,) = (c for c in summary.channels.values() if c.schema_id == schema.id)
     assert schema.data == b'int32 value' and 'best_effort' in str(odd.metadata)
+
+
+@pytest.mark.parametrize('early', [False, True])
+def test_the_recorder_notes_parameters_and_their_changes(early, tmp_path):
+    values = config.resolve('paper_circle', {'time_mode': 'lockstep', 'duration': 0.1})
+    loop = config.group(values, LoopParameters, '')
+    recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail)
+    if not early:
+        recorder.open(10**9)
+    recorder.found('/controller', {'law': 'pid', 'pid.Kp': 3.0, 'joints': ['a', 'b']})
+    recorder.changed('/controller', {'law': 'smc'})
+    if early:
+        recorder.open(10**9)
+    recorder.close()
+    past = history.read(tmp_path / 'bag')
+    assert past.parameters == {'/controller': {'law': 'pid', 'pid.Kp': 3.0, 'joints': ['a', 'b']}}
+    stamp = 0 if early else 10**9
+    assert past.changes == (history.Change(stamp, '/controller', {'law': 'smc'}),)
+    assert past.facts['source'] == 'nodes'

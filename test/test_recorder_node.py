@@ -1,5 +1,6 @@
 """The recorder of any topic as a real process."""
 
+import json
 import signal
 
 import pytest
@@ -12,11 +13,11 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
 from parallel_robot_bags import history
-from parallel_robot_bags.bag_writer import MESSAGES
 from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_base import topics
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
+from parallel_robot_ros.subscription import qos_of
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')
@@ -88,7 +89,7 @@ def test_chosen_topics_are_recorded_as_they_are_offered(
             r.metadata for r in make_reader(stream).iter_metadata() if r.name == MESSAGES
         )
     if 'quick' in recorded:
-        assert metadata['machine/quick'] == f'written {COUNT}, lost 0'
+        assert json.loads(metadata['machine/quick']) == {'written': COUNT, 'lost': 0}
 
 
 def test_a_recorder_that_stands_still_for_seconds_loses_nothing(launch, peer, tmp_path):
@@ -113,7 +114,7 @@ def test_by_hand_the_laws_of_a_controller_are_attached(launch, peer, tmp_path):
     law.parent.mkdir()
     law.write_text('raise SystemExit("nothing of it is run")')
     controller = rclpy.create_node('controller', context=peer.node.context)
-    controller.declare_parameter('own_laws', [str(law), str(gone)])
+    controller.declare_parameter('custom_laws', [str(law), str(gone)])
     controller.create_publisher(
         message_class(topics.COMMANDS.type), topics.COMMANDS.name, qos_of(topics.COMMANDS)
     )

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from assembly import simulated
 from reliability import endurance, page
 from reliability.effects import Effect, Line
 from reliability.judging import BOUND, QUIET, Outcome, Record, is_well, judge, recovery_time
 
 from parallel_robot_bags import run_log, simulation_bag
-from parallel_robot_base import cdr, config
-from parallel_robot_sim.simulation import simulate
+from parallel_robot_base import config, layouts
 
 TIME = np.arange(300) * 0.01  # s
 MS = 1e-3  # s
@@ -48,7 +48,7 @@ def test_a_burst_holds_everything_up_and_lets_it_pass_at_once():
 
 @pytest.mark.parametrize('shift', [0.1, -0.1, 10.0, -10.0])
 def test_a_stamp_is_shifted_and_nothing_else(shift):
-    layout = cdr.joint_state(('a', 'b'))
+    layout = layouts.joint_state(('a', 'b'))
     values = {'position': [1.0, 2.0], 'velocity': [3.0, 4.0], 'effort': [5.0, 6.0]}
     stamp = 10**18 + 5
     shifted = line(shift=shift).falsify(layout.encode(stamp, **values))
@@ -150,7 +150,7 @@ def test_memory_is_compared_after_the_first_minute_whatever_its_peaks():
 def log(tmp_path_factory):
     bag = tmp_path_factory.mktemp('soak') / 'bag'
     values = config.resolve('paper_circle', {'duration': 0.1, 'time_mode': 'lockstep'})
-    simulation_bag.write(bag, values, simulate(values))
+    simulation_bag.write(bag, values, simulated(values))
     return run_log.read(bag)
 
 

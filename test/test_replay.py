@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import streams, write_foreign
+from assembly import simulated as simulate
+from bags import old_status_message, streams, write_foreign
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.replay import replayed
@@ -15,10 +16,12 @@ from parallel_robot_base import config, topics
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control import faults
 from parallel_robot_control.answering import LOG
+from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import Controller, JointSample
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.exchange import JointSample
 from parallel_robot_control.messages import status_message
-from parallel_robot_sim.simulation import simulate
+from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.messages import reference_messages
 from trajectory_gen.trajectory import Trajectory
@@ -35,9 +38,7 @@ def simulated(tmp_path):
 
     def make(**changed):
         changed = {key.replace('__', '.'): value for key, value in changed.items()}
-        values = config.resolve(
-            'paper_circle', {'duration': 0.3, 'time_mode': 'lockstep', **changed}
-        )
+        values = resolve('paper_circle', {'duration': 0.3, 'time_mode': 'lockstep', **changed})
         simulation_bag.write(tmp_path / 'bag', values, simulate(values))
         return tmp_path / 'bag'
 
@@ -46,7 +47,7 @@ def simulated(tmp_path):
 
 def again(bag):
     log, past = run_log.read(bag), history.read(bag)
-    return replayed.again(log, past, log.config)
+    return replayed.again(log, past, configure(log.config))
 
 
 @pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'nftsmc', 'adaptive_s_fotsmc'])
@@ -63,21 +64,21 @@ def test_limits_and_faults_are_replayed(simulated):
     assert not again(bag).differing.any()
 
 
-def live(directory, script, common=True, skipped=(), says=True):
+def live(directory, script, common=True, skipped=(), says=True, status_bytes=status_message):
     """Write the bag of a controller in real time, to which things happen.
 
     `script` maps a state to a function of the controller, called before that state; or to a number
     of milliseconds by which references are late from that state on. States that are `skipped` are
-    not answered. A bag of an older version does not say which are.
+    not answered. A bag of an older version does not say which are; nor had its statuses codes.
     """
     changed = {'duration': N * 1e-3, 'safety.state_timeout': 5.0}
     changed['safety.reference_timeout'] = 0.05
     changed['start_stamp'] = -1 if common else 0
     values = config.resolve('paper_circle', changed)
     loop = config.group(values, LoopParameters, '')
-    controller, plant = Controller(values), Simulator(values)
+    controller, plant = Controller(configure(values)), Simulator(configure_plant(values))
     stamps = START + np.arange(N + 1) * MS
-    reference = Trajectory.of(values).sample(np.arange(N + 1) * 1e-3)
+    reference = Trajectory(values).sample(np.arange(N + 1) * 1e-3)
     records = reference_messages(loop.joints, stamps, reference)
     if common:
         controller.begin(START)
@@ -89,13 +90,13 @@ def live(directory, script, common=True, skipped=(), says=True):
 
         def tell(stamp):
             if says:
-                bag.write('controller/answered', stamp + 2000, controller.take_log())
+                bag.write('controller/answered', stamp + 2000, controller.log.take())
 
         for k, stamp in enumerate(stamps.tolist()):
             act = script.get(k)
             late = act if isinstance(act, int) else late
             if callable(act) and act(controller) is ZERO:
-                command(controller.zero_command(), stamp - MS // 2)
+                command(controller.log.zero_command(), stamp - MS // 2)
             while known <= min(k - late, N):
                 row = JointReference(
                     reference.position[known],
@@ -109,12 +110,12 @@ def live(directory, script, common=True, skipped=(), says=True):
             if k not in skipped:
                 measured = plant.measurement()
                 sample = controller.add_state(
-                    stamp, JointSample(measured.theta, measured.theta_dot, plant.state.torque)
+                    stamp, JointSample(measured.position, measured.velocity, plant.state.torque)
                 )
                 torque = sample.torque
                 if sample.status != status:
                     status = sample.status
-                    bag.write('controller/status', stamp, status_message(stamp, status))
+                    bag.write('controller/status', stamp, status_bytes(stamp, status))
                 command(controller.command, stamp)
                 if controller.code & LOG:
                     tell(stamp)
@@ -134,10 +135,11 @@ def lose(controller):
 
 def switch(**changes):
     changes = {key.replace('__', '.'): value for key, value in changes.items()}
-    return lambda controller: controller.apply(controller.judge(changes))
+    return lambda controller: controller.apply(controller.prepare_change(changes))
 
 
-def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
+@pytest.mark.parametrize('status_bytes', [status_message, old_status_message])
+def test_switches_and_faults_of_a_live_run_are_replayed(status_bytes, tmp_path):
     bag = live(
         tmp_path / 'bag',
         {
@@ -146,6 +148,7 @@ def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
             180: lambda controller: controller.clear_fault(),
             230: switch(law='s_fotsmc'),
         },
+        status_bytes=status_bytes,
     )
     log, found = run_log.read(bag), again(bag)
     assert found.known.all() and not found.differing.any() and found.late == 0
@@ -160,9 +163,9 @@ def test_new_gains_act_where_they_explain_the_commands(recorded_at, tmp_path):
     log, past = run_log.read(bag), history.read(bag)
     stamp = START + (100 + recorded_at) * MS
     change = history.Change(stamp, '/controller', {'s_fotsmc.G': 20.0, 'preset': 'custom'})
-    found = replayed.again(log, past._replace(changes=(change,)), log.config)
+    found = replayed.again(log, past._replace(changes=(change,)), configure(log.config))
     assert not found.differing.any()
-    unknown = replayed.again(log, past, log.config)
+    unknown = replayed.again(log, past, configure(log.config))
     assert np.flatnonzero(unknown.differing)[0] == 101  # at 100 they change only the memory
 
 
@@ -200,19 +203,19 @@ def test_only_what_was_answered_is_answered_again(common, tmp_path, capsys):
     said = capsys.readouterr().out
     assert f'identical: {answered.sum()} commands' in said
     assert f'{N + 1 - answered.sum()} states were not answered' in said
-    with_late = replayed.again(log._replace(used=None), history.read(bag), log.config)
+    with_late = replayed.again(log._replace(used=None), history.read(bag), configure(log.config))
     assert with_late.differing.any()  # it takes what the bag says
 
 
 def test_a_reference_that_is_too_old_is_replayed(tmp_path):
     """60 ms without references: the fault begins at the state at which the last is 51 ms old."""
     bag = live(tmp_path / 'bag', {100: 60, 170: -5, 200: Controller.clear_fault}, skipped=SKIPPED)
-    assert history.read(bag).statuses[-2].fault == faults.FAULT_TEXT[faults.REFERENCE_STALE]
+    assert history.read(bag).statuses[-2].fault == 'reference_stale'
     found = again(bag)
     assert not found.differing.any()
     log = run_log.read(bag)
     patient = config.changed(log.config, {'safety.reference_timeout': 1.0})
-    other = replayed.instead(log, history.read(bag), patient)
+    other = replayed.instead(log, history.read(bag), configure(patient))
     assert other.differing[152:170].any() and not other.differing[:120].any()
 
 
@@ -226,9 +229,9 @@ def test_after_half_a_second_without_answers_the_controller_begins_again(tmp_pat
 def test_another_law_answers_the_states_that_were_answered(tmp_path):
     bag = live(tmp_path / 'bag', {100: 7}, skipped=SKIPPED)
     log, past = run_log.read(bag), history.read(bag)
-    same = replayed.instead(log, past, log.config)
+    same = replayed.instead(log, past, configure(log.config))
     assert same.known.sum() == N + 1 - len(SKIPPED) and not same.differing.any()
-    smc = replayed.instead(log, past, config.changed(log.config, {'law': 'smc'}))
+    smc = replayed.instead(log, past, configure(config.changed(log.config, {'law': 'smc'})))
     assert np.array_equal(np.isfinite(smc.torque[:, 0]), same.known) and smc.differing.any()
 
 
@@ -254,7 +257,7 @@ def test_another_law_is_drawn_beside_the_recorded_one(simulated, capsys):
     first = capsys.readouterr().out
     log = run_log.read(bag)
     values = config.changed(log.config, {'law': 'smc'})
-    torque = replayed.instead(log, history.read(bag), values).torque
+    torque = replayed.instead(log, history.read(bag), configure(values)).torque
     largest = np.abs(torque - log.command).max(axis=0)
     assert ''.join(f'{value:>12.3f}' for value in largest) in first
     assert main(['replay', str(bag), '--law', 'smc']) == 2
@@ -264,14 +267,14 @@ def test_another_law_is_drawn_beside_the_recorded_one(simulated, capsys):
 def test_the_same_law_instead_gives_the_recorded_commands(simulated):
     bag = simulated(law='s_smc')
     log = run_log.read(bag)
-    found = replayed.instead(log, history.read(bag), log.config)
+    found = replayed.instead(log, history.read(bag), configure(log.config))
     assert not found.differing.any()
 
 
 def test_a_law_of_ones_own_is_replayed_and_tried(simulated, tmp_path, capsys):
-    words = ['--set', f'own_laws=[{EXAMPLE}]', '--law', 'example_law']
+    words = ['--set', f'custom_laws=[{EXAMPLE}]', '--law', 'example_law']
     words += ['--figure', str(tmp_path / 'own.pdf')]
-    bag = simulated(own_laws=[str(EXAMPLE)], law='example_law')
+    bag = simulated(custom_laws=[str(EXAMPLE)], law='example_law')
     assert main(['replay', str(bag), '--trust']) == 0
     assert 'identical: 301 commands' in capsys.readouterr().out
     assert main(['replay', str(bag), *words]) == 0
@@ -283,7 +286,7 @@ def test_a_law_of_ones_own_is_replayed_and_tried(simulated, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('words', 'message'),
     [
-        (['--set', 'circle.radius=1'], 'circle.radius is nothing that torques'),
+        (['--set', 'circle.radius=1'], 'circle.radius does not change the torques'),
         (['--law', 'smd'], "unknown law 'smd'"),
         (['--set', 's_fotsmc.H=1'], "unknown parameter 's_fotsmc.H'"),
         (['--set', 's_fotsmc.G=.nan'], 's_fotsmc.G must be finite'),
@@ -302,7 +305,7 @@ def test_bad_words_cost_one_line(words, message, simulated, capsys):
 
 def test_a_bag_of_others_does_not_say_its_law(tmp_path, capsys):
     values = config.resolve('paper_circle')
-    rest = np.tile(Trajectory.of(values).sample(0.0).position, (50, 1))
+    rest = np.tile(Trajectory(values).sample(0.0).position, (50, 1))
     write_foreign(tmp_path / 'bag', streams(rest, rest))
     assert main(['replay', str(tmp_path / 'bag')]) == 2
     assert 'does not say which law ran' in capsys.readouterr().err

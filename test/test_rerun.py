@@ -11,8 +11,9 @@ from test_replay import live, switch
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import rerun, run
-from parallel_robot_bags import experiment, history, limits, run_log
-from parallel_robot_bags.bag_writer import MISSING_LAWS, BagWriter
+from parallel_robot_bags import history, limits, run_log
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.record_names import MISSING_LAWS
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_base import config, topics
 from parallel_robot_base.loop import LoopParameters
@@ -38,7 +39,7 @@ def test_a_simulation_with_changed_values_comes_out_the_same(tmp_path, capsys):
 
 
 def test_a_law_of_ones_own_comes_from_the_bag(law, tmp_path, capsys):
-    words = ['--set', f'own_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
+    words = ['--set', f'custom_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
     bag = simulated(tmp_path / 'bag', *words)
     assert history.read(bag).laws == {'my_law': EXAMPLE.read_bytes()}
     law.unlink()
@@ -67,7 +68,7 @@ def by_hand(directory, bag, **parameters):
 
 @pytest.fixture
 def law(tmp_path):
-    """A law of one's own somewhere else."""
+    """A custom law somewhere else."""
     path = tmp_path / 'elsewhere' / 'my_law.py'
     path.parent.mkdir()
     shutil.copy(EXAMPLE, path)
@@ -75,12 +76,13 @@ def law(tmp_path):
 
 
 def test_a_bag_recorded_by_hand_holds_the_law_of_its_controller(law, tmp_path, capsys):
-    words = ['--set', f'own_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
+    words = ['--set', f'custom_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
     bag = simulated(tmp_path / 'bag', *words)
-    controller = {'own_laws': [str(law)], 'law': 'my_law', 'my_law.Kp': 700.0}
+    controller = {'custom_laws': [str(law)], 'law': 'my_law', 'my_law.Kp': 700.0}
     for name in ('first', 'second'):  # two controllers of the same law, say
         assert (
-            by_hand(tmp_path / name, bag, controller=controller, other={'own_laws': ['x']}) == []
+            by_hand(tmp_path / name, bag, controller=controller, other={'custom_laws': ['x']})
+            == []
         )
     law.unlink()
     assert history.read(tmp_path / 'first').laws == {'my_law': EXAMPLE.read_bytes()}
@@ -95,7 +97,7 @@ def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
     os.mkfifo(law.with_name('waits.py'))
     files = ['my_law.py', str(law), str(law.with_name('gone.py')), str(odd), str(EXAMPLE),
              str(law.with_name('waits.py')), '/etc/passwd', '\0.py', 7]  # fmt: skip
-    lines = by_hand(tmp_path / 'hand', bag, controller={'own_laws': files})
+    lines = by_hand(tmp_path / 'hand', bag, controller={'custom_laws': files})
     assert len(lines) == len(files) - 1 and not any('\n' in line for line in lines)
     assert f'{law} has more than 1048576 bytes' in lines[1]
     assert all('is not on this machine' in line for line in (lines[0], *lines[2:]))
@@ -109,12 +111,12 @@ def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
     assert [*{key: text for note in notes for key, text in note.items()}.values()] == lines
     strange = {'text': 'abc', 'number': 7, 'many': [str(EXAMPLE), *['/x.py'] * 10_000]}
     for name, value in strange.items():
-        assert len(by_hand(tmp_path / name, bag, controller={'own_laws': value})) < 100
+        assert len(by_hand(tmp_path / name, bag, controller={'custom_laws': value})) < 100
 
 
 def test_a_bag_without_the_source_of_its_law_says_so(law, tmp_path, capsys):
     bag = simulated(tmp_path / 'bag')
-    controller = {'own_laws': [str(law.with_name('gone.py'))], 'law': 'gone'}
+    controller = {'custom_laws': [str(law.with_name('gone.py'))], 'law': 'gone'}
     by_hand(tmp_path / 'hand', bag, controller=controller)
     capsys.readouterr()
     assert main(['replay', str(tmp_path / 'hand')]) == 2
@@ -130,21 +132,21 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
         },
         'plant': {'true_robot.m1': 6.0, 'robot.m1': 7.0, 'scenario': 'heavy_circle'},
         'controller': {
-            'own_laws': [str(law)], 'law': 'my_law', 'my_law.Kp': 700.0, 'smc.z': 21.0,
+            'custom_laws': [str(law)], 'law': 'my_law', 'my_law.Kp': 700.0, 'smc.z': 21.0,
             'granted.realtime': 'none', 'start_stamp': 5, 'robot.m1': 5.0,
         },
     }  # fmt: skip
     by_hand(tmp_path / 'hand', bag, **nodes)
     log = run_log.read(tmp_path / 'hand')
     assert (log.scenario, log.law) == ('paper_line', 'my_law')
-    assert (log.config['robot.m1'], log.config['own_laws']) == (5.0, [])
+    assert (log.config['robot.m1'], log.config['custom_laws']) == (5.0, [])
     runs = []
     monkeypatch.setattr(run, 'record', lambda *words: runs.append(words) or 0)
     assert main(['rerun', str(tmp_path / 'hand'), '--trust']) == 0
     assert main(['rerun', str(tmp_path / 'hand'), '--trust', '--duration', '7']) == 0
     (scenario, changed, out), (_, other, _) = runs
     assert scenario == 'paper_line' and out == tmp_path / 'hand_rerun'
-    (source,) = changed.pop('own_laws')
+    (source,) = changed.pop('custom_laws')
     assert Path(source).name == 'my_law.py' and source != str(law)
     assert changed == {
         'duration': 0.1, 'line.duration': 5.0, 'true_robot.m1': 6.0, 'robot.m1': 5.0,
@@ -207,37 +209,3 @@ def test_a_bag_of_others_cannot_be_repeated(tmp_path, capsys):
     capsys.readouterr()
     assert main(['rerun', str(tmp_path / 'other')]) == 2
     assert 'does not say what experiment made it' in capsys.readouterr().err
-
-
-def test_a_bag_says_what_made_it(tmp_path):
-    facts = history.read(simulated(tmp_path / 'bag')).facts
-    assert facts['source'] == 'simulation' and facts['randomness'] == 'none'
-    assert 'numpy' in facts['libraries'] and facts['python'].count('.') == 2
-    assert facts['command_line'] == experiment.command_line()
-
-
-def test_the_revision_is_that_of_a_working_copy_only(tmp_path, monkeypatch):
-    assert experiment._revision(tmp_path) == ''
-    (tmp_path / '.git').mkdir()
-    assert experiment._revision(tmp_path) == ''  # not a working copy after all
-    monkeypatch.setenv('PATH', '')
-    assert experiment._revision(tmp_path) == ''
-
-
-@pytest.mark.parametrize('early', [False, True])
-def test_the_recorder_notes_parameters_and_their_changes(early, tmp_path):
-    values = config.resolve('paper_circle', {'time_mode': 'lockstep', 'duration': 0.1})
-    loop = config.group(values, LoopParameters, '')
-    recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail)
-    if not early:
-        recorder.open(10**9)
-    recorder.found('/controller', {'law': 'pid', 'pid.Kp': 3.0, 'joints': ['a', 'b']})
-    recorder.changed('/controller', {'law': 'smc'})
-    if early:
-        recorder.open(10**9)
-    recorder.close()
-    past = history.read(tmp_path / 'bag')
-    assert past.parameters == {'/controller': {'law': 'pid', 'pid.Kp': 3.0, 'joints': ['a', 'b']}}
-    stamp = 0 if early else 10**9
-    assert past.changes == (history.Change(stamp, '/controller', {'law': 'smc'}),)
-    assert past.facts['source'] == 'nodes'

@@ -8,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from parallel_robot_analysis import ros_session
 from parallel_robot_analysis.ros_session import Session
 from parallel_robot_base.errors import RunError
+from parallel_robot_ros.diagnostics import STATE_INDEX
 
 ASKING = 0.5  # s, that a question takes
 
@@ -111,6 +112,7 @@ def test_a_node_that_says_what_it_lacks_is_quoted(monkeypatch):
     ('said', 'state'),
     [
         ('17', 17),
+        ('0', 0),
         ('held', -1),
         ('\u00b2', -1),
         ('9' * 5000, -1),
@@ -122,7 +124,7 @@ def test_a_node_that_says_what_it_lacks_is_quoted(monkeypatch):
 def test_a_diagnostic_of_whoever_does_not_end_a_run(said, state):
     session = Session(['plant'], lambda: None)
     status = DiagnosticStatus(
-        name='plant: loop', hardware_id='/plant', values=[KeyValue(key='state', value=said)]
+        name='plant: loop', hardware_id='/plant', values=[KeyValue(key=STATE_INDEX, value=said)]
     )
-    session._on_diagnostics(DiagnosticArray(status=[status]))
+    session.take_diagnostics(DiagnosticArray(status=[status]))
     assert session.state == state

@@ -20,6 +20,7 @@ from parallel_robot_analysis.processes import MODULES
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log
 from parallel_robot_base import topics
+from parallel_robot_control.configuration import configure
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -92,13 +93,14 @@ def test_a_change_during_the_run_is_in_the_bag_and_replayed(start, peer, tmp_pat
     past = history.read(tmp_path / 'bag')
     assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
     assert past.parameters['/controller']['s_fotsmc.G'] == 10.0
-    assert history.realtime(past) == dict.fromkeys(past.parameters, 'normal')  # in lockstep
+    in_lockstep = dict.fromkeys(past.parameters, 'normal')
+    assert history.granted_priorities(past) == in_lockstep
     (change,) = past.changes
     assert change.node == '/controller' and change.values['s_fotsmc.G'] == 20.0
     assert 'limits acted: ramp after a take-over' in process.stderr
     assert main(['replay', str(tmp_path / 'bag')]) == 0
     log = run_log.read(tmp_path / 'bag')
-    unaware = replayed.again(log, past._replace(changes=()), log.config)
+    unaware = replayed.again(log, past._replace(changes=()), configure(log.config))
     assert unaware.differing.any()
 
 

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import JOINTS, MS, START, content, streams, write_foreign, write_mcap
-from mcap.writer import CompressionType, IndexType
+from assembly import simulated as simulate
+from bags import JOINTS, MS, START, WRITERS, content, streams, write_foreign
 
 from parallel_robot_analysis import metrics
 from parallel_robot_bags import run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import BagError
-from parallel_robot_sim.simulation import simulate
 
 COUNT = 100
 RANDOM = np.random.default_rng(3)
@@ -72,7 +71,7 @@ def test_messages_that_are_removed_are_missing(record):
         (topics.JOINT_STATES, [20]), (topics.REFERENCE, [30, 31, 50]), (topics.COMMANDS, [7, 8])
     ):  # fmt: skip
         found[topic] = [entry for k, entry in enumerate(found[topic]) if k not in lost]
-    pose = cdr.pose_stamped('base')
+    pose = layouts.pose_stamped('base')
     found[topics.POSE] = [
         (START + k * MS, pose.encode(START + k * MS)) for k in range(0, COUNT, 10) if k != 40
     ]
@@ -95,7 +94,7 @@ def test_references_are_extrapolated_to_the_states(record):
     t = np.arange(COUNT)[:, np.newaxis] * 1e-3
     motion = a + b * t + c * t**2 / 2, b + c * t, c + 0 * t
     found = streams(REFERENCE, POSITION)
-    records = cdr.joint_trajectory(JOINTS).records(
+    records = layouts.joint_trajectory(JOINTS).records(
         COUNT, START + np.arange(COUNT) * MS,
         position=motion[0], velocity=motion[1], acceleration=motion[2],
     )  # fmt: skip
@@ -133,7 +132,7 @@ def test_joints_are_found_by_name(names, record):
 
 
 def without_fields(found):
-    states = cdr.joint_state(JOINTS, ('position',))
+    states = layouts.joint_state(JOINTS, ('position',))
     stamps = START + np.arange(COUNT) * MS
     rows = states.records(COUNT, stamps, position=POSITION)
     return found | {topics.JOINT_STATES: [(int(s), r.tobytes()) for s, r in zip(stamps, rows)]}  # noqa: B905
@@ -144,13 +143,13 @@ BROKEN = {
     'no references': lambda found: found | {topics.REFERENCE: []},
     'no commands': lambda found: found | {topics.COMMANDS: []},
     'other joints': lambda found: found | {
-        topics.JOINT_STATES: [(START, cdr.joint_state(('a', 'b', 'c')).encode(START))]},
+        topics.JOINT_STATES: [(START, layouts.joint_state(('a', 'b', 'c')).encode(START))]},
     'two joints': lambda found: found | {
-        topics.JOINT_STATES: [(START, cdr.joint_state(('joint1', 'joint2')).encode(START))]},
+        topics.JOINT_STATES: [(START, layouts.joint_state(('joint1', 'joint2')).encode(START))]},
     'no velocities': without_fields,
     'broken bytes': lambda found: found | {topics.JOINT_STATES: [(START, b'\0\1\0\0\xff')]},
     'references after the last state': lambda found: found | {
-        topics.REFERENCE: [(START + 10**9, cdr.joint_trajectory(JOINTS).encode(START + 10**9))]},
+        topics.REFERENCE: [(6 * 10**9, layouts.joint_trajectory(JOINTS).encode(6 * 10**9))]},
 }  # fmt: skip
 
 
@@ -180,20 +179,6 @@ def test_metadata_of_another_suite_are_refused(tmp_path):
 
 
 RUN = config.resolve('paper_circle', {'duration': 0.5, 'time_mode': 'lockstep'})
-WRITERS = {
-    'chunks of 1 MiB': write_foreign,
-    'zstd in chunks': lambda path, found: write_foreign(path, found, 'STORAGE'),
-    'zstd by message': lambda path, found: write_foreign(path, found, 'MESSAGE'),
-    'zstd by file': lambda path, found: write_foreign(path, found, 'FILE'),
-    'a namespace': lambda path, found: write_foreign(path, found, space='/left/robot'),
-    'small chunks': lambda path, found: write_mcap(path, found, chunk_size=2000),
-    'lz4': lambda path, found: write_mcap(path, found, compression=CompressionType.LZ4),
-    'uncompressed': lambda path, found: write_mcap(path, found, compression=CompressionType.NONE),
-    'no chunks': lambda path, found: write_mcap(path, found, use_chunking=False),
-    'no indexes, no summary': lambda path, found: write_mcap(
-        path, found, index_types=IndexType.NONE, repeat_channels=False, repeat_schemas=False,
-        use_statistics=False, use_summary_offsets=False, enable_crcs=False),
-}  # fmt: skip
 
 
 @pytest.fixture(scope='module')
@@ -238,7 +223,7 @@ def test_joints_may_change_during_a_run(record):
         streams(REFERENCE, POSITION, EFFORT, names)[topics.JOINT_STATES]
         for names in (JOINTS, JOINTS[::-1])
     ]
-    more = cdr.joint_state(('gripper', *JOINTS)).records(
+    more = layouts.joint_state(('gripper', *JOINTS)).records(
         COUNT,
         START + np.arange(COUNT) * MS,
         position=np.c_[np.zeros(COUNT), POSITION],

@@ -50,7 +50,7 @@ def play(gains, reference, feedback, M, Q, dt):
     torques, sliding = [], []
     for k in range(reference.shape[1]):
         out = s_fotsmc.update(
-            gains, Model(M[k], Q[k]), JointReference(*reference[:, k]),
+            gains, Model(M[k], Q[k], np.zeros(len(M[k]))), JointReference(*reference[:, k]),
             Feedback(*feedback[:, k], np.zeros(reference.shape[2])), memory, dt,
         )  # fmt: skip
         memory = out.memory
@@ -128,7 +128,10 @@ def test_no_error_needs_only_the_torque_of_the_motion():
 def test_torque_drives_the_error_down():
     """A double integrator under the law comes to rest at its reference."""
     memory, theta, rate = s_fotsmc.initial_memory(3), np.array([0.02, -0.01, 0.015]), np.zeros(3)
-    model, desired = Model(np.eye(3), np.zeros((3, 3))), JointReference(*np.zeros((3, 3)))
+    model, desired = (
+        Model(np.eye(3), np.zeros((3, 3)), np.zeros(3)),
+        JointReference(*np.zeros((3, 3))),
+    )
     for _ in range(8000):
         feedback = Feedback(theta, rate, np.zeros(3))
         out = s_fotsmc.update(GAINS, model, desired, feedback, memory, 1e-3)
@@ -141,7 +144,7 @@ def test_an_update_changes_nothing_that_it_was_given():
     reference, feedback, M, Q = random_run(3, count=2)
     memory = s_fotsmc.initial_memory(3)._replace(started=1.0)
     feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]))
-    given = (Model(M[0], Q[0]), JointReference(*reference[:, 0]), feedback)
+    given = (Model(M[0], Q[0], np.zeros(3)), JointReference(*reference[:, 0]), feedback)
     copies = [[array.copy() for array in group] for group in given]
     s_fotsmc.update(GAINS, *given, memory, 1e-3)
     for group, copy in zip(given, copies, strict=True):

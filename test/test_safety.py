@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from assembly import FAULTS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry import ROBOT, jacobian, kinetic_energy, legs, margins
 from hypothesis import given
@@ -14,11 +15,12 @@ from rig import MS, Rig
 
 from parallel_robot_base import config
 from parallel_robot_control import controller as module
+from parallel_robot_control.assembly import assemble
+from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import JointSample
+from parallel_robot_control.exchange import JointSample
 from parallel_robot_control.faults import (
     EMERGENCY_STOP,
-    FAULT_TEXT,
     NONE,
     POSITION_JUMP,
     REFERENCE_JUMP,
@@ -28,8 +30,6 @@ from parallel_robot_control.faults import (
     STATES_DISAGREE,
     STATES_STALE,
     TORQUE_NOT_FINITE,
-    TYPE_1,
-    TYPE_2,
 )
 from parallel_robot_control.messages import status_message
 from parallel_robot_control.safety import (
@@ -37,18 +37,15 @@ from parallel_robot_control.safety import (
     RATE,
     TORQUE,
     Last,
-    SafetyParameters,
     limit_torque,
-    limits_of,
 )
-from parallel_robot_model.planar_3rrr.kinematics import NOT_CONVERGED
+from parallel_robot_model.planar_3rrr.forward_kinematics import NOT_CONVERGED
+from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2
 
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md
 NARROW = {'safety.torque_limit': [100.0] * 3, 'safety.torque_rate': [60_000.0] * 3}
-LIMITS = limits_of(
-    config.group(config.resolve('paper_circle', NARROW), SafetyParameters, 'safety')
-)
+LIMITS = assemble(configure(config.resolve('paper_circle', NARROW))).setup.limits
 
 
 def moved(measured, **changes):
@@ -129,29 +126,29 @@ def level(rig, sample):
     return status.level, status.message
 
 
-@pytest.mark.parametrize('fault', CAUSES, ids=lambda fault: FAULT_TEXT[fault].replace(' ', '_'))
+@pytest.mark.parametrize('fault', CAUSES, ids=lambda fault: FAULTS[fault].key)
 def test_a_cause_is_seen_at_once_and_stays_until_it_is_cleared(fault):
     rig = Rig(safety__reference_timeout=0.05)
     before = rig.run(MOVING)
     assert level(rig, before) == (DiagnosticStatus.OK, 'ok')
     sample = CAUSES[fault](rig)
-    assert sample.status.fault == rig.controller.fault == fault
-    assert level(rig, sample) == (DiagnosticStatus.ERROR, f'fault: {FAULT_TEXT[fault]}')
-    assert rig.controller.counts[FAULT_TEXT[fault]] == 1
+    assert sample.status.fault == FAULTS[fault] and rig.controller.fault == fault
+    assert level(rig, sample) == (DiagnosticStatus.ERROR, f'fault: {FAULTS[fault].text}')
+    assert rig.controller.counts[FAULTS[fault].text] == 1
     rig.run(2)  # the rate limit lets a huge torque go in two samples
     for _ in range(100):  # the cause is gone, the fault is not
         velocity = rig.measured().velocity
         assert np.array_equal(rig.step().torque, -DAMPING * velocity)
-    assert rig.controller.fault == fault and rig.controller.counts[FAULT_TEXT[fault]] == 1
+    assert rig.controller.fault == fault and rig.controller.counts[FAULTS[fault].text] == 1
     last = rig.torques[-1]
     assert rig.controller.clear_fault() == ''
     sample = rig.step()
-    assert sample.status.fault == NONE and np.abs(sample.torque - last).max() <= 1.0 + 1e-12
+    assert sample.status.fault is None and np.abs(sample.torque - last).max() <= 1.0 + 1e-12
     assert level(rig, sample)[0] == DiagnosticStatus.WARN
     assert 'ramp after a take-over' in level(rig, sample)[1]
     rig.run(900)
     assert rig.controller.fault == NONE
-    error = np.linalg.norm((rig.simulator.state.pose - rig.samples.pose[rig.k])[:2])
+    error = np.linalg.norm((rig.simulator.state.coordinates - rig.samples.pose[rig.k])[:2])
     assert error < 1e-3
 
 
@@ -168,7 +165,7 @@ def test_speed_and_jumps_have_their_limits_where_the_parameters_say(by):
         rig.k += 1
         rig.controller.add_reference(rig.stamp, rig.reference())
         sample = rig.controller.add_state(rig.stamp, moved(still, **change))
-        assert sample.status.fault == (fault if by > 1.0 else NONE)
+        assert sample.status.fault == (FAULTS[fault] if by > 1.0 else None)
 
 
 @pytest.mark.parametrize(
@@ -187,23 +184,23 @@ def test_the_margins_to_singularities_are_those_of_the_geometry(key, fault, marg
     pose = config.resolve('paper_circle')['plant.initial_pose']
     rig = Rig(**{f'safety__{key}': float(margin(np.array(pose))) + off})
     sample = rig.ask()
-    assert sample.status.fault == (fault if off > 0.0 else NONE)
+    assert sample.status.fault == (FAULTS[fault] if off > 0.0 else None)
     if off > 0.0:  # clearing helps nothing while the robot is there
         assert rig.controller.clear_fault() == '' and rig.controller.fault == NONE
         rig.k += 1
-        assert rig.ask().status.fault == fault
+        assert rig.ask().status.fault == FAULTS[fault]
 
 
 def test_angles_that_fit_no_pose_are_a_fault():
     rig = Rig()
     nowhere = JointSample(np.array([0.0, np.pi, -np.pi / 2]), np.full(3, 0.1), np.zeros(3))
     sample = rig.ask(nowhere)
-    assert sample.status.fault == NOT_CONVERGED and np.allclose(sample.torque, -4.0)
+    assert sample.status.fault == FAULTS[NOT_CONVERGED] and np.allclose(sample.torque, -4.0)
 
 
 def energy(rig):
     state = rig.simulator.state
-    return kinetic_energy(ROBOT, state.pose, state.rate)
+    return kinetic_energy(ROBOT, state.coordinates, state.rate)
 
 
 def test_damping_takes_energy_out_until_the_robot_rests():
@@ -258,9 +255,9 @@ def test_a_stop_before_the_first_state_keeps_the_robot_where_it_is(action):
     rig.controller.trip(EMERGENCY_STOP)
     for _ in range(100):
         sample = rig.step()
-        assert sample.status.fault == EMERGENCY_STOP and not sample.torque.any()
+        assert sample.status.fault == FAULTS[EMERGENCY_STOP] and not sample.torque.any()
     assert rig.controller.clear_fault() == ''
-    assert rig.step().status.fault == NONE
+    assert rig.step().status.fault is None
 
 
 @pytest.mark.parametrize('jump', [-900, 10_000, 10**9])
@@ -273,7 +270,7 @@ def test_a_fault_survives_a_new_run_of_the_plant(jump):
     rig.controller.add_reference(stamp, rig.reference())
     sample = rig.controller.add_state(stamp, rig.measured())
     assert rig.controller.counts['new runs of the plant'] == 1
-    assert sample.status.fault == EMERGENCY_STOP
+    assert sample.status.fault == FAULTS[EMERGENCY_STOP]
     assert np.array_equal(sample.torque, -DAMPING * rig.measured().velocity)
 
 
@@ -297,11 +294,11 @@ def test_stale_states_are_a_fault_that_cannot_be_cleared_until_states_come(clock
     clock.time += 0.002
     assert rig.controller.watch() and rig.controller.fault == STATES_STALE
     assert not rig.controller.watch()  # told once
-    assert rig.controller.clear_fault() == FAULT_TEXT[STATES_STALE]
+    assert rig.controller.clear_fault() == FAULTS[STATES_STALE].text
     assert rig.controller.fault == STATES_STALE
     velocity = rig.measured().velocity
     assert np.array_equal(rig.step().torque, -DAMPING * velocity)
-    assert rig.controller.clear_fault() == '' and rig.step().status.fault == NONE
+    assert rig.controller.clear_fault() == '' and rig.step().status.fault is None
 
 
 def test_stale_states_are_told_once_in_another_fault_too(clock):
@@ -312,11 +309,11 @@ def test_stale_states_are_told_once_in_another_fault_too(clock):
     clock.time += 1.0
     assert [rig.controller.watch() for _ in range(5)] == [True] + 4 * [False]
     assert rig.controller.fault == EMERGENCY_STOP
-    assert rig.controller.clear_fault() == FAULT_TEXT[STATES_STALE]
+    assert rig.controller.clear_fault() == FAULTS[STATES_STALE].text
     rig.step()
     clock.time += 1.0
     assert rig.controller.watch()
-    assert rig.controller.counts[FAULT_TEXT[STATES_STALE]] == 0
+    assert rig.controller.counts[FAULTS[STATES_STALE].text] == 0
 
 
 def test_before_the_first_state_and_in_lockstep_nothing_is_stale(clock):
@@ -429,5 +426,5 @@ def test_a_limit_that_acts_is_told_as_a_warning():
 def test_the_angles_of_geometry_are_those_of_the_rig():
     """The margins above are of this pose."""
     rig = Rig()
-    assert np.allclose(legs(ROBOT, rig.simulator.state.pose)[0], rig.measured().position)
+    assert np.allclose(legs(ROBOT, rig.simulator.state.coordinates)[0], rig.measured().position)
     assert isinstance(rig.reference(), JointReference)

@@ -12,7 +12,8 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import topics
-from parallel_robot_control.faults import EMERGENCY_STOP, FAULT_TEXT, STATES_DISAGREE, STATES_STALE
+from parallel_robot_control import faults
+from parallel_robot_control.faults import EMERGENCY_STOP, STATES_DISAGREE, STATES_STALE
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -85,7 +86,7 @@ class Loop:
         return status.level, status.message
 
     def until_fault(self, fault):
-        wanted = (DiagnosticStatus.ERROR, f'fault: {FAULT_TEXT[fault]}')
+        wanted = (DiagnosticStatus.ERROR, f'fault: {faults.FAULTS[fault].text}')
         self.until(lambda: self.status() == wanted)
 
     def call(self, service):
@@ -180,7 +181,7 @@ def test_an_emergency_stop_is_latched_until_it_is_cleared(loop):
     late = loop.peer.listen(topics.STATUS, RECENT)
     loop.until(lambda: late)
     assert late[0].status[0].level == DiagnosticStatus.ERROR
-    loop.until_told('controller', DiagnosticStatus.ERROR, FAULT_TEXT[EMERGENCY_STOP])
+    loop.until_told('controller', DiagnosticStatus.ERROR, faults.FAULTS[EMERGENCY_STOP].text)
     assert loop.call('clear_fault').success
     loop.until(lambda: loop.status()[0] == DiagnosticStatus.WARN)
     loop.until_steady()
@@ -193,7 +194,7 @@ def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
     loop.until_fault(STATES_STALE)
     loop.until(lambda: commands and not any(commands[-1].data))
     answer = loop.call('clear_fault')
-    assert not answer.success and answer.message == FAULT_TEXT[STATES_STALE]
+    assert not answer.success and answer.message == faults.FAULTS[STATES_STALE].text
     assert loop.status()[0] == DiagnosticStatus.ERROR
     count = len(loop.states)
     loop.begin('plant')

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 import yaml
-from assembly import make_plant, open_loop
+from assembly import make_plant, open_loop, simulated
 from bags import STORE
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_bags import simulation_bag
 from parallel_robot_base import config
-from parallel_robot_sim.plant import measure
-from parallel_robot_sim.simulation import simulate
+from parallel_robot_model.planar_3rrr import measure
 
 N = 400
 VALUES = config.resolve('paper_line', {'duration': N * 1e-3, 'true_robot.m2': 8.0})
@@ -20,7 +19,7 @@ VALUES = config.resolve('paper_line', {'duration': N * 1e-3, 'true_robot.m2': 8.
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     directory = tmp_path_factory.mktemp('simulation') / 'bag'
-    simulation_bag.write(directory, VALUES, simulate(VALUES))
+    simulation_bag.write(directory, VALUES, simulated(VALUES))
     return directory
 
 
@@ -67,8 +66,8 @@ def test_metadata_say_where_zero_is_and_how_it_was_made(bag):
 def test_state_0_is_the_initial_pose_without_effort(messages):
     _, first = messages['/joint_states'][0]
     plant, state = make_plant(VALUES)
-    expected = measure(plant.robot, state)
-    assert np.array_equal(first.position, [*expected.theta, *expected.psi])
+    expected = measure(plant.robot, state.coordinates, state.rate)
+    assert np.array_equal(first.position, [*expected.position, *expected.passive_position])
     assert not first.velocity.any() and not first.effort.any()
     _, first = messages['/reference'][0]
     assert not first.points[0].velocities.any()
@@ -85,8 +84,9 @@ def test_efforts_reproduce_the_angles_from_state_0(messages):
     efforts = column(messages['/joint_states'], 'effort')[1:, :3]
     angles = column(messages['/joint_states'], 'position')
     robot = make_plant(VALUES)[0].robot
-    joints = [measure(robot, state) for state in open_loop(VALUES, efforts)]
-    again = np.array([[*joint.theta, *joint.psi] for joint in joints])
+    states = open_loop(VALUES, efforts)
+    joints = [measure(robot, state.coordinates, state.rate) for state in states]
+    again = np.array([[*joint.position, *joint.passive_position] for joint in joints])
     assert np.abs(again - angles).max() < 1e-9
 
 

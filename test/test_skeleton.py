@@ -1,10 +1,10 @@
-"""Links of the skeleton are as long as those of the robot."""
+"""Lines of the picture are as long as the links of the robot."""
 
 import numpy as np
 import pytest
 from geometry import PAPER_START, legs
 
-from parallel_robot_model.planar_3rrr.skeleton import skeleton
+from parallel_robot_model.planar_3rrr.skeleton import segments
 
 
 @pytest.mark.parametrize('count', [None, 5])
@@ -13,11 +13,13 @@ def test_the_links_have_their_lengths(robot, count):
     theta = legs(robot, poses)[0]
     if count is None:
         poses, theta = poses[0], theta[0]
-    found = skeleton(robot, poses, theta)
-    for start, end, length in (
-        (found.base, found.elbow, robot.l1),
-        (found.elbow, found.platform, robot.l2),
-        (poses[..., np.newaxis, :2], found.platform, robot.l3),
-    ):
+    found = segments(robot, poses, theta)
+    for part, length in (('proximal', robot.l1), ('distal', robot.l2)):
+        start, end = np.moveaxis(found[part], -2, 0)
         np.testing.assert_allclose(np.linalg.norm(end - start, axis=-1), length, atol=1e-12)
-    assert found.elbow.shape == (*np.shape(theta), 2)
+    corner = found['platform'][..., 0, :]
+    radius = np.linalg.norm(corner - poses[..., np.newaxis, :2], axis=-1)
+    np.testing.assert_allclose(radius, robot.l3, atol=1e-12)
+    np.testing.assert_array_equal(found['platform'][..., 1, :], np.roll(corner, -1, axis=-2))
+    np.testing.assert_array_equal(found['distal'][..., 1, :], corner)
+    assert {ends.shape for ends in found.values()} == {(*np.shape(theta), 2, 2)}

@@ -29,12 +29,12 @@ def joint_error(law, missing):
         rig.controller.add_reference(rig.stamp, rig.reference())
         if not skipped:
             sample = rig.controller.add_state(rig.stamp, rig.measured())
-            assert sample.status.fault == 0
+            assert sample.status.fault is None
             torque = sample.torque
         errors.append(np.abs(rig.reference().position - rig.measured().position).max())
         rig.simulator.advance(torque)
         rig.k += 1
-    assert rig.controller.skipped == missing[: np.flatnonzero(~missing)[-1]].sum()
+    assert rig.controller.log.skipped == missing[: np.flatnonzero(~missing)[-1]].sum()
     return np.sqrt(np.mean(np.square(errors[STEADY:])))
 
 

@@ -8,15 +8,17 @@ from rig import Rig
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_control.cycle import taking_over
-from parallel_robot_control.laws import LAWS, prepare
+from parallel_robot_control import assembly as control
+from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import RAMP
+from parallel_robot_control.transitions import taking_over
+from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.simulation import assemble
+from parallel_robot_sim.configuration import configure
 from trajectory_gen.trajectory import Reference
 
-VALUES = config.resolve('paper_circle', {'duration': 12.0})
-MOTION = assemble(VALUES).trajectory.sample(np.arange(7501) * 1e-3)
+CONFIGURATION = configure(config.resolve('paper_circle', {'duration': 12.0}))
+MOTION = CONFIGURATION.trajectory.sample(np.arange(7501) * 1e-3)
 BOUND = 1000.0 * 1e-3 * (1.0 + 1e-12)  # N m: ramp_rate of docs/safety.md for one period
 MOVING = 3000  # sample of the switch
 WINDOW = 1500  # samples that are compared
@@ -29,28 +31,36 @@ DWELL = {
 }  # fmt: skip
 
 
-def follow(parts, law, first, last, plant, cycle, memory):
+def follow(parts, control, first, last, plant, cycle, memory):
     """Part of the motion under one law, from given states."""
-    robot = parts.simulator
+    law = control.law._replace(memory=memory)
     return run(
-        law.update, law.gains, parts.nominal, parts.limits,
+        control._replace(law=law, state=cycle),
+        parts.plant._replace(state=plant),
         Reference(*(rows[first:last] for rows in MOTION)),
-        robot.stepping, robot.robot, robot.friction, robot.disturbance,
-        plant, cycle, memory, 1e-3,
-    )  # fmt: skip
+        1e-3,
+    )
 
 
 @pytest.fixture(scope='module')
 def parts():
-    return assemble(VALUES)
+    return assemble(CONFIGURATION)
 
 
 @pytest.fixture(scope='module')
-def before(parts):
+def controls():
+    """A controller with each law."""
+    return {name: control.assemble(CONFIGURATION.control, name) for name in LAWS}
+
+
+@pytest.fixture(scope='module')
+def before(parts, controls):
     """What stands at the switch, by the law that has run until then."""
-    start = parts.simulator.state, parts.cycle
-    laws = [prepare(name, VALUES) for name in LAWS]
-    return {law.name: follow(parts, law, 0, MOVING, *start, law.memory) for law in laws}
+    start = parts.plant.state, parts.control.state
+    return {
+        name: follow(parts, one, 0, MOVING, *start, one.law.memory)
+        for name, one in controls.items()
+    }
 
 
 def error(pose, first):
@@ -60,14 +70,14 @@ def error(pose, first):
 
 
 @pytest.mark.parametrize('name', LAWS)
-def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, before):
-    law = prepare(name, VALUES)
+def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, controls, before):
+    one = controls[name]
     end = MOVING + round(DWELL[name] * 1e3) + WINDOW
-    alone = follow(parts, law, 0, end, parts.simulator.state, parts.cycle, law.memory)
+    alone = follow(parts, one, 0, end, parts.plant.state, parts.control.state, one.law.memory)
     own = error(alone.pose, 0)[-WINDOW:]
     for other, at in before.items():
         cycle = taking_over(at.cycle, at.command[-1])
-        out = follow(parts, law, MOVING, end, at.plant, cycle, law.memory)
+        out = follow(parts, one, MOVING, end, at.plant, cycle, one.law.memory)
         assert out.steps == end - MOVING and not out.fault.any()
         assert np.isfinite(out.command).all() and np.isfinite(out.pose).all()
         assert set(out.acted) <= {0, RAMP}
@@ -89,22 +99,22 @@ def tour(names):
     return walk
 
 
-def test_all_pairs_one_after_the_other_as_parameters_change(parts):
-    """Through judge and apply of the controller; the compiled loop has the same bits."""
+def test_all_pairs_one_after_the_other_as_parameters_change(parts, controls):
+    """Through the changes of the controller; the compiled loop has the same bits."""
     names = tour(list(LAWS))
     assert len(set(itertools.pairwise(names))) == 110
     rig, dwell = Rig('lockstep', law=names[0]), 12
-    plant, cycle, memory = parts.simulator.state, parts.cycle, None
+    plant, cycle, memory = parts.plant.state, parts.control.state, None
     for number, name in enumerate(names):
-        law = prepare(name, VALUES)
+        one = controls[name]
         if number:
             rig.change(law=name)
             cycle = taking_over(cycle, rig.torques[-1])
         for _ in range(dwell):
             sample = rig.step()
-            assert sample.status.law == name and sample.status.fault == 0
+            assert sample.status.law == name and sample.status.fault is None
         first = number * dwell
-        out = follow(parts, law, first, first + dwell, plant, cycle, law.memory)
+        out = follow(parts, one, first, first + dwell, plant, cycle, one.law.memory)
         plant, cycle, memory = out.plant, out.cycle, out.memory
         assert np.array_equal(out.command, rig.torques[-dwell:])
         assert np.array_equal(numbers(memory), numbers(rig.controller.memory))
@@ -134,7 +144,7 @@ def test_new_gains_go_on_with_the_memory_and_without_a_jump():
         < 1e-4
         < np.abs(integral).max()
     )
-    assert rig.run(300).status == ('pid', 0, RAMP)
+    assert rig.run(300).status == ('pid', None, RAMP)
 
 
 def test_the_same_law_again_changes_nothing():
@@ -158,7 +168,7 @@ def test_a_change_that_is_refused_leaves_the_law_as_it_was():
 
 
 def test_a_switch_takes_no_time_that_a_sample_could_miss():
-    """Judging reads no file and compiles nothing: its time is that of some cycles at most."""
+    """A change reads no file and compiles nothing: its time is that of some cycles at most."""
     rig = Rig('lockstep')
     rig.run(5)
     opened = []

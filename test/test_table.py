@@ -4,14 +4,14 @@ import sys
 
 import numpy as np
 import pytest
+from assembly import simulated as simulate
 from bags import JOINTS, MS, START, streams, write_foreign
 
 from parallel_robot_analysis import table
 from parallel_robot_bags import simulation_bag
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import InputError
 from parallel_robot_control.messages import telemetry_layouts
-from parallel_robot_sim.simulation import simulate
 
 COUNT = 305
 PER_JOINT = 9
@@ -44,7 +44,7 @@ def test_the_platform_and_what_the_law_says_of_itself(joints, tmp_path):
         assert columns[f'platform_reference_{name}'] == pytest.approx(wanted, abs=1e-9)
     offset = run.pose[:, :2] - reference.pose[: COUNT + 1, :2]
     assert columns['platform_error_m'] == pytest.approx(np.hypot(*offset.T), abs=1e-9)
-    error = reference.position[: COUNT + 1] - run.theta
+    error = reference.position[: COUNT + 1] - run.position
     ring = np.stack([error[:, k] - error[:, (k + 1) % 3] for k in range(3)], axis=1)
     assert np.array_equal(by_joint(columns, joints, 'synchronisation_error_rad'), ring)
     sliding = by_joint(columns, joints, 'sliding_variable')
@@ -100,7 +100,7 @@ def test_a_stock_bag_with_telemetry_in_another_order(tmp_path):
 @pytest.mark.parametrize('kind', ['joints', 'bytes'])
 def test_somebody_elses_telemetry_is_left_out(kind, tmp_path):
     found = at_rest()
-    data = cdr.joint_state(('a', 'b', 'c')).encode(START) if kind == 'joints' else bytes(20)
+    data = layouts.joint_state(('a', 'b', 'c')).encode(START) if kind == 'joints' else bytes(20)
     found[topics.SLIDING_VARIABLE] = [(START, data)]
     write_foreign(tmp_path / 'bag', found)
     sliding = by_joint(table.read(tmp_path / 'bag').columns, JOINTS, 'sliding_variable')
@@ -111,14 +111,14 @@ def test_somebody_elses_telemetry_is_left_out(kind, tmp_path):
 def test_where_there_is_no_pose_its_columns_are_empty(bad, tmp_path):
     found = at_rest()
     out = np.array([0.0, np.pi, np.pi / 2])
-    layout = cdr.joint_state(JOINTS)
+    layout = layouts.joint_state(JOINTS)
     for k in range(bad, 50):
         stamp = START + k * MS
         data = layout.encode(stamp, position=out, velocity=out * 0, effort=out * 0)
         found[topics.JOINT_STATES][k] = (stamp, data)
     write_foreign(tmp_path / 'bag', found)
     columns, (warning,) = table.read(tmp_path / 'bag')
-    assert 'pose of the platform' in warning and '\n' not in warning
+    assert 'pose of the robot' in warning and '\n' not in warning
     for name in ('platform_x_m', 'platform_reference_y_m', 'platform_error_m'):
         assert np.isfinite(columns[name][:bad]).all() and np.isnan(columns[name][bad:]).all()
     assert np.isfinite(by_joint(columns, JOINTS, 'synchronisation_error_rad')).all()

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from assembly import simulated
 from bags import MS, streams, write_foreign
 from test_replay import live
 
 from parallel_robot_analysis import timing
 from parallel_robot_analysis.command_line import main
 from parallel_robot_bags import history, run_log, simulation_bag
-from parallel_robot_bags.history import Said
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_bags.statuses import ControllerStatus
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_control.messages import answers_message
-from parallel_robot_sim.simulation import simulate
 
 START = 1_700_000_000 * 10**9  # ns
 N = 1000
@@ -39,7 +39,7 @@ def loop(lag, skipped=(), torques=TORQUES):
     effort = np.where(acting[:, np.newaxis] < 0, 0.0, torques[acting])
     found = streams(REST, REST, effort, start=START)
     stamps = START + np.arange(N + 1) * MS
-    commands = cdr.float64_multi_array(3).records(len(answered), data=torques[answered])
+    commands = layouts.float64_multi_array(3).records(len(answered), data=torques[answered])
     heard = stamps[answered] + 300_000
     found[topics.COMMANDS] = [(int(t), row.tobytes()) for t, row in zip(heard, commands)]  # noqa: B905
     found[topics.ANSWERED] = [
@@ -82,7 +82,7 @@ def test_the_lag_is_that_of_the_torque_that_acted(name, read):
     found, true = loop(lag, skipped)
     timed = timing.evaluate(read(found), NOTHING)
     assert np.array_equal(timed.lag, true)
-    for share, figure in zip((0.5, 0.99, 1.0), timed.lag_figures(), strict=True):
+    for share, figure in zip((0.5, 0.99, 1.0), timed.lag_percentiles(), strict=True):
         assert (true < figure).mean() < share <= (true <= figure).mean()
     assert timed.uncommanded == N - len(true)
     assert (timed.answered, timed.skipped) == (N + 1 - len(skipped), len(skipped))
@@ -111,7 +111,7 @@ def test_what_nobody_commanded_is_counted_apart(read):
     assert timed.uncommanded == 50 and len(timed.lag) == N - 50 and (timed.lag == 1).all()
     (remark,) = timing.remarks(timed, NOTHING)
     assert timed.realtime and 'in 50 steps the torque answered no state' in remark
-    said = (Said(START, 's_fotsmc', 'speed', 'none'),)
+    said = (ControllerStatus(START, 's_fotsmc', 'speed', 'too fast', ()),)
     assert 'in a fault' in timing.remarks(timed, NOTHING._replace(statuses=said))[1]
 
 
@@ -124,7 +124,7 @@ def test_verdicts(read):
     lag, _ = LAGS['growing']
     late = timing.evaluate(read(loop(lag)[0], 'late'), NOTHING)
     assert timing.verdict(late).startswith(
-        'real time: not held, the machine was busy: lag up to 51 ms; the figures below are'
+        'real time: not held, the machine was busy: lag up to 51 ms; the metrics below are'
     )
     few = timing.evaluate(read(loop(lag, range(1, 81))[0], 'few'), NOTHING)
     assert '8 % of the states unanswered, lag up to ' in timing.verdict(few)
@@ -200,7 +200,7 @@ def test_log_times_out_of_order_change_nothing(read):
 
 def test_telemetry_of_skipped_states_is_not_missing(read):
     found, _ = loop(np.ones(N + 1, int), range(95, 124))
-    layout = cdr.joint_state(('joint1', 'joint2', 'joint3'), ('position',))
+    layout = layouts.joint_state(('joint1', 'joint2', 'joint3'), ('position',))
     due = [k for k in range(0, N + 1, 10) if k not in (100, 110, 120)] + [124]
     for topic, left_out in ((topics.SLIDING_VARIABLE, ()), (topics.ERROR, (500, 510))):
         found[topic] = [
@@ -213,14 +213,14 @@ def test_telemetry_of_skipped_states_is_not_missing(read):
 
 def test_a_simulation_has_no_verdict_and_the_ideal_lag(tmp_path):
     values = config.resolve('paper_circle', {'duration': 0.3, 'time_mode': 'lockstep'})
-    simulation_bag.write(tmp_path / 'bag', values, simulate(values))
+    simulation_bag.write(tmp_path / 'bag', values, simulated(values))
     timed = timing.evaluate(run_log.read(tmp_path / 'bag'), history.read(tmp_path / 'bag'))
     assert timed.realtime is None and timing.verdict(timed) == '' and not timed.delay.size
     assert (timed.lag == 1).all() and len(timed.lag) == 300 and timed.uncommanded == 0
     assert (timed.answered, timed.skipped) == (301, 0)
 
 
-def test_analyze_prints_the_verdict_above_the_figures(tmp_path, capsys):
+def test_analyze_prints_the_verdict_above_the_metrics(tmp_path, capsys):
     bag = live(tmp_path / 'bag', {}, skipped={*range(100, 140)})
     assert main(['analyze', str(bag), '--json', str(tmp_path / 'run.json')]) == 0
     first = capsys.readouterr().out.splitlines()[0]

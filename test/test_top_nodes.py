@@ -35,13 +35,13 @@ def test_a_running_loop_is_shown_and_obeys(launch, peer, capsys):
         nodes = ('trajectory', 'plant', 'controller')
         until(
             lambda robot: (
-                robot.error and all(robot.figure(node, 'rate [Hz]') > '1' for node in nodes)
+                robot.error and all(robot.value(node, 'rate [Hz]') > '1' for node in nodes)
             )
         )
         robot = robots['/left']
         for node in nodes:
-            assert float(robot.figure(node, 'rate [Hz]')) >= 0.0
-            assert float(robot.figure(node, 'processor [%]')) > 0.0
+            assert float(robot.value(node, 'rate [Hz]')) >= 0.0
+            assert float(robot.value(node, 'processor [%]')) > 0.0
         assert robot.law == 'computed_torque' and {'smc', 's_fotsmc'} < set(robot.laws)
         assert robot.error.largest < 0.1
         done, reason = asked(graph.switch_law, 'nonsense')

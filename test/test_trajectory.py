@@ -11,7 +11,7 @@ SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line']
 
 
 def trajectory(scenario='paper_circle', **changes):
-    return Trajectory.of(config.resolve(scenario, changes.get('overrides')))
+    return Trajectory(config.resolve(scenario, changes.get('overrides')))
 
 
 @pytest.fixture(params=SCENARIOS)
@@ -47,7 +47,7 @@ def test_derivatives(motion, field, derivative):
 
 def test_joints_stand_as_the_pose_needs(motion, robot):
     reference = motion.sample(np.linspace(0, 6, 100))
-    gaps = closure(robot, reference.pose, reference.position, reference.beta)
+    gaps = closure(robot, reference.pose, reference.position, reference.passive)
     assert gaps.max() < 1e-12 and (reference.out_of_reach == -1).all()
     assert np.abs(wrap(reference.position - legs(robot, reference.pose)[0])).max() < 1e-12
 

@@ -6,7 +6,7 @@ import shutil
 import sys
 
 import pytest
-from own_law import LAW
+from custom_law import LAW
 
 from parallel_robot_analysis.command_line import main
 
@@ -21,7 +21,7 @@ def recorded(tmp_path_factory):
     law = directory / 'law' / 'mine.py'
     law.parent.mkdir()
     law.write_text(LAW)
-    words = ['--duration', '0.02', '--set', f'own_laws=[{law}]', '--law', 'mine']
+    words = ['--duration', '0.02', '--set', f'custom_laws=[{law}]', '--law', 'mine']
     assert main(['simulate', 'paper_circle', *words, '--out', str(directory / 'bag')]) == 0
     shutil.rmtree(law.parent)
     return directory
@@ -88,7 +88,7 @@ def test_a_file_that_a_bag_only_names_is_not_loaded(command, recorded, bag, caps
     law.write_text(LAW + MARK)
     (file,) = bag.glob('*.mcap')
     data = file.read_bytes()
-    file.write_bytes(data.replace(b'own_laws/mine', b'own_lawz/mine'))
+    file.write_bytes(data.replace(b'custom_laws/mine', b'custom_lawz/mine'))
     assert data != file.read_bytes()
     assert main([command, str(bag)]) == 2
     assert 'does not hold the law mine' in capsys.readouterr().err

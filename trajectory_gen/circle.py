@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from trajectory_gen.motion import PoseMotion
+from parallel_robot_model.contract import PoseMotion
 
 
 class Parameters(NamedTuple):

@@ -1,4 +1,4 @@
-"""A pose held still."""
+"""A pose held still, of any robot."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from trajectory_gen.motion import PoseMotion
+from parallel_robot_model.contract import PoseMotion
 
 
 class Parameters(NamedTuple):
     """The pose to hold."""
 
-    pose: Annotated[tuple[float, float, float], Field('m, m, rad', 'x, y, phi')]
+    pose: Annotated[tuple[float, ...], Field('', 'pose, in the units of the robot')]
 
 
 @kernel
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives, the same at every time `t` [s]."""
-    pose = np.array([parameters.pose[0], parameters.pose[1], parameters.pose[2]])
-    return PoseMotion(pose, np.zeros(3), np.zeros(3))
+    pose = np.array(parameters.pose)
+    return PoseMotion(pose, np.zeros(len(pose)), np.zeros(len(pose)))
 
 
 def span(parameters: Parameters) -> float:

@@ -8,7 +8,8 @@ import numpy as np
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from trajectory_gen.motion import PoseMotion
+from parallel_robot_model.contract import PoseMotion
+from trajectory_gen.time_law import quintic
 
 
 class Parameters(NamedTuple):
@@ -22,12 +23,8 @@ class Parameters(NamedTuple):
 
 @kernel
 def motion(parameters: Parameters, t: float) -> PoseMotion:
-    """Pose with two derivatives at time `t` [s]: s = 10 u^3 - 15 u^4 + 6 u^5, u = t / duration."""
-    T = parameters.duration
-    u = min(max(t / T, 0.0), 1.0)
-    s = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-    s_dot = 30.0 * u**2 * (1.0 - u) ** 2 / T
-    s_ddot = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / T**2
+    """Pose with two derivatives at time `t` [s]."""
+    s, s_dot, s_ddot = quintic(parameters.duration, t)
     dx = parameters.end[0] - parameters.start[0]
     dy = parameters.end[1] - parameters.start[1]
     return PoseMotion(

@@ -7,26 +7,27 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import cdr, topics
+from parallel_robot_base import layouts, topics
 from trajectory_gen.trajectory import Reference
 
 
 def pose_fields(poses: np.ndarray) -> dict[str, Any]:
-    """Fields of geometry_msgs/PoseStamped of planar poses (x, y, phi), shape (N, 3)."""
+    """Fields of geometry_msgs/PoseStamped of poses (x, y, phi) or (x, y), one a row."""
+    angle = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(poses))
     # math, not numpy: its result does not depend on where in an array a number stands
-    sine = [math.sin(0.5 * phi) for phi in poses[:, 2]]
-    cosine = [math.cos(0.5 * phi) for phi in poses[:, 2]]
+    sine = [math.sin(0.5 * phi) for phi in angle]
+    cosine = [math.cos(0.5 * phi) for phi in angle]
     return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine, 'qw': cosine}
 
 
 def pose_messages(stamps: Any, poses: np.ndarray) -> np.ndarray:
-    """geometry_msgs/PoseStamped of planar poses (x, y, phi), shape (N, 3)."""
-    return cdr.pose_stamped(topics.FRAME).records(len(poses), stamps, **pose_fields(poses))
+    """geometry_msgs/PoseStamped of poses in a plane, see :func:`pose_fields`."""
+    return layouts.pose_stamped(topics.FRAME).records(len(poses), stamps, **pose_fields(poses))
 
 
 def reference_messages(joints: tuple[str, ...], stamps: Any, reference: Reference) -> np.ndarray:
     """trajectory_msgs/JointTrajectory, one point each, of every sample of a reference."""
-    return cdr.joint_trajectory(joints).records(
+    return layouts.joint_trajectory(joints).records(
         len(reference.position),
         stamps,
         position=reference.position,

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import kernel
-from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics, velocity_maps
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-from trajectory_gen import circle, hold, line
-from trajectory_gen.motion import PoseMotion
+from parallel_robot_base.kernel import inlined, kernel
+from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.robots import RobotModel, robot_of
+from trajectory_gen import circle, hold, line, move
 
 Array = NDArray[np.float64]
 
@@ -32,16 +32,14 @@ class Shape(Protocol):
         """Time after which nothing new happens [s]."""
 
 
-SHAPES: dict[str, Shape] = {'circle': circle, 'line': line, 'hold': hold}
+SHAPES: dict[str, Shape] = {'circle': circle, 'line': line, 'hold': hold, 'move': move}
 
 
 class TrajectoryParameters(NamedTuple):
-    """Which motion, how far ahead it is published, and what the robot must be spared."""
+    """Which motion, how far ahead it is published, and how fast the joints may become."""
 
-    shape: Annotated[Literal['circle', 'line', 'hold'], Field('', 'the motion')]
+    shape: Annotated[Literal['circle', 'line', 'hold', 'move'], Field('', 'the motion')]
     lookahead: Annotated[float, Field('s', 'how long before its stamp a sample is sent', 0.0, 0.5)]
-    min_sin_psi: Annotated[float, Field('', 'smallest |sin psi| allowed (type 1)', 0.0, 1.0)]
-    max_condition: Annotated[float, Field('', 'largest cond(Jx) allowed (type 2)', 1.0)]
     max_joint_speed: Annotated[float, Field('rad/s', 'largest joint speed allowed', 0.0)]
 
 
@@ -49,10 +47,10 @@ class Reference(NamedTuple):
     """Desired motion, one row a sample.
 
     Attributes:
-        pose: (x, y, phi) [m, m, rad], shape (N, 3); then its two derivatives.
-        position: Actuated angles [rad], shape (N, 3); then their two derivatives.
-        beta: Distal angles [rad], shape (N, 3).
-        out_of_reach: 0-based index of a leg that does not reach, -1 where all do, shape (N,).
+        pose: Shape (N, m); then its two derivatives.
+        position: Actuated joints [rad], shape (N, n); then their two derivatives.
+        passive: What else describes the posture, see JointMotion, shape (N, p).
+        out_of_reach: 0-based index of a part that does not reach, -1 where all do, shape (N,).
     """
 
     pose: Array
@@ -61,26 +59,50 @@ class Reference(NamedTuple):
     position: Array
     velocity: Array
     acceleration: Array
-    beta: Array
+    passive: Array
     out_of_reach: NDArray[np.int64]
 
 
 class Trajectory:
-    """A shape with its parameters on a robot."""
+    """A shape with its parameters on a robot.
 
-    def __init__(self, robot: RobotParameters, shape: str, parameters: Any) -> None:
-        """Prepare the motion `SHAPES[shape]` with its parameters for `robot`."""
-        self.robot = robot
-        self.parameters = parameters
-        self.span = SHAPES[shape].span(parameters)
-        self._motion = FirstClass(SHAPES[shape].motion, parameters, 0.0)
+    Attributes:
+        robot: The robot.
+        parameters: Which motion, and how it is published.
+        limits: What the motion must spare this robot.
+        shape: Parameters of the shape.
+        span: Time after which nothing new happens [s].
+    """
 
-    @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Trajectory:
-        """Make the trajectory that a resolved configuration asks for."""
-        shape = config.group(values, TrajectoryParameters, 'trajectory').shape
-        robot = config.group(values, RobotParameters, 'robot')
-        return cls(robot, shape, config.group(values, SHAPES[shape].Parameters, shape))
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Prepare the motion that a resolved configuration asks for.
+
+        Raises:
+            InputError: a value is wrong, or the shape has another number of coordinates than the
+                pose of the robot.
+        """
+        self.robot: RobotModel = robot_of(values)
+        self.parameters = config.group(values, TrajectoryParameters, 'trajectory')
+        self.limits = config.group(values, self.robot.module.MotionLimits, 'trajectory')
+        name = self.parameters.shape
+        shape = SHAPES[name]
+        validate = getattr(shape, 'validate', lambda parameters: parameters)
+        self.shape = validate(config.group(values, shape.Parameters, name))
+        self.span = shape.span(self.shape)
+        self._motion = FirstClass(shape.motion, self.shape, 0.0)
+        self._size = self.robot.pose_size
+        given = len(shape.motion(self.shape, 0.0).pose)
+        in_plane = self.robot.module.PLANAR and self._size < given == 3
+        if given != self._size and not in_plane:
+            names = ', '.join(
+                axis.name for axis in self.robot.module.coordinates(self.robot.parameters)
+            )
+            raise InputError(
+                f'trajectory.shape {name} has {given} coordinates; the pose of '
+                f'{self.robot.name} has {self._size}: {names}'
+            )
+        still = PoseMotion(*np.zeros((3, self._size)))
+        self._joints = FirstClass(self.robot.module.joint_motion, self.robot.parameters, still)
 
     def sample(self, times: Any) -> Reference:
         """Evaluate the motion.
@@ -89,40 +111,62 @@ class Trajectory:
             times: Since the start of the motion [s], a number or shape (N,).
 
         Returns:
-            Pose and joints with two analytic derivatives each; NaN where a leg does not reach.
+            Pose and joints with two analytic derivatives each; NaN where the robot does not reach.
         """
         grid = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        return _sample(self._motion, self.parameters, self.robot, grid)
+        robot = self.robot.parameters
+        return _sample(self._motion, self._joints, self.shape, robot, self._size, grid)
+
+
+def first_pose(values: Mapping[str, Any]) -> Array:
+    """The pose at which the motion of a resolved configuration begins, shape (m,)."""
+    return Trajectory(values).sample(0.0).pose[0]
 
 
 @kernel
-def _sample(motion: Any, parameters: Any, robot: RobotParameters, times: Array) -> Reference:
-    """thetadd = H Xdd + H_dot Xd at every time."""
-    count = len(times)
-    pose = np.empty((count, 3))
-    pose_rate = np.empty((count, 3))
-    pose_acceleration = np.empty((count, 3))
-    position = np.empty((count, 3))
-    velocity = np.zeros((count, 3))
-    acceleration = np.zeros((count, 3))
-    beta = np.empty((count, 3))
+def _sample(
+    motion: Any, joint_motion: Any, shape: Any, robot: Any, size: int, times: Array
+) -> Reference:
+    """Pose and joints at every time."""
+    first = _at(motion, shape, size, 0.0)
+    joints = joint_motion(robot, first)
+    count, n, p = len(times), len(joints.position), len(joints.passive)
+    pose = np.empty((count, size))
+    pose_rate = np.empty((count, size))
+    pose_acceleration = np.empty((count, size))
+    position = np.empty((count, n))
+    velocity = np.empty((count, n))
+    acceleration = np.empty((count, n))
+    passive = np.empty((count, p))
     out_of_reach = np.empty(count, dtype=np.int64)
     for k in range(count):
-        desired = motion(parameters, times[k])
-        legs = inverse_kinematics(robot, desired.pose)
-        maps = velocity_maps(robot, desired.pose[2], legs.theta, legs.beta, desired.rate)
-        for i in range(3):
-            for j in range(3):
-                velocity[k, i] += maps.H[i, j] * desired.rate[j]
-                acceleration[k, i] += (
-                    maps.H[i, j] * desired.acceleration[j] + maps.H_dot[i, j] * desired.rate[j]
-                )
+        desired = _at(motion, shape, size, times[k])
+        joints = joint_motion(robot, desired)
+        for i in range(size):
             pose[k, i] = desired.pose[i]
             pose_rate[k, i] = desired.rate[i]
             pose_acceleration[k, i] = desired.acceleration[i]
-            position[k, i] = legs.theta[i]
-            beta[k, i] = legs.beta[i]
-        out_of_reach[k] = legs.out_of_reach
+        for i in range(n):
+            position[k, i] = joints.position[i]
+            velocity[k, i] = joints.velocity[i]
+            acceleration[k, i] = joints.acceleration[i]
+        for i in range(p):
+            passive[k, i] = joints.passive[i]
+        out_of_reach[k] = joints.out_of_reach
     return Reference(
-        pose, pose_rate, pose_acceleration, position, velocity, acceleration, beta, out_of_reach
+        pose,
+        pose_rate,
+        pose_acceleration,
+        position,
+        velocity,
+        acceleration,
+        passive,
+        out_of_reach,
     )
+
+
+@inlined
+def _at(motion: Any, shape: Any, size: int, time: float) -> PoseMotion:
+    """Motion at a time, its first `size` coordinates: a robot in a plane may not have phi."""
+    full = motion(shape, time)
+    return PoseMotion(full.pose[:size], full.rate[:size], full.acceleration[:size])

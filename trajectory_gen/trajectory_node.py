@@ -11,11 +11,12 @@ import sys
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import cdr, config, realtime, topics
+from parallel_robot_base import cdr_reader, realtime, topics
 from parallel_robot_base.loop import STEP_START, WAIT
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
-from parallel_robot_ros.suite_node import SuiteNode, run_node
+from parallel_robot_model.robots import resolve
+from parallel_robot_ros.life_cycle import run_node
+from parallel_robot_ros.suite_node import SuiteNode
 from trajectory_gen import preflight
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.trajectory import SHAPES, Trajectory, TrajectoryParameters
@@ -30,13 +31,15 @@ class TrajectoryNode(SuiteNode):
 
     def __init__(self) -> None:
         """Check the whole motion, then begin to publish."""
-        groups = {'robot': RobotParameters, 'trajectory': TrajectoryParameters}
-        groups |= {name: shape.Parameters for name, shape in SHAPES.items()}
-        super().__init__('trajectory', groups)
-        limits = config.group(self.values, TrajectoryParameters, 'trajectory')
-        validate(config.group(self.values, RobotParameters, 'robot'))
-        self._trajectory = Trajectory.of(self.values)
-        preflight.check(self._trajectory, limits, self.loop.period)
+        super().__init__('trajectory', resolve)
+        self._trajectory = Trajectory(self.values)
+        robot = self._trajectory.robot.module
+        self.declare_group('robot', robot.Parameters)
+        self.declare_group('trajectory', TrajectoryParameters)
+        self.declare_group('trajectory', robot.MotionLimits)
+        for name, shape in SHAPES.items():
+            self.declare_group(name, shape.Parameters)
+        preflight.check(self._trajectory, self.loop.period)
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
         self._start_requested = False
@@ -55,7 +58,7 @@ class TrajectoryNode(SuiteNode):
         self._rest = first._replace(
             velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
         )
-        ahead = round(limits.lookahead * NANOSECONDS)
+        ahead = round(self._trajectory.parameters.lookahead * NANOSECONDS)
         self.keep_time(self._tick, ahead)
 
     def set_start(self, stamp: int) -> None:
@@ -88,7 +91,7 @@ class TrajectoryNode(SuiteNode):
 
     def _on_state(self, data: bytes) -> None:
         """Keep the reference ahead of the plant (lockstep)."""
-        stamp = cdr.header_stamp(data)
+        stamp = cdr_reader.header_stamp(data)
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
         k = (stamp - (self._start or STEP_START)) // self.period_ns
@@ -102,7 +105,7 @@ class TrajectoryNode(SuiteNode):
 
     def _publish(self, k: int) -> None:
         """Publish sample `k` of the motion; nothing after its end."""
-        last = self.samples
+        last = self.last_index
         if k <= self._sent or (last is not None and k > last):
             return
         first = k // BATCH * BATCH
@@ -115,7 +118,7 @@ class TrajectoryNode(SuiteNode):
         _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
         self._published += 1
-        if k % topics.SLOW == 0:
+        if k % topics.SLOW == 0 and self._trajectory.robot.module.PLANAR:
             self._pose.publish(poses[k - first].tobytes())
         self._sent = k
 

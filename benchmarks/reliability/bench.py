@@ -14,7 +14,7 @@ from reliability.judging import Record, is_well
 from reliability.loop import NODES, Loop
 from reliability.watch_node import Watch, decoded
 
-from parallel_robot_base import cdr, config, topics
+from parallel_robot_base import cdr, config, layouts, topics
 from parallel_robot_base.errors import RunError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.units import NANOSECONDS
@@ -55,13 +55,13 @@ class Bench:
         self.changed = dict(changed)
         self.values = config.resolve('paper_circle', changed)
         self.relay = tuple(relay)
-        self._trajectory = Trajectory.of(self.values)
+        self._trajectory = Trajectory(self.values)
         joints = config.group(self.values, LoopParameters, '').joints
         self._layouts = {
-            topics.JOINT_STATES: state_layout(joints, self.values['plant.publish_passive']),
-            topics.COMMANDS: cdr.float64_multi_array(len(joints)),
-            topics.POSE: cdr.pose_stamped(topics.FRAME),
-            topics.POSE_REFERENCE: cdr.pose_stamped(topics.FRAME),
+            topics.JOINT_STATES: state_layout(joints, passive=len(joints)),
+            topics.COMMANDS: layouts.float64_multi_array(len(joints)),
+            topics.POSE: layouts.pose_stamped(topics.FRAME),
+            topics.POSE_REFERENCE: layouts.pose_stamped(topics.FRAME),
         }
         self.far = far
         self.start = 0  # ns, stamp of t = 0

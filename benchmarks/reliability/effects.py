@@ -7,7 +7,8 @@ import struct
 from typing import NamedTuple
 
 from parallel_robot_base import topics
-from parallel_robot_base.cdr import ENCAPSULATION, header_stamp
+from parallel_robot_base.cdr import ENCAPSULATION
+from parallel_robot_base.cdr_reader import header_stamp
 from parallel_robot_base.units import NANOSECONDS
 
 TOPICS = {

@@ -22,7 +22,7 @@ from rclpy.task import Future
 from reliability.effects import TOPICS, Effect, Line, relayed
 
 from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.suite_node import qos_of
+from parallel_robot_ros.subscription import qos_of
 
 
 class Relay:

@@ -1,4 +1,4 @@
-"""The command ``analyze``: figures of merit and a picture of one bag."""
+"""The command ``analyze``: metrics and a picture of one bag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis import metrics, timing
-from parallel_robot_analysis.figures_of_merit import STEADY, TORQUE, head
+from parallel_robot_analysis.readable_metrics import STEADY, TORQUE, as_data, defined, head
 from parallel_robot_analysis.report import figures
 from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
@@ -22,7 +22,7 @@ from parallel_robot_base.errors import BagError, InputError, KinematicsError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument('bag', type=Path, help='directory of a bag')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures as JSON')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the metrics as JSON')
     parser.add_argument(
         '--figure',
         type=Path,
@@ -75,38 +75,34 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def as_json(result: dict[str, Any]) -> bytes:
-    """Figures as JSON for a file."""
+    """Plain data as JSON for a file."""
     return (json.dumps(result, indent=2) + '\n').encode()
 
 
-def summarise(
-    log: run_log.RunLog, figures_of_merit: metrics.Metrics, timed: timing.Timing
-) -> dict[str, Any]:
-    """Figures of merit and of time as plain data, for JSON."""
+def summarise(log: run_log.RunLog, found: metrics.Metrics, timed: timing.Timing) -> dict[str, Any]:
+    """Metrics and timing as plain data, for JSON."""
     return {
         'scenario': log.scenario,
         'law': log.law,
-        'duration_s': figures_of_merit.duration_s,
-        'transient': figures_of_merit.transient._asdict(),
-        'steady': figures_of_merit.steady._asdict(),
-        'torque': figures_of_merit.torque._asdict(),
+        'duration_s': found.duration_s,
+        **as_data(found),
         'timing': timing.as_json(timed),
         'messages': {name: asdict(count) for name, count in log.messages.items()},
     }
 
 
 def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> str:
-    """Figures of merit as lines of text for people.
+    """Metrics as lines of text.
 
     Args:
         result: See :func:`summarise`.
-        found: The figures.
-        planned: How long the motion was to be [s]; 0: not known.
+        found: The metrics.
+        planned: How long the motion was to be [s]; 0 if not known.
     """
     lines = [head(result['scenario'], result['law'], result['duration_s'], planned)]
     lines += [
-        f'  {merit.name:<28}{merit.value(found):>12.3f} {merit.unit}'
-        for merit in (*STEADY, *TORQUE)
+        f'  {metric.name:<28}{metric.value(found):>12.3f} {metric.unit}'
+        for metric in defined((*STEADY, *TORQUE), found)
     ]
     lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
     lines += [

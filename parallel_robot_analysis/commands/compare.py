@@ -1,4 +1,4 @@
-"""The command ``compare``: all laws on one scenario, without ROS, beside the paper's claims."""
+"""The command ``compare``: all laws on one scenario, without ROS, and the paper's claims."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.commands.analyze import as_json
-from parallel_robot_analysis.figures_of_merit import MERITS, shown
+from parallel_robot_analysis.readable_metrics import METRICS, TRANSIENT, as_data, defined, shown
 from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
-from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_control.laws import available
+from parallel_robot_control.configuration import available, resolve
 from parallel_robot_sim import simulation
+from parallel_robot_sim.configuration import configure
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    known = available(config.resolve(arguments.scenario, simulate.overrides(arguments)))
+    known = available(resolve(arguments.scenario, simulate.overrides(arguments)))
     laws = arguments.laws or list(known)
     given = ' '.join(laws)
     if ',' in given:
@@ -43,14 +43,13 @@ def execute(arguments: argparse.Namespace) -> int:
     notes: list[str] = []
     for law in tracked(laws, len(laws), 'laws'):
         changed = simulate.overrides(arguments) | {'law': law}
-        values = config.resolve(arguments.scenario, changed)
-        made = simulation.simulate(values)
+        made = simulation.simulate(configure(resolve(arguments.scenario, changed)))
         results[law] = evaluate(made)
         notes += simulate.remarks(made)
-    verdicts = claims.judge(arguments.scenario, results)
+    verdicts = claims.verify(arguments.scenario, results)
     if arguments.json:
         try:
-            data = as_data(arguments.scenario, results, verdicts)
+            data = summarise(arguments.scenario, results, verdicts)
             new_files.write(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
@@ -63,51 +62,47 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def evaluate(made: simulation.Simulation) -> metrics.Metrics:
-    """Figures of merit of a simulation that is not written to a bag."""
-    poses = metrics.Poses(made.run.pose, made.reference.pose)
+    """Metrics of a simulation that is not written to a bag."""
+    planar = made.experiment.trajectory.robot.module.PLANAR
+    poses = metrics.Poses(made.run.pose, made.reference.pose, planar)
     return metrics.evaluate(simulate.motion(made), poses)
 
 
 def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:
-    """One row a law, one column a figure."""
+    """One row for each law, one column for each metric."""
+    columns = defined(METRICS, next(iter(results.values())))
+    settling = 'time until the end-effector error stays below a bound; '
     rows = [
-        f'{scenario}: time until the platform error stays below a bound; '
+        f'{scenario}: {settling if TRANSIENT[0] in columns else ""}'
         'errors and chattering over the second half'
     ]
-    rows.append(f'{"law":<20}' + ''.join(f'{merit.short:>11}' for merit in MERITS))
-    rows.append(f'{"":<20}' + ''.join(f'{"[" + merit.unit + "]":>11}' for merit in MERITS))
+    rows.append(f'{"law":<20}' + ''.join(f'{metric.short:>11}' for metric in columns))
+    rows.append(f'{"":<20}' + ''.join(f'{"[" + metric.unit + "]":>11}' for metric in columns))
     for law, result in results.items():
-        cells = [shown(merit.value(result)) for merit in MERITS]
+        cells = [shown(metric.value(result)) for metric in columns]
         rows.append(f'{law:<20}' + ''.join(f'{cell:>11}' for cell in cells))
     return '\n'.join(rows)
 
 
 def line(verdict: claims.Verdict) -> str:
-    """One claim with its verdict and figures."""
-    figures = ', '.join(f'{law} {shown(value)}' for law, value in verdict.figures.items())
+    """One claim with its verdict and what was measured."""
+    values = ', '.join(f'{law} {shown(value)}' for law, value in verdict.values.items())
     word = 'reproduced' if verdict.reproduced else 'not reproduced'
-    return f'{word:<15} {verdict.claim.text}: {figures} {verdict.claim.unit}'
+    return f'{word:<15} {verdict.claim.text}: {values} {verdict.claim.unit}'
 
 
-def as_data(
+def summarise(
     scenario: str, results: dict[str, metrics.Metrics], verdicts: list[claims.Verdict]
 ) -> dict[str, Any]:
     """Table and claims as plain data, for JSON."""
     return {
         'scenario': scenario,
-        'laws': {
-            law: {
-                'transient': result.transient._asdict(),
-                'steady': result.steady._asdict(),
-                'torque': result.torque._asdict(),
-            }
-            for law, result in results.items()
-        },
+        'laws': {law: as_data(result) for law, result in results.items()},
         'claims': [
             {
                 'claim': verdict.claim.text,
                 'reproduced': verdict.reproduced,
-                'figures': verdict.figures,
+                'figures': verdict.values,
                 'unit': verdict.claim.unit,
             }
             for verdict in verdicts

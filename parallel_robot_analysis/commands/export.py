@@ -1,4 +1,4 @@
-"""The command ``export``: a bag as a table, one row a state."""
+"""The command ``export``: a bag as a table, one row for each state."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def write_csv(columns: Columns, stream: IO[bytes]) -> None:
-    """Write comma-separated values; numbers as short as reads back the same."""
+    """Write comma-separated values; numbers in their shortest form that reads back the same."""
     text = io.TextIOWrapper(stream, newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow(map(harmless, columns))
@@ -69,7 +69,7 @@ def write_csv(columns: Columns, stream: IO[bytes]) -> None:
 
 
 def harmless(text: str) -> str:
-    """Text for a cell: a spreadsheet would run as a formula what begins as one."""
+    """Text for a cell, quoted if a spreadsheet would take it for a formula."""
     return f"'{text}" if text.startswith(FORMULA) else text
 
 

@@ -11,15 +11,20 @@ from pathlib import Path
 
 from mcap import records as mcap
 
-from parallel_robot_bags import bag_reader, run_log
-from parallel_robot_bags.bag_reader import File, open_file
-from parallel_robot_bags.bag_writer import MESSAGES, METADATA, BagWriter, Channel, check
+from parallel_robot_bags import bag_files, run_log
+from parallel_robot_bags.bag_files import File, open_file
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.channels import Channel
 from parallel_robot_bags.limits import MEMORY, add_memory_argument
-from parallel_robot_bags.mcap_records import HEAD, MESSAGE_HEAD, Block, Damage, plain, scan
+from parallel_robot_bags.mcap_block import Block
+from parallel_robot_bags.mcap_chunk import unpacked_payload
+from parallel_robot_bags.mcap_records import Damage, scan
+from parallel_robot_bags.new_files import check_directory
 from parallel_robot_bags.progress import Progress
+from parallel_robot_bags.record_names import MESSAGES, METADATA
 from parallel_robot_base.errors import BagError, RunError
 
-# Metadata that says what is in a file, the last of them that of rosbag2.
+# Metadata about the content of a file, the last one by rosbag2.
 WRITTEN_ANEW = (METADATA, MESSAGES, 'rosbag2')
 
 
@@ -44,15 +49,15 @@ def execute(arguments: argparse.Namespace) -> int:
 
 @dataclass
 class Recovery:
-    """What was kept and what is lost.
+    """What was kept and what was lost.
 
     Attributes:
         kept: Messages copied, by full name of the topic.
         chunks: Chunks copied.
-        written: Messages that the broken bag says it held, by topic; empty when it does not say.
-        written_chunks: Chunks that it says it held.
-        missing: Messages that the rhythm of the stamps lacks, by name without leading slash.
-        damage: What is damaged.
+        written: Messages in the broken bag by its own count, by topic; empty without a count.
+        written_chunks: Chunks in the broken bag by its own count.
+        missing: Messages missing from the regular stamps, by name without leading slash.
+        damage: Damaged places.
     """
 
     kept: Counter[str] = field(default_factory=Counter)
@@ -63,7 +68,7 @@ class Recovery:
     damage: list[Damage] = field(default_factory=list)
 
     def lines(self) -> list[str]:
-        """Report for people."""
+        """The result as lines of text."""
         lost = sum(place.length for place in self.damage)
         kinds = Counter(place.what for place in self.damage)
         chunks = max(self.written_chunks - self.chunks, kinds['chunk'])
@@ -89,15 +94,15 @@ def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:
     Args:
         bag: Directory of the broken bag, or one file of it.
         out: Directory of the new one; must not exist.
-        memory: What may be held of the bag [bytes].
+        memory: Memory that reading the bag may take [bytes].
 
     Raises:
         BagError: nothing is intact, the bag takes too much, or `out` exists or cannot be created.
         RunError: the disk is full.
     """
     bag, out = Path(bag), Path(out)
-    files = bag_reader.files(bag)
-    check(out)
+    files = bag_files.files(bag)
+    check_directory(out)
     recovery = Recovery()
     numbers: dict[Channel, int] = {}
     created = False
@@ -110,7 +115,7 @@ def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:
             if not recovery.kept:
                 raise BagError(f'{bag} holds no message that is intact')
     except BaseException as error:
-        if created:  # and not by somebody else since the check
+        if created:  # and not by another process since the check
             shutil.rmtree(out, ignore_errors=True)
         if isinstance(error, OSError):
             raise RunError(f'cannot write {out}: {error.strerror}') from None
@@ -126,7 +131,7 @@ def _copy(
     recovery: Recovery,
     progress: Progress,
 ) -> None:
-    """Copy what is intact in a file; `numbers` are those of the new channels, and grow."""
+    """Copy what is intact in a file; new channels are added to `numbers`."""
     schemas: dict[int, mcap.Schema] = {}
     channels: dict[int, Channel] = {}
     written: dict[int, int] = {}
@@ -147,13 +152,11 @@ def _copy(
         elif isinstance(record, Block):
             recovery.chunks += 1
             progress.show(writer.size // 1000)
-            for start, head in zip(record.starts.tolist(), record.heads().tolist(), strict=True):
-                length, source, sequence, log_time, publish_time = head
+            for source, sequence, log_time, publish_time, begin, end in record.rows():
                 channel = channels[source]
                 if channel not in numbers:
                     numbers[channel] = writer.add(channel)
-                payload = bytes(record.data[start + HEAD + MESSAGE_HEAD : start + HEAD + length])
-                payload = plain(payload, file.allowance)
+                payload = unpacked_payload(bytes(record.data[begin:end]), file.allowance)
                 writer.append(numbers[channel], log_time, payload, publish_time, sequence)
                 recovery.kept[channel.topic] += 1
     for source, count in written.items():
@@ -168,10 +171,10 @@ def _channel(channel: mcap.Channel, schema: mcap.Schema | None) -> Channel:
 
 
 def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
-    """What the suite wrote about the experiment."""
-    facts = bag_reader.custom_data(bag)
+    """What the suite wrote about the experiment; empty if nothing."""
+    facts = bag_files.custom_data(bag)
     for file in files if not facts else ():
-        for record in bag_reader.scan_file(file, memory):
+        for record in scan(*open_file(file, memory)):
             if isinstance(record, mcap.Metadata) and record.name == METADATA:
                 return record.metadata
             if isinstance(record, Block):
@@ -180,7 +183,7 @@ def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
 
 
 def _missing(out: Path, memory: int) -> dict[str, int]:
-    """Gaps in the rhythm of a bag's topics; empty when it is not a run of the suite."""
+    """Messages missing from the regular stamps of each topic; empty without a run of the suite."""
     try:
         messages = run_log.read(out, memory).messages
         return {name: count.missing for name, count in messages.items()}

@@ -17,12 +17,14 @@ from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_bags.trust import add_trust_argument, own_laws
+from parallel_robot_bags.trust import add_trust_argument, custom_laws
 from parallel_robot_base import config
 from parallel_robot_base.errors import BagError, InputError
-from parallel_robot_control.laws import LAWS, available
+from parallel_robot_control.configuration import available, configure, custom_defaults
+from parallel_robot_control.laws import LAWS
 
-USED = ('law', 'own_laws', 'robot', 'safety', 'controller')  # beginnings of keys, beside the laws'
+# Beginnings of keys on which torques depend, beside those of the laws.
+USED = ('law', 'custom_laws', 'custom_robots', 'robot', 'safety', 'controller')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    changes = config.parse_overrides(arguments.assignments)
+    changes = config.renamed(config.parse_overrides(arguments.assignments))
     if arguments.law is not None:
         changed_law = changes.setdefault('law', arguments.law)
         if changed_law != arguments.law:
@@ -57,22 +59,22 @@ def execute(arguments: argparse.Namespace) -> int:
     if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
         raise BagError(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:
-        laws = changes.get('own_laws', [])
-        if 'own_laws' not in changes and changes.get('law') not in LAWS:
-            laws = own_laws(bag, past.laws, Path(directory), arguments.trust)
+        laws = changes.get('custom_laws', [])
+        if 'custom_laws' not in changes and changes.get('law') not in LAWS:
+            laws = custom_laws(bag, past.laws, Path(directory), arguments.trust)
         values = configuration(log, past, laws, changes)
         law = str(values['law'])
         if law not in available(values) and not changes:
             what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
             raise BagError(
-                f'{bag} does not {what}; --law tries one, --set own_laws=[FILE] adds one'
+                f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
             )
         figure = arguments.figure
         if changes and figure is None:
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{law}.png'
             _check_figure(figure)
         compute = replayed.instead if changes else replayed.again
-        result = compute(log, past, values)
+        result = compute(log, past, configure(values))
     if figure is not None:
         try:
             figures.draw_torques(log, result.torque, law, figure)
@@ -93,24 +95,25 @@ def configuration(
     Args:
         log: The run.
         past: What happened beside the motion.
-        laws: Files of laws of one's own; those that the bag only names are not loaded.
+        laws: Files of custom laws; those that the bag only names are not loaded.
         changes: Key to value.
 
     Raises:
         InputError: a key does not exist, is not one of the controller, or its value is wrong.
     """
-    values = config.changed(log.config | {'own_laws': []}, {'own_laws': laws})
+    known = log.config | {'custom_laws': []}
+    values = config.changed(known, {'custom_laws': laws}, custom_defaults)
     for node, parameters in past.parameters.items():
         if node.endswith('/controller'):
             values |= {
                 key: value
                 for key, value in parameters.items()
-                if key in values and key != 'own_laws'
+                if key in values and key != 'custom_laws'
             }
-    values = config.changed(values, changes)
+    values = config.changed(values, changes, custom_defaults)
     for key in changes:
         if key.partition('.')[0] not in (*USED, *available(values)):
-            raise InputError(f'{key} is nothing that torques on a recorded motion depend on')
+            raise InputError(f'{key} does not change the torques on a recorded motion')
     return values
 
 

@@ -11,7 +11,7 @@ from parallel_robot_analysis.report import page, paper_figures
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.palette import RUNS
 from parallel_robot_analysis.report.runs import Run, read_runs
-from parallel_robot_bags import bag_writer
+from parallel_robot_bags import new_files
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base.errors import InputError
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag_writer.check(arguments.out)
+    new_files.check_directory(arguments.out)
     groups = read_runs(arguments.bags, arguments.max_memory)
     try:
         figures = write(groups, arguments.out)
@@ -49,11 +49,11 @@ def write(groups: dict[str, list[Run]], directory: str | Path) -> int:
     """Write a report; it appears complete or not at all.
 
     Args:
-        groups: Scenario to its runs.
-        directory: Of the report; must not exist.
+        groups: Name of a group to its runs.
+        directory: Directory of the report; must not exist.
 
     Returns:
-        How many files the figures are.
+        Number of files of the figures.
 
     Raises:
         OSError: the disk is full or gone.

@@ -16,12 +16,12 @@ from parallel_robot_bags.experiment import SIMULATION, software
 from parallel_robot_bags.history import History
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
-from parallel_robot_bags.trust import add_trust_argument, own_laws
+from parallel_robot_bags.trust import add_trust_argument, custom_laws
 from parallel_robot_base import config
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.printable import printable
-from parallel_robot_control.laws import available
+from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own
@@ -48,15 +48,16 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past = run_log.read(bag, memory), history.read(bag, memory)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
-    planned = config.group(log.config, LoopParameters, '').samples or 0
+    planned = config.group(log.config, LoopParameters, '').last_index or 0
     if arguments.duration is None and planned > max(LONGER * len(log.time), SHORT):
         raise BagError(
             f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
         )
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
-        laws = own_laws(bag, past.laws, Path(directory), arguments.trust)
-        values = {**log.config, 'own_laws': laws}
+        laws = custom_laws(bag, past.laws, Path(directory), arguments.trust)
+        values = {**log.config, 'custom_laws': laws}
+        values = custom_defaults(values) | values  # a recorder started by hand has no gains
         if values['law'] not in available(values):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
         recorded = values['duration'] or length(log)
@@ -90,11 +91,11 @@ def changes(values: dict[str, Any]) -> dict[str, Any]:
     """What of a recorded configuration its scenario alone does not give.
 
     Raises:
-        InputError: its scenario does not exist, or a law of one's own is none.
+        InputError: its scenario does not exist, or a custom law is not valid.
     """
-    laws = {'own_laws': values['own_laws']}
-    known = config.resolve(str(values['scenario']), laws)
-    left = {'own_laws', 'preset', *run.OWN}
+    laws = {'custom_laws': values['custom_laws']}
+    known = resolve(str(values['scenario']), laws)
+    left = {'custom_laws', 'preset', *run.OWN}
     return laws | {
         key: value
         for key, value in values.items()
@@ -110,7 +111,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
     if others != ours:
         lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
-    happened = recorded_controller.events(past, values)
+    happened = recorded_controller.events(past, configure(values))
     if happened:
         lines.append(
             f'{len(happened)} changes of law, gains or fault during the run are not repeated'

@@ -1,4 +1,4 @@
-"""The command ``run``: the nodes in processes of their own, recorded, from one common start."""
+"""The command ``run``: the nodes in processes of their own, with a common start, recorded."""
 
 from __future__ import annotations
 
@@ -11,19 +11,23 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import figures_of_merit, metrics, timing
+from parallel_robot_analysis import metrics, readable_metrics, timing
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.namespaces import add_namespace_argument, full
+from parallel_robot_analysis.node_graph import subscribers
 from parallel_robot_analysis.processes import MODULES, NodeProcesses, domain_lock
-from parallel_robot_bags import bag_writer, history, run_log
+from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
-from parallel_robot_base import cache_directory, config, kernel_cache
+from parallel_robot_base import cache_directory, kernel_cache
 from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_sim.simulation import assemble
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.assembly import assemble
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulation import ENDLESS
 
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
@@ -70,32 +74,28 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         namespace: Full name of the namespace of the nodes; empty for none.
 
     Raises:
-        InputError: something is wrong with the configuration or the place of the bag.
+        InputError: the configuration is wrong, or the bag cannot be written there.
         RunError: the run did not come to its end.
     """
-    values = config.resolve(scenario, changed)
-    parts = assemble(values)
-    loop = parts.loop
-    bag_writer.check(out)
+    configuration = configure(resolve(scenario, changed))
+    if not configuration.loop.duration:
+        raise InputError(ENDLESS)
+    experiment = assemble(configuration)
+    loop = experiment.loop
+    new_files.check_directory(out)
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
     common = {'scenario': scenario, **changed, 'start_stamp': WAIT}
-    subscribers = {
-        'plant': 3 if loop.lockstep else 2,  # controller, recorder and, in lockstep, trajectory
-        'trajectory': 2,  # controller and recorder
-        'controller': 2,  # plant and recorder
-        'recorder': 1,
-    }
-    parameters: dict[str, dict[str, Any]] = {
-        name: {**common, 'subscribers': subscribers[name]} for name in MODULES
-    }
+    parameters: dict[str, dict[str, Any]] = {name: {**common} for name in MODULES}
+    for name, count in subscribers(MODULES, loop.lockstep).items():
+        parameters[name]['subscribers'] = count
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
     driven_out = _supervise(parameters, loop, namespace)
     log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
-    for text in (*parts.law.warnings, *remarks, *timing.remarks(timed, past)):
+    for text in (*experiment.control.law.warnings, *remarks, *timing.remarks(timed, past)):
         print(f'warning: {text}', file=sys.stderr)
     if timing.verdict(timed):
         print(timing.verdict(timed))
@@ -106,18 +106,18 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
 
 
 def evaluate(log: run_log.RunLog) -> list[str]:
-    """The figures of merit of a run up to the first state without a pose, in lines."""
+    """The metrics of a run up to the first state without a pose, in lines."""
     part, poses, _ = metrics.with_poses(log)
     found = metrics.evaluate(part, poses)
     planned = float(log.config['duration'])
-    head = figures_of_merit.head(log.scenario, log.law, found.duration_s, planned)
-    return [head, *figures_of_merit.brief(found, log.messages)]
+    head = readable_metrics.head(log.scenario, log.law, found.duration_s, planned)
+    return [head, *readable_metrics.brief(found, log.messages)]
 
 
 def _supervise(
     parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str
 ) -> bool:
-    """Start the nodes, give them their start, and see them to the end of the motion.
+    """Start the nodes, give them their common start, and wait for the end of the motion.
 
     Returns:
         Whether the motion ended early because the robot was driven out of its workspace.
@@ -140,14 +140,14 @@ def _supervise(
             with Session(MODULES, watch, namespace, loop.middleware) as session:
                 with Progress(len(MODULES), 'nodes ready') as progress:
                     session.wait_until_ready(
-                        READY, processes.processor_time, _telling(processes, progress)
+                        READY, processes.processor_time, waiting_display(processes, progress)
                     )
                 now = time.time_ns()
                 start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
                 with Progress(loop.duration, 's') as progress:
-                    follow(processes, session, loop.samples or 0, loop.duration, progress)
+                    follow(processes, session, loop.last_index or 0, loop.duration, progress)
                 for name in session.silent(filter(processes.running, MODULES)):
                     print(f'warning: {name} does not answer any more', file=sys.stderr)
                 return session.driven_out
@@ -156,15 +156,17 @@ def _supervise(
             signal.signal(number, handler)
 
 
-def _telling(processes: NodeProcesses, progress: Progress) -> Callable[[Collection[str]], None]:
-    """Make what tells of the nodes that are not ready, and once that some of them compile."""
-    told = False
+def waiting_display(
+    processes: NodeProcesses, progress: Progress
+) -> Callable[[Collection[str]], None]:
+    """Make a function that shows which nodes are not ready, and says once that some compile."""
+    announced = False
 
-    def tell(waiting: Collection[str]) -> None:
-        nonlocal told
+    def show(waiting: Collection[str]) -> None:
+        nonlocal announced
         compiling = [name for name in waiting if processes.compiling(name)]
-        if compiling and not told:
-            told = True
+        if compiling and not announced:
+            announced = True
             print(f'parallel_robot run: the nodes are {kernel_cache.NOTICE}', file=sys.stderr)
         what = (
             f'({", ".join(compiling)} compiling; {cache_directory.compiled()})'
@@ -173,7 +175,7 @@ def _telling(processes: NodeProcesses, progress: Progress) -> Callable[[Collecti
         )
         progress.show(len(MODULES) - len(waiting), what)
 
-    return tell
+    return show
 
 
 def follow(

@@ -11,18 +11,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import figures_of_merit, metrics
-from parallel_robot_bags import bag_writer, simulation_bag
+from parallel_robot_analysis import metrics, readable_metrics
+from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import config
 from parallel_robot_base.errors import ParallelRobotError, RunError, first_line
-from parallel_robot_control.faults import FAULT_TEXT
+from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
+from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import Simulation, simulate
 
 
 class Simulated(NamedTuple):
-    """Joints of a simulation, as the figures of merit want them; see metrics.Motion."""
+    """Joints of a simulation, of which metrics are computed; see metrics.Motion."""
 
     time: np.ndarray
     position: np.ndarray
@@ -74,45 +75,45 @@ def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def remarks(simulation: Simulation) -> list[str]:
-    """What a user should know of a simulation: doubts of the theory, limits, a fault."""
+    """Remarks on a simulation: gains that the theory doubts, limits that acted, a fault."""
     acted = int(np.bitwise_or.reduce(simulation.run.acted))
     fault = None
     if simulation.fault is not None:
-        time, code = simulation.fault
-        fault = time, FAULT_TEXT[code]
+        time, found = simulation.fault
+        fault = time, found.text
     limits = limits_text(acted) if acted else ''
-    return [*simulation.law.warnings, *remark_lines(limits, fault)]
+    return [*simulation.experiment.control.law.warnings, *remark_lines(limits, fault)]
 
 
 def motion(made: Simulation) -> Simulated:
     """The joints of a simulation."""
     run = made.run
-    time = made.loop.period * np.arange(len(run.theta))
-    return Simulated(time, run.theta, made.reference.position, run.effort)
+    time = made.experiment.loop.period * np.arange(len(run.position))
+    return Simulated(time, run.position, made.reference.position, run.effort)
 
 
 def evaluate(values: Mapping[str, Any], made: Simulation) -> list[str]:
-    """The figures of merit of a simulation, as those of its bag, in lines."""
+    """The metrics of a simulation, the same as those of its bag, in lines."""
     joints = motion(made)
     found = metrics.evaluate(joints, metrics.poses_of(values, joints))
-    loop = made.loop
-    head = figures_of_merit.head(loop.scenario, loop.law, found.duration_s, loop.duration)
-    return [head, *figures_of_merit.brief(found, {})]
+    loop = made.experiment.loop
+    head = readable_metrics.head(loop.scenario, loop.law, found.duration_s, loop.duration)
+    return [head, *readable_metrics.brief(found, {})]
 
 
 def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
-    """How a command ends that made a bag: figures of merit, place, what comes next.
+    """Last lines of a command that made a bag: metrics, its directory, the next command.
 
     Args:
-        bag: Its directory.
-        evaluate: Makes the lines of the figures. Whatever it raises, the bag is good.
+        bag: Directory of the bag.
+        evaluate: Returns the lines of the metrics. Whatever it raises, the bag is good.
     """
     try:
         lines = evaluate()
     except ParallelRobotError as error:
-        lines = [f'no figures: {error}']
+        lines = [f'no metrics: {error}']
     except Exception as error:
-        lines = [f'no figures: {first_line(error)}']
+        lines = [f'no metrics: {first_line(error)}']
     command = shlex.join(['parallel_robot', 'analyze', str(bag)])
     return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
 
@@ -129,20 +130,18 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
         InputError: something is wrong with the configuration or the place of the bag.
         RunError: the robot left its workspace, or the disk is full.
     """
-    bag_writer.check(out)
+    new_files.check_directory(out)
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
-    values = config.resolve(scenario, changed)
-    simulation = simulate(values)
+    values = resolve(scenario, changed)
+    simulation = simulate(configure(values))
     for text in remarks(simulation):
         print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(out, values, simulation)
     except OSError as error:
         raise RunError(f'cannot write {out}: {error.strerror}') from None
-    rate = simulation.loop.duration / simulation.loop_time
-    print(
-        f'{simulation.loop.duration:g} s of motion in {simulation.loop_time:.3f} s '
-        f'({rate:.0f} times real time)'
-    )
+    duration = simulation.experiment.loop.duration
+    rate = duration / simulation.loop_time
+    print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
     print(result(out, lambda: evaluate(values, simulation)))
     return 0

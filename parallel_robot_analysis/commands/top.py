@@ -15,7 +15,7 @@ from parallel_robot_base.errors import InputError, RunError
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
 PATIENCE = 5.0  # s, in which a node must be heard then
 NICE = 5  # the loop goes first
-LOOK = 0.5  # s, between two looks at what has come
+LOOK = 0.5  # s between two looks for new messages
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
-from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_bags.answers import Used
-from parallel_robot_bags.history import NOTHING, History
-from parallel_robot_bags.run_log import RunLog, extrapolated
-from parallel_robot_base import config
-from parallel_robot_base.kernel import in_memory
-from parallel_robot_base.loop import STEP_START, LoopParameters
+from parallel_robot_bags.command_states import Used
+from parallel_robot_bags.history import History
+from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
-from parallel_robot_control.answering import RESTART
-from parallel_robot_control.batch import Batch, States, answer, answers
+from parallel_robot_control.assembly import Control, assemble
+from parallel_robot_control.batch import Batch, States, answer
+from parallel_robot_control.configuration import ControlConfiguration, changed, settings
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller import first_guess
-from parallel_robot_control.cycle import CycleState, initial_state, run_cycle, taking_over
-from parallel_robot_control.laws import LAWS, PreparedLaw, available, prepare
-from parallel_robot_control.safety import SafetyParameters, limits_of
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters, validate
+from parallel_robot_control.cycle import CycleState
+from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_control.reference_buffer import RESTART
+from parallel_robot_control.transitions import (
+    cleared,
+    restarted,
+    switched,
+    taking_over,
+    tripped,
+    without_torque,
+)
 
 HIDDEN = 2  # states after a change whose torques may not show it yet
 PROOF = 20  # states on which guesses are compared
@@ -54,8 +58,8 @@ class Event(NamedTuple):
 class Moment(NamedTuple):
     """All that a controller knows between two states."""
 
-    values: Mapping[str, Any]
-    law: PreparedLaw
+    configuration: ControlConfiguration
+    control: Control
     state: CycleState
     memory: Any
 
@@ -69,12 +73,9 @@ class RecordedController:
         expected: The recorded commands, shape (A, n).
     """
 
-    def __init__(self, log: RunLog, values: Mapping[str, Any]) -> None:
-        self._values = values
-        self._robot = validate(config.group(values, RobotParameters, 'robot'))
-        self._loop = config.group(values, LoopParameters, '')
-        safety = config.group(values, SafetyParameters, 'safety')
-        self._limits = limits_of(safety)
+    def __init__(self, log: RunLog, configuration: ControlConfiguration) -> None:
+        self._configuration = configuration
+        self._loop, safety = configuration.loop, configuration.safety
         self._oldest = round(safety.reference_timeout / self._loop.period)
         self.exact = log.used is not None
         self._count = len(log.stamps)
@@ -103,7 +104,7 @@ class RecordedController:
         """Take the references that were used; what is older than a time-out [ns] is at rest."""
         rows = np.searchsorted(self._rows, used.older)
         age = self.stamps[rows] - used.stamps[used.older]
-        values = extrapolated(age, *used.samples)
+        values = extrapolate_rows(age, *used.samples)
         stale = age > timeout
         for field, (row, found) in enumerate(zip(self._references, values, strict=True)):
             row[rows] = found
@@ -123,10 +124,9 @@ class RecordedController:
 
     def first(self, common: bool) -> Moment:
         """Before the first state; without a common start, the controller takes over."""
-        law = prepare(self._values['law'], self._values)
-        state = initial_state(np.array(first_guess(self._values)), self._effort.shape[1])
-        state = state if common else taking_over(state, self._effort[0])
-        return Moment(self._values, law, state, law.memory)
+        control = assemble(self._configuration)
+        state = control.state if common else taking_over(control.state, self._effort[0])
+        return Moment(self._configuration, control, state, control.law.memory)
 
     def answer(self, moment: Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states, up to the first torque that is not the expected one.
@@ -141,29 +141,24 @@ class RecordedController:
             expected: Torques of all states [N m], NaN where any will do.
         """
         stop = min(stop, len(self.stamps))
-        law, state, memory = moment.law, moment.state, moment.memory
+        control, state, memory = moment.control, moment.state, moment.memory
         torques, answered = [], 0
         inside = self._edges[(self._edges > first) & (self._edges < stop)]
         for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
             if begin in self._restarts:
-                pose = np.array(first_guess(self._values))
-                state = initial_state(pose, len(state.held))._replace(fault=state.fault)
-                state, memory = taking_over(state, self._effort[begin]), law.memory
-            if begin < stop and self._stale[begin] and state.fault == faults.NONE:
-                state = state._replace(fault=faults.REFERENCE_STALE, held=state.last.position)
+                state = restarted(state, self._configuration.guess)
+                state, memory = taking_over(state, self._effort[begin]), control.law.memory
+            if begin < stop and self._stale[begin]:
+                state = tripped(state, faults.REFERENCE_STALE)
             rows = slice(begin, end)
-            with in_memory(answers, run_cycle) if law.name not in LAWS else nullcontext():
-                batch = answer(
-                    law.update,
-                    law.gains,
-                    self._robot,
-                    self._limits,
-                    JointReference(*(row[rows] for row in self._references)),
-                    States(*(row[rows] for row in self._states)),
-                    expected[rows],
-                    state,
-                    memory,
-                )
+            batch = answer(
+                control.setup,
+                JointReference(*(row[rows] for row in self._references)),
+                States(*(row[rows] for row in self._states)),
+                expected[rows],
+                state,
+                memory,
+            )
             torques.append(batch.torque)
             answered += batch.answered
             state, memory = batch.state, batch.memory
@@ -207,7 +202,7 @@ class RecordedController:
         """
         for age in [*range(1, min(k, self._oldest) + 1), 0]:  # 0: as it was
             known = slice(k - age, k - age + 1)
-            older = extrapolated(
+            older = extrapolate_rows(
                 self.stamps[k : k + 1] - self.stamps[known], *(row[known] for row in self._known)
             )
             for row, values in zip(self._references, older, strict=True):
@@ -218,44 +213,40 @@ class RecordedController:
 
 
 def after(moment: Moment, event: Event) -> Moment:
-    """What an event makes of a controller, as Controller does it."""
-    values, law, state, memory = moment
-    values = {**values, **event.values}
-    last = state.last.torque
+    """What an event makes of a controller."""
+    configuration, control, state, memory = moment
     if event.values:
-        new = prepare(values['law'], values)
-        if (new.name, new.gains) != (law.name, law.gains):
-            memory = memory if new.name == law.name else new.memory
-            state = taking_over(state, last) if state.last.known else state
-            law = new
+        before, configuration = control.law, changed(configuration, event.values)
+        control = assemble(configuration)
+        state, memory = switched(state, memory, before, control.law)
     if event.fault == faults.NONE and state.fault != faults.NONE:
-        state = taking_over(state, last)._replace(fault=faults.NONE)
-        memory = law.memory
+        state, memory = cleared(state), control.law.memory
     elif event.fault and state.fault == faults.NONE:
-        state = state._replace(fault=event.fault, held=state.last.position)
+        state = tripped(state, event.fault)
         if event.fault == faults.STATES_STALE:
-            state = state._replace(last=state.last._replace(torque=np.zeros(len(last))))
-    return Moment(values, law, state, memory)
+            state = without_torque(state)
+    return Moment(configuration, control, state, memory)
 
 
-def events(history: History, values: Mapping[str, Any]) -> list[Event]:
-    """What happened to the controller, in order; twice told does no harm."""
-    codes = {text: code for code, text in faults.FAULT_TEXT.items()}
-    laws = available(values)
-    keys = {'law', *(key for key in values if key.partition('.')[0] in laws)}
+def events(history: History, configuration: ControlConfiguration) -> list[Event]:
+    """What happened to the controller, in order; a switch may be listed twice, without effect."""
+    known = faults.of(configuration.robot.module)
+    numbers = {fault.key: number for number, fault in known.items()}
+    laws = configuration.laws
+    keys = {key for key, _ in settings(configuration)} - {'preset'}
     found = []
     for change in history.changes:
         changed = {key: value for key, value in change.values.items() if key in keys}
         if changed and change.node.endswith('/controller'):
             found.append(Event(change.stamp, changed))
-    law, fault = None, NOTHING
-    for said in history.statuses:
-        if law not in (None, said.law) and said.law in laws:
-            found.append(Event(said.stamp, {'law': said.law}))
-        if said.fault != fault:
-            if fault != NOTHING:
-                found.append(Event(said.stamp, {}, faults.NONE))
-            if codes.get(said.fault) in OUTSIDE:
-                found.append(Event(said.stamp, {}, codes[said.fault]))
-        law, fault = said.law, said.fault
+    law, fault = None, NO_FAULT
+    for status in history.statuses:
+        if law not in (None, status.law) and status.law in laws:
+            found.append(Event(status.stamp, {'law': status.law}))
+        if status.fault != fault:
+            if fault != NO_FAULT:
+                found.append(Event(status.stamp, {}, faults.NONE))
+            if numbers.get(status.fault) in OUTSIDE:
+                found.append(Event(status.stamp, {}, numbers[status.fault]))
+        law, fault = status.law, status.fault
     return sorted(found, key=lambda event: event.stamp)

@@ -8,8 +8,7 @@ is taken to have happened at the state from which on it explains the commands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
-from parallel_robot_control.laws import available
+from parallel_robot_control.configuration import ControlConfiguration, changed
 
 SLACK = NANOSECONDS // 4  # ns, between a change and its record
 
@@ -48,26 +47,23 @@ class Replay(NamedTuple):
         return bits.any(axis=1) & self.known
 
 
-def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
+def again(log: RunLog, history: History, configuration: ControlConfiguration) -> Replay:
     """The recorded law, with every switch and fault that is known.
 
     Args:
         log: The run.
         history: What happened beside the motion.
-        values: Configuration of the controller at the first state.
-
-    Raises:
-        InputError: the configuration is not that of a controller.
+        configuration: Configuration of the controller at the first state.
     """
-    law = history.statuses[0].law if history.statuses else values['law']
-    loop = RecordedController(
-        log, {**values, 'law': law if law in available(values) else values['law']}
-    )
+    law = history.statuses[0].law if history.statuses else ''
+    if law in configuration.laws:
+        configuration = changed(configuration, {'law': law})
+    loop = RecordedController(log, configuration)
     common = loop.common_start(history)
     moment, late, k = loop.first(common), 0, 0
     pending = [
         event
-        for event in events(history, values)
+        for event in events(history, configuration)
         if not (loop.exact and event.fault == faults.REFERENCE_STALE)
     ]
     expected = loop.expected.copy()
@@ -100,13 +96,9 @@ def again(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
     return Replay(loop.spread(torque), log.answer, late)
 
 
-def instead(log: RunLog, history: History, values: Mapping[str, Any]) -> Replay:
-    """Another law or other gains, from the first state to the last.
-
-    Raises:
-        InputError: the configuration is not that of a controller.
-    """
-    loop = RecordedController(log, values)
+def instead(log: RunLog, history: History, configuration: ControlConfiguration) -> Replay:
+    """Another law or other gains, from the first state to the last."""
+    loop = RecordedController(log, configuration)
     moment = loop.first(loop.common_start(history))
     free = np.full_like(loop.expected, np.nan)
     return Replay(loop.spread(loop.answer(moment, 0, len(free), free).torque), log.answer, 0)

@@ -1,4 +1,4 @@
-"""What the paper's Figures 3 to 9 show, as curves: on paper and on the page the same."""
+"""The content of the paper's Figures 3 to 9 as curves, the same on paper and on the page."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_analysis.report.decimation import extremes
+from parallel_robot_analysis.report.labels import joint_label
+from parallel_robot_analysis.report.palette import joint_style
 from parallel_robot_analysis.report.runs import Run, Series
 from parallel_robot_control.coupling import synchronisation_error
 
 TIME = 't [s]'
-FIRST = 1.0  # s, in which the torques are far larger than after it
+FIRST = 1.0  # s, in which the torques are far larger than afterwards
 
 
 class Curve(NamedTuple):
-    """One curve, with as many points as are worth drawing.
+    """One curve, with as many points as can be seen.
 
     Attributes:
         label: Name in the legend.
@@ -36,10 +38,10 @@ class Panel(NamedTuple):
 
     Attributes:
         title: Heading; may be empty.
-        quantity: What y is.
-        unit: Of y.
+        quantity: Name of y.
+        unit: Unit of y.
         curves: The curves.
-        dashed: Whether dashes tell the curves apart; the gaps of one that runs over itself close.
+        dashed: Whether curves are dashed; a path that repeats itself would fill its own gaps.
     """
 
     title: str
@@ -53,14 +55,14 @@ class Chart(NamedTuple):
     """One figure.
 
     Attributes:
-        number: Of the paper's figure with this content.
-        name: For the file.
+        number: Number of the paper's figure with this content.
+        name: Name for the file.
         title: Heading.
-        note: What else the reader must know; may be empty.
-        x_label: Of all panels.
-        panels: Row by row.
-        widths: Of the columns of panels, relative to each other.
-        magnitude: Whether the curves are errors that are worth a logarithmic axis too.
+        note: Remark for the caption; may be empty.
+        x_label: Label of the x axis of all panels.
+        panels: Panels, row by row.
+        widths: Widths of the columns of panels, relative to each other.
+        magnitude: Whether the curves are errors that deserve a logarithmic axis too.
         equal: Whether both axes have the same scale.
         spans: Whether the columns show different times; then the panels of a column have the same
             limits, otherwise all panels have the same time.
@@ -79,25 +81,22 @@ class Chart(NamedTuple):
 
 
 def charts(runs: Sequence[Run]) -> list[Chart]:
-    """Charts of the runs of one scenario, numbered as the paper's figures."""
-    return [
+    """Charts of the runs of one scenario, numbered as the paper's figures.
+
+    Those of the path and of its errors are left out for a robot that does not move in a plane.
+    """
+    path = [
         _path(runs),
-        _platform_error(runs, 4, 0, 'x'),
-        _platform_error(runs, 5, 1, 'y'),
-        _joint_errors(runs),
-        _coupling_errors(runs),
-        _torques(runs),
+        _path_error(runs, 4, 0, 'x'),
+        _path_error(runs, 5, 1, 'y'),
     ]
+    joints = [_joint_errors(runs), _coupling_errors(runs), _torques(runs)]
+    return [*path, *joints] if runs[0].poses.planar else joints
 
 
 def joint_error(run: Run) -> np.ndarray:
     """Errors reference - feedback [rad], shape (N, n)."""
     return run.log.reference_position - run.log.position
-
-
-def platform_error(run: Run) -> np.ndarray:
-    """Errors reference - feedback of the platform [m, m, rad], shape (N, 3)."""
-    return run.poses.reference - run.poses.actual
 
 
 def _path(runs: Sequence[Run]) -> Chart:
@@ -110,12 +109,13 @@ def _path(runs: Sequence[Run]) -> Chart:
     line = {run.log.config.get('trajectory.shape') for run in runs} == {'line'}
     widths = (1.0,) * len(panels)
     number = 9 if line else 3
-    return Chart(number, 'path', 'Path of the platform', '', 'x [mm]', panels, widths, equal=True)
+    title = 'Path of the end effector'
+    return Chart(number, 'path', title, '', 'x [mm]', panels, widths, equal=True)
 
 
 def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
-    """Paths of references and platforms; the points with the extreme errors are among theirs."""
-    references, platforms = [], []
+    """Paths of references and end effectors, with the points where the errors are extreme."""
+    references, paths = [], []
     for run in runs:
         rows = run.log.time <= until
         reference = 1e3 * run.poses.reference[rows, :2]
@@ -123,13 +123,16 @@ def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
         chosen = np.union1d(*(extremes(column) for column in reference.T))
         references.append(Curve('reference', 'reference', *reference[chosen].T))
         chosen = np.union1d(*(extremes(column) for column in (reference - actual).T))
-        platforms.append(Curve(run.label, run.style, *actual[chosen].T))
-    return references + platforms
+        paths.append(Curve(run.label, run.style, *actual[chosen].T))
+    return references + paths
 
 
-def _platform_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart:
-    series = [Series(run.log.time, 1e3 * platform_error(run)[:, axis, np.newaxis]) for run in runs]
-    title = f'Error of the platform in {name}'
+def _path_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart:
+    series = [
+        Series(run.log.time, 1e3 * (run.poses.reference - run.poses.actual)[:, axis : axis + 1])
+        for run in runs
+    ]
+    title = f'Error of the end effector in {name}'
     panel = Panel('', f'{name} error', 'mm', _curves(runs, series, 0))
     return Chart(number, f'{name}_error', title, '', TIME, [panel], magnitude=True)
 
@@ -137,8 +140,8 @@ def _platform_error(runs: Sequence[Run], number: int, axis: int, name: str) -> C
 def _joint_errors(runs: Sequence[Run]) -> Chart:
     series = [Series(run.log.time, 1e3 * joint_error(run)) for run in runs]
     panels = [
-        Panel(f'joint {joint + 1}', 'error', 'mrad', _curves(runs, series, joint))
-        for joint in range(_joints(runs))
+        Panel(name, 'error', 'mrad', _curves(runs, series, joint))
+        for joint, name in enumerate(_joints(runs))
     ]
     return Chart(
         6, 'joint_errors', 'Errors of the actuated joints', '', TIME, panels, magnitude=True
@@ -156,8 +159,8 @@ def _coupling_errors(runs: Sequence[Run]) -> Chart:
         if run.cross_coupling is not None
     ]
     panels = []
-    for joint in range(_joints(runs)):
-        title = f'joint {joint + 1}, '
+    for joint, name in enumerate(_joints(runs)):
+        title = f'{name}, '
         curves = _curves(runs, synchronisation, joint)
         panels.append(Panel(title + 'synchronisation', 'error', 'mrad', curves))
         if with_coupling:
@@ -179,9 +182,9 @@ def _torques(runs: Sequence[Run]) -> Chart:
         for when, rows in parts:
             series = [Series(run.log.time[rows], run.log.effort[rows])]
             curves = []
-            for joint in range(_joints(runs)):
+            for joint, name in enumerate(_joints(runs)):
                 (curve,) = _curves([run], series, joint)
-                curves.append(curve._replace(label=f'joint {joint + 1}', style=f'joint{joint}'))
+                curves.append(curve._replace(label=name, style=joint_style(joint)))
             panels.append(Panel(run.label + when, 'torque', 'N m', curves))
     widths = (1.0, 2.5) if split else (1.0,)
     return Chart(8, 'torques', 'Torques of the motors', '', TIME, panels, widths, spans=True)
@@ -195,5 +198,5 @@ def _curves(runs: Sequence[Run], series: Sequence[Series], column: int) -> list[
     return curves
 
 
-def _joints(runs: Sequence[Run]) -> int:
-    return len(runs[0].log.joints)
+def _joints(runs: Sequence[Run]) -> list[str]:
+    return [joint_label(name) for name in runs[0].log.joints]

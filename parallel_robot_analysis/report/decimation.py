@@ -1,4 +1,4 @@
-"""Fewer points of a curve, so that its spikes stay."""
+"""Fewer points of a curve, with all its spikes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-INTERVALS = 1500  # of a curve; each keeps two points, finer than a page has dots across
+INTERVALS = 1500  # of a curve; two points of each are finer than the dots of a page
 
 
 def extremes(values: np.ndarray, intervals: int = INTERVALS) -> np.ndarray:
@@ -14,10 +14,10 @@ def extremes(values: np.ndarray, intervals: int = INTERVALS) -> np.ndarray:
 
     Args:
         values: A curve, shape (N,).
-        intervals: How many.
+        intervals: Number of intervals.
 
     Returns:
-        Indices in rising order, a pair for each interval, shape (2 * intervals,); all N when they
+        Indices in rising order, a pair for each interval, shape (2 * intervals,); all N if they
         are not more than that.
     """
     if len(values) <= 2 * intervals:
@@ -33,7 +33,7 @@ def extremes(values: np.ndarray, intervals: int = INTERVALS) -> np.ndarray:
 def envelope(values: np.ndarray) -> np.ndarray:
     """Largest magnitude in each pair of neighbours, for both, shape (N,).
 
-    Of a decimated curve it is that of the interval: no dips where the curve crosses zero.
+    For a decimated curve it is that of the interval, without dips where the curve crosses zero.
     """
     even = len(values) - len(values) % 2
     pairs = np.abs(values[:even]).reshape(-1, 2).max(axis=1)

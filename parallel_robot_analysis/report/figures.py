@@ -1,4 +1,4 @@
-"""Figures of a run."""
+"""Figures of one run."""
 
 from __future__ import annotations
 
@@ -9,60 +9,59 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_analysis.metrics import Poses
+from parallel_robot_analysis.report.labels import joint_label, label
 from parallel_robot_bags import new_files
 from parallel_robot_bags.printable_output import without_mathematics
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.errors import UnknownNameError
-from parallel_robot_base.printable import printable
+from parallel_robot_control.coupling import synchronisation_error
 
 FORMATS = ('.png', '.pdf', '.svg')
-LABEL = 40  # characters of a name
-COLORS = ('#2952a3', '#d1495b', '#3a8f5c')
+COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
+DASHES = ('-', '--')  # of as many joints as there are colours each
+HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 
 
 def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
     """Draw path, errors and torques of a run to a PNG or vector file.
 
+    A robot that does not move in a plane has no path; its synchronisation errors are drawn.
+
     Args:
         log: The run.
-        pose: Its poses.
+        pose: Poses of the run.
         path: File to write, which must not exist; its suffix chooses the format.
 
     Raises:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    figure = _figure(f'{printable(log.scenario, LABEL)}, {printable(log.law, LABEL)}', path)
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
+    figure = _figure(f'{label(log.scenario)}, {label(log.law)}', path)
+    names = [without_mathematics(joint_label(name)) for name in log.joints]
+    error = log.reference_position - log.position
+    if pose.planar:
+        grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
+        _draw_path(figure.add_subplot(grid[:, 0]), pose)
+        first = figure.add_subplot(grid[0, 1])
+        offset = (pose.actual - pose.reference)[:, :2]
+        _draw_magnitude(first, log.time, 1e6 * offset, ['x', 'y'])
+        first.set(ylabel='|error| [µm]', title='End-effector error')
+    else:
+        grid = figure.add_gridspec(3, 1)
+        first = figure.add_subplot(grid[0, 0])
+        _draw_magnitude(first, log.time, 1e6 * synchronisation_error(error), names)
+        first.set(ylabel='|error| [µrad]', title='Synchronisation errors')
 
-    xy = figure.add_subplot(grid[:, 0])
-    xy.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label='reference')
-    xy.plot(*(1e3 * pose.actual[:, :2].T), color=COLORS[0], linewidth=1.2, label='platform')
-    xy.plot(*(1e3 * pose.actual[0, :2]), 'o', color=COLORS[1], label='start')
-    xy.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
-    xy.margins(0.12)
-    xy.legend(loc='upper right')
+    joints = figure.add_subplot(grid[1, -1], sharex=first)
+    _draw_magnitude(joints, log.time, 1e6 * error, names)
+    joints.set(ylabel='|error| [µrad]', title='Joint errors')
 
-    error = 1e6 * np.abs((pose.actual - pose.reference)[:, :2])
-    distance = figure.add_subplot(grid[0, 1])
-    for axis, name, color in zip(error.T, 'xy', COLORS, strict=False):
-        distance.semilogy(log.time, np.maximum(axis, 1e-4), color=color, lw=0.8, label=name)
-    distance.set(ylabel='|error| [µm]', title='Platform error', ylim=(1e-3, None))
-
-    joints = figure.add_subplot(grid[1, 1], sharex=distance)
-    error = 1e6 * np.abs(log.reference_position - log.position)
-    for column, name, color in zip(error.T, log.joints, COLORS, strict=True):
-        joints.semilogy(
-            log.time, np.maximum(column, 1e-4), color=color, lw=0.8, label=_label(name)
-        )
-    joints.set(ylabel='|error| [µrad]', title='Joint errors', ylim=(1e-3, None))
-
-    torque = figure.add_subplot(grid[2, 1], sharex=distance)
-    for column, name, color in zip(log.effort.T, log.joints, COLORS, strict=True):
-        torque.plot(log.time, column, color=color, lw=0.8, label=_label(name))
+    torque = figure.add_subplot(grid[2, -1], sharex=first)
+    for k, name in enumerate(names):
+        torque.plot(log.time, log.effort[:, k], **_look(k), label=name)
     torque.set(xlabel='t [s]', ylabel='[N m]', title='Torques')
 
-    for axes in (distance, joints, torque):
+    for axes in (first, joints, torque):
         axes.legend(loc='upper right', ncols=3, fontsize='small')
     for axes in figure.axes:
         axes.grid(alpha=0.3)
@@ -75,31 +74,50 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
     Args:
         log: The run.
         torque: The other torques [N m], shape (N, n).
-        law: What they are of.
+        law: Law of the other torques.
         path: File to write, which must not exist; its suffix chooses the format.
 
     Raises:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    figure = _figure(f'{printable(log.scenario, LABEL)}: torques on the same motion', path)
-    rows = figure.subplots(len(log.joints), 1, sharex=True)
+    count = len(log.joints)
+    title = f'{label(log.scenario)}: torques on the same motion'
+    figure = _figure(title, path, max(HEIGHT, ROW * count))
+    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
     for axes, joint, recorded, replayed in curves:
-        label = f'recorded, {_label(log.law)}'
-        axes.plot(log.time, recorded, color='0.6', lw=2.0, label=label)
-        label = f'replayed, {_label(law)}'
-        axes.plot(log.time, replayed, color=COLORS[0], lw=0.8, label=label)
-        axes.set(ylabel='[N m]', title=_label(joint))
+        name = f'recorded, {without_mathematics(label(log.law))}'
+        axes.plot(log.time, recorded, color='0.6', lw=2.0, label=name)
+        name = f'replayed, {without_mathematics(label(law))}'
+        axes.plot(log.time, replayed, color=COLOURS[0], lw=0.8, label=name)
+        axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=2, fontsize='small')
     rows[-1].set(xlabel='t [s]')
     _save(figure, path)
 
 
-def _label(name: str) -> str:
-    """A name in a picture, where a long one would leave no place for the curves."""
-    return without_mathematics(printable(name, LABEL))
+def _draw_path(axes: Any, pose: Poses) -> None:
+    axes.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label='reference')
+    axes.plot(*(1e3 * pose.actual[:, :2].T), color=COLOURS[0], lw=1.2, label='end effector')
+    axes.plot(*(1e3 * pose.actual[0, :2]), 'o', color=COLOURS[1], label='start')
+    axes.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
+    axes.margins(0.12)
+    axes.legend(loc='upper right')
+
+
+def _draw_magnitude(axes: Any, time: np.ndarray, errors: np.ndarray, names: list[str]) -> None:
+    """Draw the magnitude of errors, shape (N, columns), on a logarithmic axis."""
+    for k, name in enumerate(names):
+        axes.semilogy(time, np.maximum(np.abs(errors[:, k]), 1e-4), **_look(k), label=name)
+    axes.set_ylim(1e-3, None)
+
+
+def _look(column: int) -> dict[str, Any]:
+    """Colour and dashes of one of several curves, by its 0-based index."""
+    dashes = DASHES[column // len(COLOURS) % len(DASHES)]
+    return {'color': COLOURS[column % len(COLOURS)], 'linestyle': dashes, 'lw': 0.8}
 
 
 def _save(figure: Any, path: str | Path) -> None:
@@ -119,12 +137,12 @@ def check_format(path: str | Path) -> None:
         raise UnknownNameError('picture format', suffix, FORMATS)
 
 
-def _figure(title: str, path: str | Path) -> Any:
+def _figure(title: str, path: str | Path, height: float = HEIGHT) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
     from matplotlib.figure import Figure
 
     check_format(path)
-    figure = Figure(figsize=(11.0, 6.6), layout='constrained')
+    figure = Figure(figsize=(11.0, height), layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(without_mathematics(title), fontweight='bold')
     return figure

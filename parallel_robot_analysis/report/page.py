@@ -1,4 +1,4 @@
-"""The report as one HTML page that needs nothing else."""
+"""The report as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from parallel_robot_analysis import claims
-from parallel_robot_analysis.figures_of_merit import MERITS, shown
+from parallel_robot_analysis.readable_metrics import METRICS, defined, shown
 from parallel_robot_analysis.report.animation import animation
 from parallel_robot_analysis.report.charts import Chart
 from parallel_robot_analysis.report.decimation import INTERVALS
@@ -20,11 +20,11 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
     """Write the page.
 
     Args:
-        groups: Scenario to its runs.
-        charts: Scenario to its charts.
+        groups: Name of a group to its runs, see :func:`runs.read_runs`.
+        charts: Name of a group to its charts.
 
     Returns:
-        HTML with scripts, styles and data inside; it asks the network for nothing.
+        HTML with scripts, styles and data inside; it loads nothing from the network.
     """
     from jinja2 import Environment, PackageLoader  # slow to import: only for a page
     from plotly.offline import get_plotlyjs
@@ -61,21 +61,28 @@ def differences(runs: Sequence[Run]) -> dict[str, list[str]]:
 
 def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[str, Any]:
     first = {run.log.law: run.metrics for run in reversed(runs)}
+    data: dict[str, Any] = {'plots': [plot(chart) for chart in charts]}
+    if runs[0].poses.planar:
+        data['animation'] = animation(runs)
     return {
         'name': name,
+        'robot': printable(runs[0].log.config['robot_model']),
         'runs': runs,
-        'merits': [(merit, _best([merit.value(run.metrics) for run in runs])) for merit in MERITS],
-        'verdicts': claims.judge(name, first),
+        'metrics': [
+            (metric, _best([metric.value(run.metrics) for run in runs]))
+            for metric in defined(METRICS, runs[0].metrics)
+        ],
+        'verdicts': claims.verify(name, first),
         'repeated': len(first) < len(runs),
         'charts': charts,
-        'data': {'plots': [plot(chart) for chart in charts], 'animation': animation(runs)},
+        'data': data,
     }
 
 
 def _timing(run: Run) -> dict[str, str]:
     """How a run kept its time, row by row; empty where the bag does not say."""
     timing = run.timing
-    lags = timing.lag_figures() if timing.lag.size else ()
+    lags = timing.lag_percentiles() if timing.lag.size else ()
     return {
         'real time': {True: 'held', False: 'not held', None: ''}[timing.realtime],
         'states answered': '' if timing.answered is None else str(timing.answered),
@@ -90,7 +97,7 @@ def _timing(run: Run) -> dict[str, str]:
 
 
 def _best(values: Sequence[float | None]) -> float | None:
-    """The smallest of several values; None when there is nothing to compare."""
+    """The smallest of several values; None if there is nothing to compare."""
     known = [value for value in values if value is not None]
     return min(known) if len(known) > 1 else None
 
@@ -113,6 +120,6 @@ def _parameters(runs: Sequence[Run]) -> dict[str, list[str]]:
 
 
 def _rows(tables: Sequence[Mapping[str, str]]) -> dict[str, list[str]]:
-    """Every key of several tables with its value in each, empty where there is none."""
+    """Every key of several tables with its value in each; empty where a table has none."""
     keys = dict.fromkeys(key for table in tables for key in table)
     return {key: [table.get(key, '') for table in tables] for key in keys}

@@ -1,4 +1,4 @@
-"""Colours and dashes of curves: told apart by the colour-blind, and in grey by their lightness."""
+"""Colours and dashes of curves, distinct for the colour-blind and in grey."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Style(NamedTuple):
         light: Colour on white paper.
         dark: Colour on a dark screen.
         dash: Lengths of dash, gap, ... in units of the line width; empty for a solid line.
-        width: Of the line [pt].
+        width: Width of the line [pt].
         marker: Whether points are drawn instead of a line.
     """
 
@@ -35,18 +35,34 @@ RUNS = (
     Style('#999933', '#c9c95c', (6.0, 1.2, 1.2, 1.2, 1.2, 1.2)),
     Style('#555555', '#b5b5b5', (1.2, 1.2)),
 )
+JOINT_COLOURS = (
+    ('#333333', '#e6e6e6'),
+    ('#4477aa', '#6ea6df'),
+    ('#ee99aa', '#ee99aa'),
+    ('#882255', '#d0669a'),
+    ('#228866', '#5cc9a5'),
+    ('#ccaa33', '#ddcc66'),
+)
+JOINT_DASHES: tuple[tuple[float, ...], ...] = ((), (5.0, 1.5), (6.0, 1.5, 1.5, 1.5), (1.5, 1.2))
+JOINTS = 12  # styles, from the first again beyond them
 STYLES = {
     **{f'run{slot}': style for slot, style in enumerate(RUNS)},
-    'joint0': Style('#333333', '#e6e6e6', width=0.7),
-    'joint1': Style('#4477aa', '#6ea6df', width=0.7),
-    'joint2': Style('#ee99aa', '#ee99aa', width=0.7),
+    **{  # each three of one dash differ in lightness
+        f'joint{k}': Style(*JOINT_COLOURS[k % 6], JOINT_DASHES[k // 3], width=0.7)
+        for k in range(JOINTS)
+    },
     'reference': Style('#c4c4c4', '#5c6370', width=3.0),
     'start': Style('#333333', '#e6e6e6', marker=True),
 }
 
 
+def joint_style(joint: int) -> str:
+    """Key in STYLES for a joint, by its 0-based index."""
+    return f'joint{joint % JOINTS}'
+
+
 def slots(laws: list[str]) -> list[int]:
-    """Choose a style for each run, by its law; the next free one where two want the same.
+    """Choose a style for each run by its law; the next free one where two runs share a law.
 
     Args:
         laws: Laws of at most len(RUNS) runs.

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from pathlib import Path
+from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +23,7 @@ FORMATS = ('pdf', 'svg')
 COLUMN = 3.45  # in, of a journal with two columns
 PAGE = 7.1  # in, of both
 ROW = 1.25  # in, height of a panel over time
+TALLEST = 9.0  # in, of all rows together
 RC: dict[Any, Any] = {
     'axes.grid': True,
     'axes.labelsize': 8,
@@ -52,9 +56,9 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
     Errors get a second panel with their magnitude on a logarithmic axis where there is room.
 
     Args:
-        chart: What to draw.
-        directory: Where the files go.
-        name: Of the files, without suffix.
+        chart: The chart.
+        directory: Directory of the files.
+        name: Name of the files, without suffix.
 
     Returns:
         The files.
@@ -72,7 +76,7 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
     rows = -(-len(views) // len(widths))
     width = PAGE if len(widths) > 1 else COLUMN
     with mpl.rc_context(RC):
-        height = 0.6 + (3.0 * _slope(chart) if chart.equal else ROW * rows)
+        height = 0.6 + (3.0 * _slope(chart) if chart.equal else min(ROW * rows, TALLEST))
         figure = Figure(figsize=(width, height), layout='constrained')
         grid = figure.subplots(
             rows,
@@ -82,9 +86,7 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
             squeeze=False,
             width_ratios=widths,
         )
-        for letter, axes, (panel, log) in zip(
-            'abcdefghijklmnopqrstuvwxyz', grid.flat, views, strict=False
-        ):
+        for letter, axes, (panel, log) in zip(_letters(), grid.flat, views, strict=False):
             _draw_panel(axes, panel, log)
             if len(views) > 1:
                 axes.set_title(f'({letter}) {without_mathematics(panel.title)}'.rstrip())
@@ -99,6 +101,12 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
         for file, kind in zip(files, FORMATS, strict=True):
             figure.savefig(file, metadata=UNDATED[kind])
     return files
+
+
+def _letters() -> Iterator[str]:
+    """Names of panels: a to z, then aa, ab and so on."""
+    pairs = itertools.product(ascii_lowercase, repeat=2)
+    return itertools.chain(ascii_lowercase, map(''.join, pairs))
 
 
 def _slope(chart: Chart) -> float:

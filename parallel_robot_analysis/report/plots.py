@@ -21,11 +21,12 @@ def plot(chart: Chart) -> dict[str, Any]:
     """Traces and layout of a chart.
 
     Args:
-        chart: What to draw.
+        chart: The chart.
 
     Returns:
-        ``data`` and ``layout`` of plotly.js. The points of a trace are what :func:`packed` gives,
-        its ``meta`` is the key of the style; the page fills in points and colours.
+        ``data`` and ``layout`` of plotly.js. The points of a trace are packed, see
+        :func:`packed`, and its ``meta`` is the key of the style; the page fills in points and
+        colours.
     """
     columns = len(chart.widths)
     rows = -(-len(chart.panels) // columns)

@@ -1,4 +1,4 @@
-"""The runs that a report compares: read, measured, and each with a name and a style."""
+"""The runs that a report compares: read, evaluated, and each with a name and a style."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from parallel_robot_analysis import metrics, timing
 from parallel_robot_analysis.report import palette
+from parallel_robot_analysis.report.labels import label
 from parallel_robot_analysis.timing import Timing
 from parallel_robot_bags import history, run_log, telemetry
 from parallel_robot_bags.limits import MEMORY
@@ -22,7 +23,6 @@ from parallel_robot_base.topics import CROSS_COUPLING_ERROR
 from parallel_robot_base.units import NANOSECONDS
 
 NAMES = {'smc': 'SMC', 's_smc': 'S-SMC', 'nftsmc': 'NFTSMC', 's_fotsmc': 'S-FOTSMC'}  # in print
-LONGEST = 40  # characters of a name, so that a legend stays one
 
 
 class Series(NamedTuple):
@@ -30,7 +30,7 @@ class Series(NamedTuple):
 
     Attributes:
         time: Since t = 0 [s], shape (N,).
-        values: One column a joint, shape (N, n).
+        values: One column for each joint, shape (N, n).
     """
 
     time: np.ndarray
@@ -41,12 +41,12 @@ class Run(NamedTuple):
     """One bag of a report.
 
     Attributes:
-        bag: Where it is.
-        label: Its name in legends, different from all others of its scenario.
+        bag: Path of the bag.
+        label: Its name in legends, different from all others of its group.
         style: Key of palette.STYLES.
-        log: What was recorded.
-        poses: Poses of the platform.
-        metrics: Figures of merit.
+        log: The recorded run.
+        poses: Poses of the robot.
+        metrics: Metrics of the run.
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
         timing: How the run kept its time.
         cut: Why only a part of it was evaluated; empty when all of it was.
@@ -67,34 +67,42 @@ def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, lis
     """Read bags.
 
     Args:
-        bags: Their directories, or one file of each.
-        memory: What may be held of each [bytes].
+        bags: Directories of the bags, or one file of each.
+        memory: Memory that reading each may take [bytes].
 
     Returns:
-        Name of a scenario to its runs, in the order of `bags`.
+        Scenario to its runs, in the order of `bags`; runs of one scenario with several robots
+        are a group for each, named after both.
 
     Raises:
-        InputError: more bags than there are styles; one is no bag, or its angles are not those of
+        InputError: more bags than there are styles; one is no bag, or its joints are not those of
             its robot.
     """
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
-    logs: dict[str, list[tuple[Path, run_log.RunLog]]] = {}
+    logs: dict[tuple[str, str], list[tuple[Path, run_log.RunLog]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
         log = run_log.read(bag, memory)
-        logs.setdefault(printable(log.scenario, LONGEST), []).append((bag, log))
+        logs.setdefault((label(log.scenario), _robot(log)), []).append((bag, log))
+    scenarios = [scenario for scenario, _ in logs]
     found = {}
-    for scenario, members in logs.items():
-        labels = _labels([(bag, printable(log.law, LONGEST)) for bag, log in members])
+    for (scenario, robot), members in logs.items():
+        group = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
+        names = _labels([(bag, label(log.law)) for bag, log in members])
         slots = palette.slots([printable(log.law) for _, log in members])
-        found[scenario] = [
-            _measure(bag, label, f'run{slot}', log, memory)
-            for (bag, log), label, slot in zip(members, labels, slots, strict=True)
+        found[group] = [
+            _evaluate(bag, name, f'run{slot}', log, memory)
+            for (bag, log), name, slot in zip(members, names, slots, strict=True)
         ]
     return found
 
 
-def _measure(bag: Path, label: str, style: str, log: run_log.RunLog, memory: int) -> Run:
+def _robot(log: run_log.RunLog) -> str:
+    """Robot and number of joints, the same for all runs that are drawn together."""
+    return f'{label(str(log.config["robot_model"]))}, {len(log.joints)} joints'
+
+
+def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int) -> Run:
     timed = timing.evaluate(log, history.read(bag, memory))
     try:
         log, poses, cut = metrics.with_poses(log)
@@ -102,26 +110,26 @@ def _measure(bag: Path, label: str, style: str, log: run_log.RunLog, memory: int
         raise BagError(f'{bag}: {error}') from None
     result = metrics.evaluate(log, poses)
     coupling = cross_coupling(bag, log, memory)
-    return Run(bag, label, style, log, poses, result, coupling, timed, cut)
+    return Run(bag, name, style, log, poses, result, coupling, timed, cut)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:
-    """Law, then the bag where two have the same law, then a number where that is not enough."""
+    """Name of the law, with that of the bag if two have the same law, and a number if needed."""
     names = [NAMES.get(law, law) for _, law in members]
     labels = [
-        name if names.count(name) == 1 else f'{name} ({printable(bag.name, LONGEST)})'
+        name if names.count(name) == 1 else f'{name} ({label(bag.name)})'
         for name, (bag, _) in zip(names, members, strict=True)
     ]
     seen: Counter[str] = Counter()
     numbered = []
-    for label in labels:
-        seen[label] += 1
-        numbered.append(label if labels.count(label) == 1 else f'{label} #{seen[label]}')
+    for text in labels:
+        seen[text] += 1
+        numbered.append(text if labels.count(text) == 1 else f'{text} #{seen[text]}')
     return numbered
 
 
 def cross_coupling(bag: Path, log: run_log.RunLog, memory: int = MEMORY) -> Series | None:
-    """Cross-coupling errors of a bag that `log` was read from; None when it has none for it."""
+    """Cross-coupling errors of the bag that `log` was read from; None when it has none."""
     errors = telemetry.read(bag, log, CROSS_COUPLING_ERROR, memory)
     if errors is None:
         return None

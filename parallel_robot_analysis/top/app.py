@@ -16,13 +16,13 @@ from parallel_robot_analysis.top.graph import Graph, Tell
 from parallel_robot_analysis.top.robots import ERROR, OK, Robots
 from parallel_robot_base.printable import printable
 
-PERIOD = 0.5  # s, between two pictures
-ASK = 0.1  # s, between two looks for an answer
+PERIOD = 0.5  # s between two pictures
+ASK = 0.1  # s between two checks for an answer
 LONGEST = 300  # characters of an answer
 
 
 class LawChooser(ModalScreen[str]):
-    """A list of laws; Enter takes one, Escape none."""
+    """A list of laws; Enter chooses one, Escape none."""
 
     CSS = """
     LawChooser { align: center middle; }
@@ -44,7 +44,7 @@ class LawChooser(ModalScreen[str]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Begin at the active law."""
+        """Highlight the active law."""
         options = self.query_one(OptionList)
         options.border_title, options.border_subtitle = 'law', 'enter, esc'
         if self._active in self._laws:
@@ -56,7 +56,7 @@ class LawChooser(ModalScreen[str]):
 
 
 class Top(App[None]):
-    """One robot at a time; keys switch its law, stop it, and go on to the next robot."""
+    """Shows one robot at a time; keys switch its law, stop it, or show the next robot."""
 
     CSS = """
     #said { dock: bottom; height: auto; max-height: 3; margin-bottom: 1; padding: 0 1; }
@@ -74,10 +74,10 @@ class Top(App[None]):
         """Prepare.
 
         Args:
-            robots: What is known; the graph adds to it.
+            robots: The robots that are known; the graph adds to them.
             graph: The running graph.
             domain: Number of the ROS domain.
-            namespace: Of the robot; None for the first that is heard.
+            namespace: Namespace of the robot; None for the first that is heard.
         """
         super().__init__()
         self._robots = robots
@@ -94,13 +94,13 @@ class Top(App[None]):
         yield Footer()
 
     def on_mount(self) -> None:
-        """Look at once, then again and again."""
+        """Look at once, then periodically."""
         self.look()
         self.set_interval(PERIOD, self.look)
         self.set_interval(ASK, self._graph.answers)
 
     def look(self) -> None:
-        """Take what has come and draw it."""
+        """Take new messages and draw the screen."""
         self._graph.look()
         names = self._robots.names()
         if not self._chosen and names and self._shown not in names:
@@ -114,7 +114,7 @@ class Top(App[None]):
         """Let the user choose one of the controller's laws."""
         robot = self._robots[self._shown]
         if not robot.laws:
-            self._say('there is no controller that tells its laws', view.STYLES[ERROR])
+            self._say('there is no controller that reports its laws', view.STYLES[ERROR])
             return
         self.push_screen(LawChooser(robot.laws, robot.law), self._switch_law)
 
@@ -145,7 +145,7 @@ class Top(App[None]):
             self._graph.switch_law(law, self._teller(f'law {law}'))
 
     def _teller(self, asked: str) -> Tell:
-        """Function that says what became of a request."""
+        """Function that shows the result of a request."""
 
         def tell(done: bool, answer: str) -> None:
             text = f'{asked}: {answer or "done"}'

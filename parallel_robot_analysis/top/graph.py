@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-Tell = Callable[[bool, str], None]  # whether it was done, and what the node says
+Tell = Callable[[bool, str], None]  # whether it was done, and the answer of the node
 
 
 class Graph(Protocol):
-    """Hears all robots, and asks the controller of the one that is watched."""
+    """Listens to all robots; sends requests to the controller of the one that is watched."""
 
     def watch(self, namespace: str) -> None:
-        """Hear status and poses of one robot, by its namespace, and no longer those of another."""
+        """Subscribe to status and poses of one robot, by its namespace, instead of another."""
 
     def look(self) -> None:
-        """Take all that has come since the last look."""
+        """Take all messages since the last look."""
 
     def answers(self) -> None:
-        """Tell those who asked what the controller has answered."""
+        """Pass on the answers of the controller."""
 
     def switch_law(self, law: str, tell: Tell) -> None:
         """Ask for another law."""

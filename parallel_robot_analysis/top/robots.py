@@ -1,4 +1,4 @@
-"""What is known of the running robots, from what their nodes say."""
+"""What is known of the running robots from the reports of their nodes."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from parallel_robot_base.printable import printable
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
-SILENT = 3.0  # s, after which a node, which reports once a second, does not seem to run
-GONE = 10.0  # s, after which it is no longer shown
-UNPAIRED = 400  # poses that wait for references, and references that are known
-GAP = 10**8  # ns, between two references, across which nothing is known of the path
-HISTORY = 120  # looks at the platform error that are remembered
-LONGEST = 2000  # characters of a figure: the names of all laws, say
+SILENT = 3.0  # s without a report, of one a second, after which a node seems to have stopped
+GONE = 10.0  # s without a report, after which it is no longer shown
+UNPAIRED = 400  # largest number of poses without a reference, and of references
+GAP = 10**8  # ns between two references, beyond which the path is not interpolated
+HISTORY = 120  # values of the end-effector error that are kept
+LONGEST = 2000  # characters of a value, e.g. the names of all laws
 OK, WARNING, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 
 
@@ -28,24 +28,24 @@ class Report(NamedTuple):
         time: When they were heard [s].
         level: 0 ok, 1 warning, 2 error.
         text: The message.
-        figures: Key to value.
+        values: Key to value.
     """
 
     time: float
     level: int
     text: str
-    figures: dict[str, str]
+    values: dict[str, str]
 
 
-class PlatformError(NamedTuple):
-    """Distance between platform and reference between two looks [m]."""
+class EffectorError(NamedTuple):
+    """Distance of the end effector from its reference between two looks [m]."""
 
     rms: float
     largest: float
 
 
 class Point(NamedTuple):
-    """A place of the platform [m] at a stamp [ns]."""
+    """A position of the end effector [m] at a stamp [ns]."""
 
     stamp: int
     x: float
@@ -60,15 +60,16 @@ class Robot:
         law: The active law; empty while it is not known.
         fault: Text of the fault, 'none', or empty.
         limits: The limits that acted, 'none', or empty.
-        error: Platform error between the last two looks; None when there were no poses.
+        error: Error of the end effector between the last two looks; None when there were no
+            poses, which only robots that move in a plane publish.
         history: Root mean squares of earlier looks [m], the newest last; NaN without poses.
     """
 
     def __init__(self) -> None:
-        """Know nothing."""
+        """Begin without any knowledge."""
         self.nodes: dict[str, Report] = {}
         self.law = self.fault = self.limits = ''
-        self.error: PlatformError | None = None
+        self.error: EffectorError | None = None
         self.history: deque[float] = deque(maxlen=HISTORY)
         self._poses: deque[Point] = deque(maxlen=UNPAIRED)
         self._references: deque[Point] = deque(maxlen=UNPAIRED)
@@ -76,51 +77,51 @@ class Robot:
     @property
     def laws(self) -> list[str]:
         """The laws that the controller has."""
-        laws = self.figure('controller', 'laws')
+        laws = self.value('controller', 'laws')
         return laws.split(', ') if laws else []
 
-    def figure(self, node: str, *keys: str) -> str:
+    def value(self, node: str, *keys: str) -> str:
         """Value of the first of some keys that a node reports; empty when it reports none."""
-        figures = self.nodes[node].figures if node in self.nodes else {}
-        return next((figures[key] for key in keys if key in figures), '')
+        values = self.nodes[node].values if node in self.nodes else {}
+        return next((values[key] for key in keys if key in values), '')
 
     def report(self, node: str, report: Report) -> None:
         """Take the diagnostics of a node."""
         self.nodes[node] = report
         if node == 'controller':
             fault = report.text.removeprefix('fault: ') if report.level == ERROR else 'none'
-            self.status({**report.figures, 'fault': fault})
+            self.status({**report.values, 'fault': fault})
 
     def status(self, values: Mapping[str, str]) -> None:
-        """Take what the controller says of itself."""
+        """Take the status of the controller."""
         self.law, self.fault, self.limits = (
             printable(values.get(key, '')) for key in ('law', 'fault', 'limits that acted')
         )
 
     def pose(self, stamp: int, x: float, y: float) -> None:
-        """Take where the platform was at a stamp [ns]; in m."""
+        """Take the position of the end effector [m] at a stamp [ns]."""
         _append(self._poses, Point(stamp, x, y))
 
     def pose_reference(self, stamp: int, x: float, y: float) -> None:
-        """Take where the platform should be at a stamp [ns]; in m."""
+        """Take the desired position of the end effector [m] at a stamp [ns]."""
         _append(self._references, Point(stamp, x, y))
 
     def look(self, now: float) -> None:
-        """Sum up the poses since the last look and forget nodes that are gone; time in s."""
+        """Evaluate the poses since the last look and forget nodes that are gone; time in s."""
         self.nodes = {name: one for name, one in self.nodes.items() if now - one.time < GONE}
         if 'controller' not in self.nodes:
             self.law = self.fault = self.limits = ''
         errors = self._errors()
         self.error = None
         if errors.size:
-            self.error = PlatformError(math.sqrt((errors**2).mean()), float(errors.max()))
+            self.error = EffectorError(math.sqrt((errors**2).mean()), float(errors.max()))
         self.history.append(self.error.rms if self.error else math.nan)
 
     def _errors(self) -> np.ndarray:
-        """Distance of each pose from the reference at its stamp [m], shape (N,), and forget it.
+        """Remove all poses up to the last reference; their distances from it [m], shape (N,).
 
-        References are on a grid of their own when the nodes were started by hand: between two of
-        them the reference is interpolated, which costs less than a nanometre.
+        When the nodes were started by hand, references have stamps of their own: the reference is
+        interpolated between two of them, with an error below a nanometre.
         """
         if not self._references:
             return np.zeros(0)
@@ -140,7 +141,7 @@ class Robot:
 
 
 def _append(points: deque[Point], point: Point) -> None:
-    """Append a point; one of an earlier stamp begins anew."""
+    """Append a point; one with an earlier stamp replaces all others."""
     if points and point.stamp <= points[-1].stamp:
         points.clear()
     points.append(point)
@@ -150,7 +151,7 @@ class Robots:
     """All robots of a ROS domain."""
 
     def __init__(self) -> None:
-        """Know none."""
+        """Begin without robots."""
         self._robots: dict[str, Robot] = {}
 
     def __getitem__(self, namespace: str) -> Robot:
@@ -162,26 +163,26 @@ class Robots:
         return sorted(name for name, robot in self._robots.items() if robot.nodes)
 
     def report(
-        self, now: float, status: str, node: str, level: int, text: str, figures: Mapping[str, str]
+        self, now: float, status: str, node: str, level: int, text: str, values: Mapping[str, str]
     ) -> None:
-        """Take one status of ``/diagnostics``; those of other suites are left out.
+        """Take one status of ``/diagnostics``; others than those of the suite are ignored.
 
         Args:
             now: Time [s].
-            status: Its name.
+            status: Name of the status.
             node: Full name of the node, its hardware_id.
             level: 0 ok, 1 warning, 2 error.
             text: Its message.
-            figures: Its keys and values.
+            values: Its keys and values.
         """
         namespace, slash, name = node.rpartition('/')
         if slash and status == f'{name}: loop':
-            values = {printable(key): printable(value, LONGEST) for key, value in figures.items()}
-            report = Report(now, level, printable(text), values)
+            shown = {printable(key): printable(value, LONGEST) for key, value in values.items()}
+            report = Report(now, level, printable(text), shown)
             self[printable(namespace)].report(printable(name), report)
 
     def look(self, now: float) -> None:
-        """Sum up all robots; time in s."""
+        """Evaluate all robots; time in s."""
         for robot in self._robots.values():
             robot.look(now)
         self._robots = {name: robot for name, robot in self._robots.items() if robot.nodes}

@@ -1,18 +1,17 @@
-"""The running graph: takes what has come when it is asked, and changes what a key asks for.
+"""The running graph as the screen sees it: messages are read when the screen asks for them.
 
-Nothing wakes it up in between, and all it reads but the latched status is best effort, so that the
-nodes are not held up.
+Nothing wakes the process up in between, and all subscriptions except that of the latched status
+are best effort, so that the nodes are not held up.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
-from types import TracebackType
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
@@ -20,57 +19,52 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.top.graph import Tell
 from parallel_robot_analysis.top.robots import Robot, Robots
-from parallel_robot_base import cdr, topics
+from parallel_robot_base import cdr, layouts, topics
 from parallel_robot_base.topics import Topic
 from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.tool_node import tool_node
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)
-DEPTH = 200  # messages that may come between two looks; more are left out
+DEPTH = 200  # messages that may come between two looks; more are dropped
 SERVICES = {'set_parameters': SetParameters, 'emergency_stop': Trigger, 'clear_fault': Trigger}
-PATIENCE = 3.0  # s, for the answer of a node
+ANSWER_TIMEOUT = 3.0  # s, for the answer of a node
 ROUNDS = 10  # of the executor in a look, while an answer is waited for
 
 
 class RosGraph:
-    """Hears the nodes of a ROS domain; use as a context manager."""
+    """Listens to the nodes of a ROS domain; use as a context manager."""
 
     def __init__(self, robots: Robots) -> None:
-        """Prepare; what is heard goes into `robots`."""
+        """Prepare; what is read goes into `robots`."""
         self._robots = robots
+        self._exit = ExitStack()
         self._namespace = ''
         self._subscriptions: list[tuple[Subscription, Callable[[bytes], None]]] = []
         self._asked: dict[Future, tuple[float, Tell]] = {}
         self._clients: dict[str, Client] = {}  # by service of the watched robot
-        self._pose = cdr.pose_stamped(topics.FRAME)
+        self._pose = layouts.pose_stamped(topics.FRAME)
 
     def __enter__(self) -> RosGraph:
         """Join the domain."""
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node('parallel_robot_top', enable_rosout=False)
+        node = tool_node('parallel_robot_top', enable_rosout=False)
+        self._node = self._exit.enter_context(node)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._listen(DIAGNOSTICS, self._on_diagnostics)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave it."""
-        self._node.destroy_node()
-        rclpy.try_shutdown()
+        self._exit.close()
 
     def watch(self, namespace: str) -> None:
-        """Hear status and poses of one robot, by its namespace, and no longer those of another."""
+        """Read status and poses of one robot, by its namespace, and no longer those of another."""
         while len(self._subscriptions) > 1:
             self._node.destroy_subscription(self._subscriptions.pop()[0])
         for client in self._clients.values():
@@ -105,7 +99,7 @@ class RosGraph:
             self._executor.spin_once(timeout_sec=0.0)
         for future, (deadline, tell) in [*self._asked.items()]:
             if future.done():
-                tell(*_said(future.result()))
+                tell(*_outcome(future.result()))
             elif time.monotonic() > deadline:
                 tell(False, 'the controller does not answer')
             else:
@@ -129,7 +123,7 @@ class RosGraph:
     def _ask(self, name: str, request: Any, tell: Tell) -> None:
         client = self._clients.get(name)
         if client is not None and client.service_is_ready():
-            self._asked[client.call_async(request)] = (time.monotonic() + PATIENCE, tell)
+            self._asked[client.call_async(request)] = (time.monotonic() + ANSWER_TIMEOUT, tell)
         else:
             tell(False, 'there is no controller')
 
@@ -172,8 +166,8 @@ def _statuses(data: bytes) -> list[Any]:
         return []
 
 
-def _said(answer: Any) -> tuple[bool, str]:
-    """Whether a node did what it was asked for, and what it says."""
+def _outcome(answer: Any) -> tuple[bool, str]:
+    """Whether a node did what it was asked for, and its message."""
     if isinstance(answer, SetParameters.Response):
         done = any(result.successful for result in answer.results)
         text = ', '.join(result.reason for result in answer.results)

@@ -26,16 +26,16 @@ PRIORITY = ('real-time priority', 'real time', 'realtime', 'priority')  # keys o
 TIMES = (('lag', 'controller'), ('round trip', 'plant'), ('delay', 'plant'))  # who reports them
 BARS = ' ▁▂▃▄▅▆▇█'
 EIGHTHS = len(BARS) - 1  # of a row
-FLOOR, DECADES = 1e-7, 5  # m; bars of the platform error reach from 0.1 um to 1 cm
+FLOOR, DECADES = 1e-7, 5  # m; bars of the end-effector error reach from 0.1 um to 1 cm
 SCALE = ('  1 cm ', '       ', '0.1 um ')  # beside their rows, from the top
 STYLES = {OK: 'green', WARNING: 'yellow', ERROR: 'bold red'}
 
 
 def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> Group:
-    """All of one robot.
+    """Everything about one robot.
 
     Args:
-        robots: What is known.
+        robots: All robots that are known.
         shown: Namespace of the robot.
         domain: Number of the ROS domain.
         now: Time [s].
@@ -43,7 +43,7 @@ def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> G
     """
     robot, names = robots[shown], robots.names()
     count = f' ({names.index(shown) + 1} of {len(names)})' if shown in names and names[1:] else ''
-    state = robot.figure('plant', 'state')
+    state = robot.value('plant', 'state')
     title = Table.grid(expand=True)
     title.add_column()
     title.add_column(justify='right', style='dim')
@@ -63,12 +63,12 @@ def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> G
         title,
         framed('nodes', nodes(robot, now)),
         middle,
-        framed('platform error', error(robot, width - 4)),
+        framed('end-effector error', error(robot, width - 4)),
     )
 
 
 def nodes(robot: Robot, now: float) -> Table:
-    """A row a node: rate, share of a processor, priority, what it says."""
+    """A row for each node: rate, share of a processor, priority, message."""
     table = Table(box=None, expand=True, pad_edge=False, header_style='dim')
     table.add_column('node', width=10, no_wrap=True)
     for title, width in (('rate', 8), ('cpu', 7), ('priority', 10)):
@@ -78,9 +78,9 @@ def nodes(robot: Robot, now: float) -> Table:
     for name in [*known, *sorted(set(robot.nodes) - set(known))]:
         table.add_row(
             Text(name),
-            Text(rounded(robot.figure(name, 'rate [Hz]'), 0, 'Hz')),
-            Text(rounded(robot.figure(name, 'processor [%]'), 1, '%')),
-            Text(robot.figure(name, *PRIORITY) or UNKNOWN),
+            Text(rounded(robot.value(name, 'rate [Hz]'), 0, 'Hz')),
+            Text(rounded(robot.value(name, 'processor [%]'), 1, '%')),
+            Text(robot.value(name, *PRIORITY) or UNKNOWN),
             said(robot.nodes[name], now),
         )
     return table
@@ -100,17 +100,17 @@ def loop(robot: Robot) -> Table:
 
 
 def times(robot: Robot) -> Group:
-    """Lag, round trip and delay: median, 99 %, largest of the last second [ms]; states."""
+    """Lag, round trip and delay of the last second: p50, p99, max [ms]; states."""
     table = Table(box=None, expand=True, pad_edge=False, header_style='dim')
     table.add_column('ms', width=10, no_wrap=True, style='dim')
     for title in ('p50', 'p99', 'max'):
         table.add_column(title, justify='right', ratio=1, no_wrap=True)
     for name, node in TIMES:
-        words = robot.figure(node, f'{name} p50/p99/max [ms]').split('/')
+        words = robot.value(node, f'{name} p50/p99/max [ms]').split('/')
         shown = words if len(words) == 3 else [UNKNOWN] * 3
         table.add_row(name, *(Text(number(word)) for word in shown))
     answered, skipped = (
-        robot.figure('controller', key) or UNKNOWN for key in ('answered', 'skipped')
+        robot.value('controller', key) or UNKNOWN for key in ('answered', 'skipped')
     )
     states = Text.assemble(('states  ', 'dim'), f'{answered} answered, {skipped} skipped')
     states.no_wrap = True
@@ -118,7 +118,7 @@ def times(robot: Robot) -> Group:
 
 
 def error(robot: Robot, width: int) -> Text:
-    """Platform error of the last look, and bars of the earlier ones on a logarithmic scale."""
+    """End-effector error of the last look; bars of the earlier ones on a logarithmic scale."""
     found, columns = robot.error, width - len(SCALE[0])
     text = f'{length(found.rms)} rms, {length(found.largest)} max' if found else UNKNOWN
     drawn, looks = Text(text), [*robot.history][-columns:]
@@ -129,7 +129,7 @@ def error(robot: Robot, width: int) -> Text:
 
 
 def said(report: Report, now: float) -> Text:
-    """What a node says of itself, or for how long it has said nothing."""
+    """The message of a node, or for how long it has been silent."""
     silent = now - report.time
     if silent >= SILENT:
         return Text(f'silent for {silent:.0f} s', STYLES[ERROR])
@@ -137,7 +137,7 @@ def said(report: Report, now: float) -> Text:
 
 
 def number(word: str) -> str:
-    """A number with three digits that count; other words as they are."""
+    """A number with three significant digits; other words as they are."""
     try:
         value = float(word)
     except ValueError:
@@ -154,13 +154,13 @@ def rounded(word: str, digits: int, unit: str) -> str:
 
 
 def length(metres: float) -> str:
-    """A length as people say it."""
+    """A length in a fitting unit."""
     unit, factor = ('mm', 1e3) if metres >= 1e-3 else ('um', 1e6)
     return f'{number(str(factor * metres))} {unit}'
 
 
 def bar(metres: float, row: int) -> str:
-    """What the bar of a length has in a row, the lowest being 0; nothing for NaN."""
+    """The part of the bar of a length that is in a row, 0 being the lowest; blank for NaN."""
     if math.isnan(metres):
         return BARS[0]
     share = math.log10(max(metres, FLOOR) / FLOOR) / DECADES

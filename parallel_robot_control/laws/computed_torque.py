@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.contract import Model
+from parallel_robot_model.contract import Model, inverse_dynamics
 
 Array = NDArray[np.float64]
 
@@ -56,5 +55,5 @@ def update(
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
     acceleration = reference.acceleration + gains.Kd * e_dot + gains.Kp * e
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    torque = inverse_dynamics(model, acceleration, feedback.velocity)
     return ControlOutput(torque, e, e, memory)

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.switching_functions import saturate, sig
-from parallel_robot_model.contract import Model
+from parallel_robot_model.contract import Model, inverse_dynamics
 
 Array = NDArray[np.float64]
 
@@ -94,5 +93,5 @@ def update(
         S = e + gains.Gamma1 * sig(e, gains.gamma1) + gains.Gamma2 * sig(e_dot, gains.gamma2)
         w = sig(e_dot, 2.0 - gains.gamma2) * (1.0 + slope) / (gains.Gamma2 * gains.gamma2)
     acceleration = reference.acceleration + w + (gains.G + gains.g) * saturate(S / gains.u)
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    torque = inverse_dynamics(model, acceleration, feedback.velocity)
     return ControlOutput(torque, S, e, memory)

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import sig
-from parallel_robot_model.contract import Model
+from parallel_robot_model.contract import Model, inverse_dynamics
 
 Array = NDArray[np.float64]
 
@@ -97,18 +96,41 @@ def without_switching(
     dt: float,
 ) -> ControlOutput:
     """The law but for the rate of tau_sw, for any gains that have lambda_, Gamma and gamma."""
+    De = coupling(reference.position - feedback.position)
+    De_dot = coupling(reference.velocity - feedback.velocity)
+    return with_coupling(gains, De, De_dot, model, reference, feedback, memory, dt)
+
+
+@kernel
+def with_coupling(
+    gains: Any,
+    De: Array,
+    De_dot: Array,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    memory: Memory,
+    dt: float,
+) -> ControlOutput:
+    """The law but for the rate of tau_sw, with the coupling De [rad] and its rate De_dot [rad/s].
+
+    Both have shape (n,); all other arguments are those of :func:`update`.
+    """
+    # 1. The cross-coupling error and its rate, eq. (10): e_c = e + lambda int De dt.
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
-    De = coupling(e)
     integral, surface = advanced(memory.coupling, dt), advanced(memory.surface, dt)
     tau_sw = advanced(memory.switching, dt)
     e_c = e + gains.lambda_ * integral
     e_c_dot = e_dot + gains.lambda_ * De
+    # 2. The surface: S = d/dt (e_c' + int w dt), from the difference of two samples.
     w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
     v = e_c_dot + surface
     S = memory.started * (v - memory.v) / dt
-    acceleration = reference.acceleration + gains.lambda_ * coupling(e_dot) + w + tau_sw
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    # 3. The torque, eqs. (15)-(17): equivalent control and tau_sw.
+    acceleration = reference.acceleration + gains.lambda_ * De_dot + w + tau_sw
+    torque = inverse_dynamics(model, acceleration, feedback.velocity)
+    # 4. Integrals of the next sample; those that would wind up stand still.
     after = Memory(
         Integral(integral, unless_any_saturated(De, feedback.excess)),
         Integral(surface, w),

@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
-from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.integral import Integral, advanced
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.switching_functions import sig
 from parallel_robot_model.contract import Model
@@ -21,7 +18,6 @@ Array = NDArray[np.float64]
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
-_switched = s_fotsmc.switched
 
 
 class Gains(NamedTuple):
@@ -117,21 +113,6 @@ def update(
     edge = _edges(e)
     De = _gather(_root(edge, gains.p, gains.clip))
     De_dot = _gather(_root_slope(edge, gains.p, gains.clip) * _edges(e_dot))
-    integral, surface = advanced(memory.coupling, dt), advanced(memory.surface, dt)
-    tau_sw = advanced(memory.switching, dt)
-    e_c = e + gains.lambda_ * integral
-    e_c_dot = e_dot + gains.lambda_ * De
-    w = gains.Gamma2 * sig(e_c_dot, gains.gamma2) + gains.Gamma1 * sig(e_c, gains.gamma1)
-    v = e_c_dot + surface
-    S = memory.started * (v - memory.v) / dt
-    acceleration = reference.acceleration + gains.lambda_ * De_dot + w + tau_sw
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
-    after = s_fotsmc.Memory(
-        Integral(integral, unless_any_saturated(De, feedback.excess)),
-        Integral(surface, w),
-        Integral(tau_sw, np.zeros(len(e))),
-        v,
-        1.0,
-    )
-    rate = (gains.G + gains.g) * np.sign(S)
-    return _switched(ControlOutput(torque, S, e_c, after), rate, feedback.excess)
+    output = s_fotsmc.with_coupling(gains, De, De_dot, model, reference, feedback, memory, dt)
+    rate = (gains.G + gains.g) * np.sign(output.sliding_variable)
+    return s_fotsmc.switched(output, rate, feedback.excess)

@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import saturate
-from parallel_robot_model.contract import Model
+from parallel_robot_model.contract import Model, inverse_dynamics
 
 Array = NDArray[np.float64]
 
@@ -84,8 +83,7 @@ def update(
     acceleration = reference.acceleration - gains.lambda_ * coupling(e_dot) - gains.z * e_c_dot
     velocity = reference.velocity - gains.lambda_ * De - gains.z * e_c
     torque = (
-        multiply(model.M, acceleration)
-        + multiply(model.Q, velocity)
+        inverse_dynamics(model, acceleration, velocity)
         - gains.K * S
         - (gains.G + gains.g) * saturate(S / gains.u)
     )

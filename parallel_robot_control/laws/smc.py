@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.switching_functions import saturate
-from parallel_robot_model.contract import Model
+from parallel_robot_model.contract import Model, inverse_dynamics
 
 Array = NDArray[np.float64]
 
@@ -64,9 +63,7 @@ def update(
     e = feedback.position - reference.position
     e_dot = feedback.velocity - reference.velocity
     S = e_dot + gains.z * e
-    torque = (
-        multiply(model.M, reference.acceleration - gains.z * e_dot)
-        + multiply(model.Q, reference.velocity - gains.z * e)
-        - (gains.G + gains.g) * saturate(S / gains.u)
-    )
+    torque = inverse_dynamics(
+        model, reference.acceleration - gains.z * e_dot, reference.velocity - gains.z * e
+    ) - (gains.G + gains.g) * saturate(S / gains.u)
     return ControlOutput(torque, S, -e, memory)

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import sig
-from parallel_robot_model.contract import Model
+from parallel_robot_model.contract import Model, inverse_dynamics
 
 Array = NDArray[np.float64]
 
@@ -71,6 +70,6 @@ def update(
     S = e_dot + gains.z * e
     w = advanced(memory.integral, dt)
     acceleration = reference.acceleration + gains.z * e_dot + gains.k1 * sig(S, 0.5) + w
-    torque = multiply(model.M, acceleration) + multiply(model.Q, feedback.velocity)
+    torque = inverse_dynamics(model, acceleration, feedback.velocity)
     rate = unless_saturated(gains.k2 * np.sign(S), feedback.excess)
     return ControlOutput(torque, S, e, Memory(Integral(w, rate)))

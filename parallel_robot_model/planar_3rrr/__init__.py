@@ -1,1 +1,53 @@
-"""The 3-RRR planar parallel robot: parameters, kinematics, singularities, dynamics."""
+"""The 3-RRR planar parallel robot of Doan, Le and Vo (2019); the attributes of a robot.
+
+Its pose is (x, y, phi) [m, m, rad], which is also what its plant integrates: minimal coordinates,
+in which all is closed form and the loops stay closed to round-off.
+"""
+
+from parallel_robot_model.contract import Coordinate
+from parallel_robot_model.planar_3rrr.dynamics import acceleration
+from parallel_robot_model.planar_3rrr.estimate import estimate, locate
+from parallel_robot_model.planar_3rrr.margins import (
+    FAULTS,
+    MotionLimits,
+    SafetyMargins,
+    infeasible,
+)
+from parallel_robot_model.planar_3rrr.motion import joint_motion, measure, start
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters as Parameters
+from parallel_robot_model.planar_3rrr.parameters import validate
+from parallel_robot_model.planar_3rrr.skeleton import segments
+
+PARTS = ('leg', 'platform')
+PLANAR = True
+
+
+def joints(parameters: Parameters) -> int:
+    """Three legs."""
+    return 3
+
+
+def coordinates(parameters: Parameters) -> tuple[Coordinate, ...]:
+    """Position and angle of the platform."""
+    return Coordinate('x', 'm'), Coordinate('y', 'm'), Coordinate('phi', 'rad')
+
+
+__all__ = [
+    'FAULTS',
+    'PARTS',
+    'PLANAR',
+    'MotionLimits',
+    'Parameters',
+    'SafetyMargins',
+    'acceleration',
+    'coordinates',
+    'estimate',
+    'infeasible',
+    'joint_motion',
+    'joints',
+    'locate',
+    'measure',
+    'segments',
+    'start',
+    'validate',
+]

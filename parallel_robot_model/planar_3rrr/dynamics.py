@@ -17,9 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import inverse, multiply
+from parallel_robot_base.linear_algebra import inverse, multiply, multiply_transposed
 from parallel_robot_model.contract import Model
-from parallel_robot_model.planar_3rrr.kinematics import jacobian_q, jacobian_x, velocity_maps
+from parallel_robot_model.joint_load import JointLoad, net_torque
+from parallel_robot_model.planar_3rrr.kinematics import (
+    inverse_kinematics,
+    jacobian_q,
+    jacobian_x,
+    velocity_maps,
+)
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
@@ -83,7 +89,33 @@ def actuated_dynamics(
     J = inverse(H)
     M = _congruence(J, M_x)
     Q = _congruence(J, Q_x - _product(M_x, _product(J, H_dot)))
-    return Model(0.5 * (M + M.T), Q)
+    return Model(0.5 * (M + M.T), Q, np.zeros(3))
+
+
+@kernel
+def acceleration(
+    robot: RobotParameters,
+    load: JointLoad,
+    pose: Array,
+    rate: Array,
+    torque: Array,
+    time: float,
+) -> Array:
+    """Second derivative of the pose: M_x Xdd = H^T (tau - friction - delta) - Q_x Xdot.
+
+    Args:
+        robot: The robot.
+        load: Friction and disturbance of the actuated joints.
+        pose: [m, m, rad], shape (3,).
+        rate: [m/s, m/s, rad/s], shape (3,).
+        torque: Of the motors [N m], shape (3,).
+        time: Since the start [s].
+    """
+    legs = inverse_kinematics(robot, pose)
+    M, Q, H, _ = pose_dynamics(robot, pose[2], legs.theta, legs.beta, rate)
+    drive = net_torque(load, torque, multiply(H, rate), time)
+    force = multiply_transposed(H, drive) - multiply(Q, rate)
+    return multiply(inverse(M), force)
 
 
 @kernel

@@ -1,41 +1,37 @@
-"""Points of the robot, for pictures of it."""
+"""Links and platform as straight lines, for pictures."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
+from numpy.typing import NDArray
 
-from parallel_robot_model.planar_3rrr.kinematics import Array
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
-
-class Skeleton(NamedTuple):
-    """Ends of the links.
-
-    Attributes:
-        base: Base joints [m], shape (3, 2).
-        elbow: Between proximal and distal link [m], shape (..., 3, 2).
-        platform: Joints of the platform [m], shape (..., 3, 2).
-    """
-
-    base: Array
-    elbow: Array
-    platform: Array
+Array = NDArray[np.float64]
 
 
-def skeleton(robot: RobotParameters, pose: Array, theta: Array) -> Skeleton:
-    """Points of the robot in one posture or in many.
+def segments(robot: RobotParameters, pose: Array, theta: Array) -> dict[str, Array]:
+    """Lines of the robot in one posture or in many, by the name of their part.
 
     Args:
         robot: The robot.
         pose: Of the platform [m, m, rad], shape (..., 3).
         theta: Actuated angles [rad], shape (..., 3).
+
+    Returns:
+        Ends of three proximal links, three distal links and three sides of the platform [m], each
+        shape (..., 3, 2, 2).
     """
-    base = np.stack([robot.base_x, robot.base_y], axis=1)
+    elbow = np.stack([robot.base_x, robot.base_y], axis=1) + robot.l1 * _unit(theta)
+    base = np.broadcast_to(np.stack([robot.base_x, robot.base_y], axis=1), elbow.shape)
     angle = pose[..., 2:] + np.array(robot.platform_angle)
-    centre = pose[..., np.newaxis, :2]
-    return Skeleton(base, base + robot.l1 * _unit(theta), centre + robot.l3 * _unit(angle))
+    joint = pose[..., np.newaxis, :2] + robot.l3 * _unit(angle)
+    ends = {
+        'proximal': (base, elbow),
+        'distal': (elbow, joint),
+        'platform': (joint, np.roll(joint, -1, axis=-2)),
+    }
+    return {part: np.stack(pair, axis=-2) for part, pair in ends.items()}
 
 
 def _unit(angle: Array) -> Array:

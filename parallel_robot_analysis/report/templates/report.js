@@ -74,9 +74,14 @@ class Plot {
 
 // Animation; y points up in the robot and down in SVG.
 
+// Style and width of the lines of a part; of any other part, those of OTHER.
+const PARTS = { proximal: ['link1', 7], distal: ['link2', 5], platform: ['ink', 3] };
+const OTHER = ['faint', 4];
+
+const point = (x, y) => `${x.toFixed(6)},${(-y).toFixed(6)}`;
 const points = (numbers) => {
   const pairs = [];
-  for (let i = 0; i < numbers.length; i += 2) pairs.push(`${numbers[i].toFixed(6)},${(-numbers[i + 1]).toFixed(6)}`);
+  for (let i = 0; i < numbers.length; i += 2) pairs.push(point(numbers[i], numbers[i + 1]));
   return pairs.join(' ');
 };
 
@@ -99,13 +104,17 @@ class Animation {
       svg.setAttribute('viewBox', `${x} ${-y - h} ${w} ${h}`);
     line(whole, 'reference', 3).setAttribute('points', this.path(this.runs[0], 0));
     this.trace = line(whole, 'run0', 1.2);
-    line(whole, 'rule', 1.5, 'polygon').setAttribute('points', points(this.base.flat()));
-    this.legs = this.base.map(() => [line(whole, 'link1', 7), line(whole, 'link2', 5)]);
-    this.platform = line(whole, 'ink', 3, 'polygon');
-    this.platform.classList.add('platform');
+    this.base = line(whole, 'rule', 1.5, 'polygon');
+    let start = 4;
+    this.parts = animation.parts.map(([name, count]) => {
+      const [style, width] = PARTS[name] ?? OTHER;
+      const element = line(whole, style, width, 'path');
+      element.dataset.part = name;
+      start += 4 * count;
+      return { name, element, start: start - 4 * count, end: start };
+    });
     this.joints = line(whole, 'ink', 9, 'path');
-    this.legs.forEach(([proximal, distal]) => { proximal.classList.add('proximal'); distal.classList.add('distal'); });
-    this.centre = line(whole, 'ink', 8, 'path');
+    this.effector = line(whole, 'ink', 8, 'path');
     for (const run of this.runs) line(detail, 'reference', 4).setAttribute('points', this.path(run, 0));
     for (const run of this.runs) run.path = line(detail, run.style, 1.3);
     this.target = line(detail, 'ink', 1.5, 'path');
@@ -146,25 +155,27 @@ class Animation {
     this.find('now').textContent = `${(frame * this.step).toFixed(2)} s`;
     const chosen = this.runs[Number(this.find('robot')?.value ?? 0)];
     const v = this.values(chosen, frame);
-    const n = this.base.length;
-    const pair = (start, i) => [v[start + 2 * i], v[start + 2 * i + 1]];
-    const dot = (xy) => `M ${points(xy)} h 0`;
+    const dot = ([px, py]) => `M ${point(px, py)} h 0`;
     const joints = [];
-    this.legs.forEach(([proximal, distal], i) => {
-      const [elbow, end] = [pair(4, i), pair(4 + 2 * n, i)];
-      proximal.setAttribute('points', points([...this.base[i], ...elbow]));
-      distal.setAttribute('points', points([...elbow, ...end]));
-      joints.push(dot(this.base[i]), dot(elbow), dot(end));
-    });
+    for (const { name, element, start, end } of this.parts) {
+      const starts = [];
+      const lines = [];
+      for (let i = start; i < end; i += 4) {
+        starts.push(v[i], v[i + 1]);
+        lines.push(`M ${point(v[i], v[i + 1])} L ${point(v[i + 2], v[i + 3])}`);
+        joints.push(dot([v[i], v[i + 1]]));
+      }
+      element.setAttribute('d', lines.join(' '));
+      if (name === 'proximal') this.base.setAttribute('points', points(starts)); // they are fixed
+    }
     this.joints.setAttribute('d', joints.join(' '));
-    this.platform.setAttribute('points', points(v.subarray(4 + 2 * n)));
     if (this.chosen !== chosen) {
       this.chosen = chosen;
-      this.trace.style.stroke = this.centre.style.stroke = `var(--${chosen.style})`;
+      this.trace.style.stroke = this.effector.style.stroke = `var(--${chosen.style})`;
       this.trace.setAttribute('points', this.path(chosen, 1));
     }
-    this.centre.setAttribute('d', dot(pair(2, 0)));
-    const [x, y] = v;
+    const [x, y, px, py] = v;
+    this.effector.setAttribute('d', dot([px, py]));
     const arm = 0.03 * this.detail[2];
     this.target.setAttribute('d', `M ${x - arm} ${-y} h ${2 * arm} M ${x} ${-y - arm} v ${2 * arm}`);
     for (const run of this.runs) run.dot.setAttribute('d', dot(this.place(this.values(run, frame), this.factor)));

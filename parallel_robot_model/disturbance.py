@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.fields import Field
+from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -20,16 +20,17 @@ class DisturbanceParameters(NamedTuple):
     The paper gives no disturbance: zero in its scenarios.
     """
 
-    amplitude: Annotated[tuple[float, float, float], Field('N m', 'amplitude per joint', 0.0)]
+    amplitude: Annotated[PerJoint, Field('N m', 'amplitude per joint', 0.0)]
     frequency: Annotated[float, Field('Hz', 'frequency, the same for all joints', 0.0)]
-    phase: Annotated[tuple[float, float, float], Field('rad', 'phase per joint')]
+    phase: Annotated[PerJoint, Field('rad', 'phase per joint')]
 
 
 @kernel
 def disturbance_torque(disturbance: DisturbanceParameters, time: float) -> Array:
-    """Torque against the motors [N m], shape (3,), at `time` since the start [s]."""
-    torque = np.empty(3)
-    for i in range(3):
+    """Torque against the motors [N m], shape (n,), at `time` since the start [s]."""
+    count = len(disturbance.amplitude)
+    torque = np.empty(count)
+    for i in range(count):
         angle = 2.0 * math.pi * disturbance.frequency * time + disturbance.phase[i]
         torque[i] = disturbance.amplitude[i] * math.sin(angle)
     return torque

@@ -10,8 +10,8 @@ import numpy as np
 from parallel_robot_bags.samples import Samples
 from parallel_robot_control.contract import JointReference
 
-UNKNOWN = -1  # a stamp: the bag does not say
-NEIGHBOURS = 21  # messages that tell together how many commands came before each of them
+UNKNOWN = -1  # stamp where the bag does not say
+NEIGHBOURS = 21  # messages whose median says how many commands came before each of them
 EXTRAPOLATED = ('position', 'velocity', 'acceleration')
 
 
@@ -37,7 +37,7 @@ class Used(NamedTuple):
     """References that the controller used.
 
     Attributes:
-        stamps: Of the reference used at each state [ns], shape (N,); 0 where there is no answer.
+        stamps: Stamp of the reference used at each state [ns], shape (N,); 0 without an answer.
         late: Whether a newer one for that state came too late, shape (N,).
         older: The states whose reference has another stamp than the state, shape (K,).
         samples: References of those states as they were published, each shape (K, n).
@@ -49,7 +49,7 @@ class Used(NamedTuple):
     samples: JointReference
 
     def head(self, count: int) -> Used:
-        """Those of the first states."""
+        """The references of the first states."""
         inside = self.older < count
         samples = JointReference(*(row[inside] for row in self.samples))
         return Used(self.stamps[:count], self.late[:count], self.older[inside], samples)
@@ -59,12 +59,12 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     """Find the record of each command.
 
     Records and commands are in the same order, so it is enough to know how many commands came
-    before each message of records. The bag may begin in the midst of a message and end before the
+    before each message of records. The bag may begin in the middle of a message and end before the
     last one; log times may be out of order here and there, so neighbours decide together.
 
     Args:
         heard: Log times of the commands in order [ns], shape (M,).
-        messages: Those of ``controller/answered``; what is not in pairs is left out.
+        messages: Messages on ``controller/answered``; those that do not hold pairs are ignored.
 
     Returns:
         What was recorded; None when there is no record.
@@ -86,7 +86,7 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     ends = np.cumsum(sizes)
     rows = whole[np.repeat(starts - (ends - sizes), sizes) + np.arange(ends[-1])]
 
-    from scipy.ndimage import median_filter  # half a second that `simulate` need not wait
+    from scipy.ndimage import median_filter  # takes half a second, which `simulate` is spared
 
     before = np.searchsorted(heard, times, side='right')
     ahead = median_filter(ends - before, size=NEIGHBOURS, mode='nearest')
@@ -109,7 +109,7 @@ def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
     """Command that answers each state, -1 where there is none, shape (N,).
 
     Args:
-        stamps: Of the states [ns], shape (N,).
+        stamps: Stamps of the states [ns], shape (N,).
         states: Stamp of the state that each command answers [ns], shape (M,).
     """
     order = np.argsort(stamps, kind='stable')
@@ -125,15 +125,15 @@ def used(stamps: np.ndarray, known: np.ndarray, references: Samples) -> Used:
     """Find the references that were used.
 
     Args:
-        stamps: Of the states [ns], shape (N,).
+        stamps: Stamps of the states [ns], shape (N,).
         known: Stamp of the reference used at each state [ns], shape (N,); 0: none.
-        references: All references; where the bag lacks one, the one before is taken for it.
+        references: All references; where the bag lacks one, the one before takes its place.
     """
     order = np.argsort(references.stamps, kind='stable')
     ordered = references.stamps[order]
     at = np.maximum(np.searchsorted(ordered, known, side='right') - 1, 0)
     newest = np.searchsorted(ordered, stamps, side='right') - 1
-    answered = (known > 0) & (ordered[at] > 0)  # zero is no time
+    answered = (known > 0) & (ordered[at] > 0)  # a stamp of zero is not a time
     found = np.where(answered, ordered[at], 0)
     older = np.flatnonzero(answered & (found != stamps))
     samples = [references.numbers[name][order[at[older]]] for name in EXTRAPOLATED]
@@ -143,13 +143,13 @@ def used(stamps: np.ndarray, known: np.ndarray, references: Samples) -> Used:
 def guess(states: Samples, commands: Samples) -> tuple[np.ndarray, bool]:
     """Guess the state that each command answers, for bags that do not say.
 
-    The k-th answers the k-th, but for zeros that the controller sent unasked: at its end, or when
-    states stayed away. Where some of either are lost, a command answers the newest state that was
-    recorded before it, which is exact in lockstep.
+    The k-th answers the k-th, except for zeros that the controller sent on its own: at its end,
+    or when no states came. Where some of either are lost, a command answers the newest state that
+    was recorded before it, which is exact in lockstep.
 
     Args:
-        states: The states.
-        commands: The commands.
+        states: All states of the bag.
+        commands: All commands of the bag.
 
     Returns:
         Stamps of the states [ns], shape (M,), 0 where a command answers none; whether none of

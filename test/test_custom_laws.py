@@ -1,4 +1,4 @@
-"""Laws of one's own: one file, found everywhere; a wrong one costs one line."""
+"""Custom laws: one file, found everywhere; a wrong one costs one line."""
 
 import re
 import signal
@@ -6,16 +6,18 @@ import timeit
 
 import numpy as np
 import pytest
-from own_law import LAW, RETURN
+from assembly import prepare, simulated
+from custom_law import LAW, RETURN
 from rig import Rig
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_base import cdr, config, kernel_cache, plugins, topics
+from parallel_robot_base import cache_directory, layouts, topics
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.kernel_cache import NOTICE
-from parallel_robot_control.laws import LAWS, prepare, trial
-from parallel_robot_sim.simulation import simulate
+from parallel_robot_control import law_loader, law_trial
+from parallel_robot_control.configuration import resolve, settings
+from parallel_robot_control.laws import LAWS
 
 pytest_plugins = ['ros_fixtures']
 
@@ -47,14 +49,12 @@ def mine(tmp_path_factory):
 
 
 def values_of(path, **changes):
-    return config.resolve('paper_circle', {'own_laws': [str(path)], 'law': path.stem, **changes})
+    return resolve('paper_circle', {'custom_laws': [str(path)], 'law': path.stem, **changes})
 
 
-def test_a_law_of_ones_own_is_compared_and_simulated_like_the_others(
-    mine, tmp_path, capsys, monkeypatch
-):
+def test_it_is_compared_and_simulated_like_the_others(mine, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(mine.parent)
-    own = ['--duration', '2', '--set', 'own_laws=[mine.py]']
+    own = ['--duration', '2', '--set', 'custom_laws=[mine.py]']
     assert main(['compare', 'paper_circle', *own, '--laws', 'mine', 'pid']) == 0
     rows = {
         line.split()[0]: line.split()[1:] for line in capsys.readouterr().out.splitlines()[3:5]
@@ -70,21 +70,22 @@ def test_a_law_of_ones_own_is_compared_and_simulated_like_the_others(
 
 def test_classes_of_the_same_names_as_those_of_another_law_are_told_apart(mine):
     values = values_of(mine, duration=2.0)
-    made, pid = simulate(values), simulate(values | {'law': 'pid'})
+    made, pid = simulated(values), simulated(values | {'law': 'pid'})
     assert np.array_equal(made.run.command, pid.run.command)
-    assert type(made.run.memory) is type(made.law.memory) is not LAWS['pid'].Memory
+    first = made.experiment.control.law.memory
+    assert type(made.run.memory) is type(first) is not LAWS['pid'].Memory
     assert type(pid.run.memory) is LAWS['pid'].Memory
 
 
 def test_a_cycle_with_such_a_law_takes_no_longer_than_with_the_other(mine):
     times = {}
-    rigs = {law: Rig('lockstep', law=law, own_laws=[str(mine)]) for law in ('pid', 'mine')}
+    rigs = {law: Rig('lockstep', law=law, custom_laws=[str(mine)]) for law in ('pid', 'mine')}
     for rig in rigs.values():
         rig.run(5)
     for law, rig in rigs.items():
         core, joints = rig.controller, ('joint1', 'joint2', 'joint3')
         stamps = rig.stamp + np.arange(1400) * 10**6
-        states = cdr.joint_state(joints).records(
+        states = layouts.joint_state(joints).records(
             len(stamps), stamps, position=rig.measured().position
         )
         messages = iter([state.tobytes() for state in states])
@@ -100,25 +101,25 @@ def test_a_cycle_with_such_a_law_takes_no_longer_than_with_the_other(mine):
 
 
 def test_the_laws_are_switched_to_and_fro(mine):
-    rig = Rig('lockstep', own_laws=[str(mine)])
+    rig = Rig('lockstep', custom_laws=[str(mine)])
     for law in ('mine', 'pid', 's_fotsmc', 'mine'):
         before = rig.run(20).torque
         rig.change(law=law)
         sample = rig.step()
-        assert sample.status.law == law and sample.status.fault == 0
+        assert sample.status.law == law and sample.status.fault is None
         assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
         assert type(rig.controller.memory) is type(rig.controller.law.memory)
 
 
-def test_the_preset_of_a_law_of_ones_own_are_its_defaults_as_numbers(mine):
-    rig = Rig('lockstep', law='mine', own_laws=[str(mine)])
+def test_the_preset_of_a_law__are_its_defaults_as_numbers(mine):
+    rig = Rig('lockstep', law='mine', custom_laws=[str(mine)])
     rig.change(mine__Kp=1000.0)
-    change = rig.controller.judge({'preset': 'paper'})
-    gain = change.values['mine.Kp']
+    change = rig.controller.prepare_change({'preset': 'paper'})
+    gain = dict(settings(change.configuration))['mine.Kp']
     assert (type(gain), gain) == (float, 1350.0)  # the file says 1350
 
 
-def test_judge_of_a_law_of_ones_own_may_refuse_or_fail(write):
+def test_judge_of_a_law__may_refuse_or_fail(write):
     judged = '\n\ndef judge(gains):\n    return [f"{1.0 / (gains.Kp - 2.0)}"]\n'
     path = write('judging', ('\n\n@kernel', judged + '\n\n@kernel'))
     assert prepare('judging', values_of(path, **{'judging.Kp': 3.0})).warnings == ('judging: 1.0',)
@@ -163,8 +164,8 @@ WRONG = {
         [('class Gains', 'raise OSError("a\\nb")\n\n\nclass Gains')],
         'wordy.py: OSError: a',
     ),
-    'plant': ([], 'own_laws: plant is a group of parameters; rename the file'),
-    'smc': ([], 'own_laws: smc.py: there is already a law smc; rename the file'),
+    'plant': ([], 'custom_laws: plant is a group of parameters; rename the file'),
+    'smc': ([], 'custom_laws: smc.py: there is already a law smc; rename the file'),
 }
 
 
@@ -172,7 +173,7 @@ WRONG = {
 def test_a_wrong_file_costs_one_line(name, write, capsys):
     replaced, reason = WRONG[name]
     write(name, *replaced)
-    words = ['paper_circle', '--duration', '0.1', '--set', f'own_laws=[{name}.py]']
+    words = ['paper_circle', '--duration', '0.1', '--set', f'custom_laws=[{name}.py]']
     for command in (['simulate', *words, '--law', name, '--out', 'bag'], ['compare', *words]):
         assert main(command) == 2
         out, err = capsys.readouterr()
@@ -200,7 +201,7 @@ def test_what_a_law_does_wrong_is_found_before_it_acts(name, write):
 
 def test_the_trial_takes_no_code_of_the_ordinary_cache(write, monkeypatch):
     """Not even where the user has chosen that cache (NUMBA_CACHE_DIR)."""
-    monkeypatch.setattr(kernel_cache, '_OWN', '')
+    monkeypatch.setattr(cache_directory, 'OWN', '')
     replaced, reason = UNFIT['beyond']
     with pytest.raises(InputError, match=reason):
         prepare('aloof', values_of(write('aloof', replaced)))
@@ -213,10 +214,10 @@ def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypat
         assert warning == (
             'rigid: written for 3 joints; with 1: IndexError: index is out of bounds'
         )
-        monkeypatch.setattr(trial, '_try', None)  # now it is known
+        monkeypatch.setattr(law_trial, '_try', None)  # now it is known
 
 
-NO_LAW = 'is not a Python file whose name can name a law'
+NO_LAW = 'is not a Python file whose name is an identifier'
 
 
 @pytest.mark.parametrize(
@@ -233,28 +234,28 @@ NO_LAW = 'is not a Python file whose name can name a law'
 )
 def test_a_file_that_is_none_costs_one_line(given, reason, write, tmp_path, capsys):
     (tmp_path / 'a-b.py').write_text(LAW), (tmp_path / 'mine.txt').write_text(LAW)
-    assert main(['compare', 'paper_circle', '--set', f'own_laws=[{given}]']) == 2
+    assert main(['compare', 'paper_circle', '--set', f'custom_laws=[{given}]']) == 2
     err = capsys.readouterr().err
-    assert err.count('\n') == 1 and f'own_laws: {given} {reason}' in err
+    assert err.count('\n') == 1 and f'custom_laws: {given} {reason}' in err
 
 
 def test_two_files_of_one_name_are_not_confused(write, capsys):
     write('same'), write('same', folder='b')
-    assert main(['compare', 'paper_circle', '--set', 'own_laws=[same.py, b/same.py]']) == 2
-    assert 'own_laws: b/same.py: there is already a law same' in capsys.readouterr().err
+    assert main(['compare', 'paper_circle', '--set', 'custom_laws=[same.py, b/same.py]']) == 2
+    assert 'custom_laws: b/same.py: there is already a law same' in capsys.readouterr().err
 
 
 def test_a_copy_of_a_law_is_not_compiled_again(write):
     one, copy = write('same'), write('same', folder='copy')
     other = write('same', ('e, e, Memory', 'e_dot, e, Memory'), folder='other')
-    modules = [plugins.load(str(path))[1] for path in (one, copy, other)]
+    modules = [law_loader.load(str(path))[1] for path in (one, copy, other)]
     assert modules[0] is modules[1] and modules[0] is not modules[2]
 
 
 @pytest.mark.xdist_group('processes')
 def test_the_node_runs_it_or_says_in_one_line_why_not(write, launch, peer):
     def node(path, law):
-        words = ['-p', f'own_laws:=["{path}"]', '-p', f'law:={law}', '-p', f'{law}.Kp:=1000']
+        words = ['-p', f'custom_laws:=["{path}"]', '-p', f'law:={law}', '-p', f'{law}.Kp:=1000']
         return launch(MODULES['controller'], '--ros-args', *words)
 
     good = node(write('tuned'), 'tuned')

@@ -1,4 +1,4 @@
-"""Trial of a law of one's own before it acts, in a process of its own.
+"""Trial of a custom law before it acts, in a process of its own.
 
 Compiled code looks at no bounds: what reads beyond an array goes on with foreign memory. So the
 law is compiled once more, with bounds checked, and given some samples. Whether it has passed is
@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
-from parallel_robot_base import cache_directory, fields, plugins
+from parallel_robot_base import cache_directory, custom_module, fields
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.module_process import command
+from parallel_robot_control import law_loader
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model
 
@@ -52,7 +53,7 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
     Raises:
         InputError: it reads beyond an array, does not return, or returns what is none of its own.
     """
-    source = plugins.source_of(law)
+    source = custom_module.source_of(law)
     mark = f'tried_{hashlib.sha256(source).hexdigest()[:16]}_{joints}'
     verdict = cache_directory.marked(mark)
     if verdict is None:
@@ -103,7 +104,7 @@ def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
 def main() -> int:
     """Try a law with the task on the command line, and print the verdict as the last line."""
     task = json.loads(sys.argv[1])
-    _, law = plugins.load(task['file'])
+    _, law = law_loader.load(task['file'])
     names = [parameter.key for parameter in fields.parameters(law.Gains)]
     gains = fields.build(law.Gains, dict(zip(names, task['gains'], strict=True)))
     result = {'warnings': ''}
@@ -130,7 +131,7 @@ def _run(law: Any, gains: Any, joints: int) -> None:
     random = np.random.default_rng(joints)
     for k in range(UPDATES * len(SIZES)):
         rows = random.normal(scale=SIZES[k % len(SIZES)], size=(6, joints))
-        model = Model(np.eye(joints), np.eye(joints))
+        model = Model(np.eye(joints), np.eye(joints), np.zeros(joints))
         words = (gains, model, JointReference(*rows[:3]), Feedback(*rows[3:]), memory, 1e-3)
         if k == 0:
             law.update.compile(tuple(map(typeof, words)))

@@ -1,4 +1,4 @@
-"""Source of a law of one's own: PID with other gains, its classes named as the suite's own are."""
+"""Source of a custom law: PID with other gains, its classes named as the suite's own are."""
 
 LAW = """
 from typing import Annotated, NamedTuple

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.fields import Field
+from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -20,18 +20,16 @@ class FrictionParameters(NamedTuple):
         Doan, Le, Vo (2019), section 4, with thd_2 for the misprinted thd_1 of the second joint.
     """
 
-    viscous: Annotated[
-        tuple[float, float, float], Field('N m s/rad', 'viscous friction per joint', 0.0)
-    ]
-    coulomb: Annotated[tuple[float, float, float], Field('N m', 'dry friction per joint', 0.0)]
+    viscous: Annotated[PerJoint, Field('N m s/rad', 'viscous friction per joint', 0.0)]
+    coulomb: Annotated[PerJoint, Field('N m', 'dry friction per joint', 0.0)]
     smoothing: Annotated[float, Field('rad/s', 'half width of a linear sgn; 0: exact', 0.0)]
 
 
 @kernel
 def friction_torque(friction: FrictionParameters, velocity: Array) -> Array:
-    """Torque against the motion [N m], shape (3,); `velocity` [rad/s], shape (3,)."""
-    torque = np.empty(3)
-    for i in range(3):
+    """Torque against the motion [N m], shape (n,); `velocity` [rad/s], shape (n,)."""
+    torque = np.empty(len(velocity))
+    for i in range(len(velocity)):
         if friction.smoothing > 0.0:
             sign = min(max(velocity[i] / friction.smoothing, -1.0), 1.0)
         else:

@@ -1,0 +1,112 @@
+"""The metrics of a run as people read them: names, units, order.
+
+A metric that is not defined for a robot, which is NaN, is left out everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from parallel_robot_analysis.metrics import Metrics
+from parallel_robot_bags.counts import TopicCount
+
+
+class Metric(NamedTuple):
+    """One metric; smaller is better.
+
+    Attributes:
+        name: Full name.
+        short: Heading of a narrow column.
+        unit: Unit as it is printed.
+        value: Function that gives the value in that unit; None for a state never reached, NaN
+            where the metric is not defined.
+    """
+
+    name: str
+    short: str
+    unit: str
+    value: Callable[[Metrics], float | None]
+
+
+TRANSIENT = (
+    Metric('time to 1 mm', 'to 1 mm', 's', lambda m: m.transient.to_1_mm_s),
+    Metric('time to 0.1 mm', 'to 0.1 mm', 's', lambda m: m.transient.to_0_1_mm_s),
+)
+STEADY = (
+    Metric('end-effector error, rms', 'rms', 'um', lambda m: 1e6 * m.steady.xy_rms_m),
+    Metric('end-effector error, max', 'max', 'um', lambda m: 1e6 * m.steady.xy_max_m),
+    Metric('joint error, rms', 'joint rms', 'urad', lambda m: 1e6 * m.steady.joint_rms_rad),
+    Metric(
+        'synchronisation error, rms', 'sync rms', 'urad', lambda m: 1e6 * m.steady.sync_rms_rad
+    ),
+)
+TORQUE = (
+    Metric('torque, max (whole run)', 'torque', 'N m', lambda m: m.torque.max_nm),
+    Metric(
+        'torque, total variation',
+        'variation',
+        'N m/s',
+        lambda m: m.torque.total_variation_nm_per_s,
+    ),
+    Metric('torque, chattering', 'chatter', 'N m', lambda m: m.torque.chattering_nm),
+)
+METRICS = (*TRANSIENT, *STEADY, *TORQUE)
+
+
+def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:
+    """Those of some metrics that are defined for the robot of a run."""
+    values = [metric.value(found) for metric in metrics]
+    return [
+        metric
+        for metric, value in zip(metrics, values, strict=True)
+        if value is None or not math.isnan(value)
+    ]
+
+
+def as_data(found: Metrics) -> dict[str, dict[str, Any]]:
+    """The metrics by group and key, for JSON, in SI units; None for a state never reached."""
+    groups: dict[str, Any] = found._asdict()
+    del groups['duration_s']
+    return {
+        group: {
+            key: value
+            for key, value in metrics._asdict().items()
+            if value is None or not math.isnan(value)
+        }
+        for group, metrics in groups.items()
+    }
+
+
+def head(scenario: str, law: str, duration: float, planned: float) -> str:
+    """What the metrics were computed from, in a line.
+
+    Args:
+        scenario: Name of the scenario.
+        law: Name of the law.
+        duration: Duration of the motion [s].
+        planned: How long it was to be [s]; 0 if not known.
+    """
+    short = f' of {planned:g} s' if duration < planned - 1e-9 else ''
+    return f'{scenario}, {law}, {duration:g} s{short}; errors over the second half'
+
+
+def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
+    """The metrics and the messages that are missing, in a few lines."""
+    groups = (defined(metrics, found) for metrics in (STEADY[:2], STEADY[2:], TORQUE))
+    lines = [
+        '  ' + '; '.join(f'{one.name} {one.value(found):.3f} {one.unit}' for one in metrics)
+        for metrics in groups
+        if metrics
+    ]
+    missing = [f'{name} {count.missing}' for name, count in messages.items() if count.missing]
+    return [*lines, f'  messages missing: {", ".join(missing)}'] if missing else lines
+
+
+def shown(value: float | None) -> str:
+    """Four significant digits, also of zero; 'never' for a state that was not reached."""
+    if value is None or math.isinf(value):
+        return 'never'
+    text = f'{value:#.4g}'.removesuffix('.')
+    return f'{float(text):.0f}' if 1e4 <= abs(float(text)) < 1e7 else text

@@ -1,0 +1,99 @@
+"""Serialised messages of any length and content, read with their bounds checked."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_base.cdr import ENCAPSULATION
+from parallel_robot_base.layouts import int64_multi_array
+from parallel_robot_base.units import NANOSECONDS
+
+
+class Reader:
+    """Reads one message from its begin to its end, and nothing behind it.
+
+    The generated deserialisers write a line to the terminal for each message that is broken.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        """Begin to read.
+
+        Raises:
+            ValueError: it is not CDR, little endian.
+        """
+        if data[:2] != ENCAPSULATION[:2]:
+            raise ValueError('not CDR, little endian')
+        self._data = memoryview(data)[len(ENCAPSULATION) :]
+        self._at = 0
+
+    def number(self, code: str) -> Any:
+        """Read a number; `code` as in struct: i, I, d.
+
+        Raises:
+            ValueError: the message ends before.
+        """
+        return struct.unpack('<' + code, self._take(struct.calcsize(code), 1))[0]
+
+    def text(self) -> str:
+        """Read a string.
+
+        Raises:
+            ValueError: the message ends before, or it is no UTF-8.
+        """
+        return bytes(self._take(1, self.number('I'))).rstrip(b'\0').decode()
+
+    def texts(self) -> tuple[str, ...]:
+        """Read a sequence of strings."""
+        return tuple(self.text() for _ in range(self.number('I')))
+
+    def numbers(self) -> np.ndarray:
+        """Read a sequence of float64, shape (n,)."""
+        count = self.number('I')
+        return np.frombuffer(self._take(8, count) if count else b'', '<f8')
+
+    def header(self) -> str:
+        """Read a std_msgs/Header; returns its frame."""
+        self.number('i')
+        self.number('I')
+        return self.text()
+
+    def _take(self, size: int, count: int) -> memoryview:
+        """The next numbers of a size [bytes], aligned."""
+        begin = self._at + -self._at % size
+        self._at = begin + size * count
+        if self._at > len(self._data):
+            raise ValueError(f'ends before byte {self._at}')
+        return self._data[begin : self._at]
+
+
+def header_stamp(data: bytes) -> int | None:
+    """Stamp of a serialised message that begins with a header [ns]; None when it is too short."""
+    if len(data) < len(ENCAPSULATION) + 8:
+        return None
+    sec, nanosec = struct.unpack_from('<iI', data, len(ENCAPSULATION))
+    return int(sec) * NANOSECONDS + int(nanosec)
+
+
+def read_numbers(data: bytes) -> np.ndarray:
+    """Numbers of a serialised std_msgs/Float64MultiArray of any dimensions, shape (n,).
+
+    None where it is not one: shape (0,).
+    """
+    try:
+        message = Reader(data)
+        for _ in range(message.number('I')):  # dimensions: label, size, stride
+            message.text(), message.number('I'), message.number('I')
+        message.number('I')  # of what comes before the data
+        return message.numbers()
+    except ValueError:
+        return np.empty(0)
+
+
+def last_state(data: bytes) -> int | None:
+    """Largest stamp in a serialised std_msgs/Int64MultiArray of stamps [ns]; None when empty."""
+    layout = int64_multi_array((len(data) - 20) // 8)
+    records = layout.decode(data) if len(data) >= 28 else None
+    return int(records['data'].max()) if records is not None else None

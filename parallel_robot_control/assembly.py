@@ -1,0 +1,54 @@
+"""A controller put together from its configuration: law, robot and limits, ready to run."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
+from parallel_robot_control.prepared_law import PreparedLaw, prepare
+from parallel_robot_control.safety import limits_of
+
+
+class Control(NamedTuple):
+    """A controller before its first state.
+
+    Attributes:
+        law: The law.
+        setup: What the control cycle is made of.
+        state: State before the first cycle.
+    """
+
+    law: PreparedLaw
+    setup: ControlSetup
+    state: CycleState
+
+
+def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
+    """Put a controller together.
+
+    Args:
+        configuration: The configuration.
+        law: Its law; empty for the active one.
+
+    Raises:
+        InputError: the theory of the law forbids its gains, or a custom law does not compile or
+            does not pass its trial.
+    """
+    name = law or configuration.loop.law
+    gains, robot = configuration.gains[name], configuration.robot
+    prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
+    row, guess = np.zeros(configuration.joints), configuration.guess
+    distinguish(robot.parameters, configuration.margins)
+    estimate = FirstClass(
+        robot.module.estimate, robot.parameters, configuration.margins, row, row, guess
+    )
+    limits = limits_of(configuration.safety, configuration.margins)
+    return Control(
+        prepared,
+        ControlSetup(prepared.update, estimate, gains, robot.parameters, limits),
+        initial_state(guess, configuration.joints),
+    )

@@ -1,0 +1,45 @@
+"""What goes into a controller and comes out of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.law_core import LawCore
+from parallel_robot_control.messages import Status, Telemetry
+from parallel_robot_control.prepared_law import PreparedLaw
+
+Array = NDArray[np.float64]
+
+STATE_FIELDS = ('position', 'velocity', 'effort')
+
+
+class JointSample(NamedTuple):
+    """Measured joints at one time: [rad], [rad/s], [N m], each shape (n,)."""
+
+    position: Array
+    velocity: Array
+    effort: Array
+
+
+class Answer(NamedTuple):
+    """Answer to one state: the torque [N m], shape (n,), and what there is to tell of it."""
+
+    torque: Array
+    telemetry: Telemetry
+    status: Status
+
+
+class Change(NamedTuple):
+    """A change of law or gains that was found good: the new configuration, the law compiled."""
+
+    configuration: ControlConfiguration
+    core: LawCore
+
+    @property
+    def law(self) -> PreparedLaw:
+        """The law."""
+        return self.core.law

@@ -1,0 +1,135 @@
+"""What a controller knows between two states, as a compiled object: one for each law.
+
+Its arrays are shared with Python, which looks at them and changes them between two calls; what
+depends on the law (gains, memory) lies in the compiled object alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.experimental import structref
+
+from parallel_robot_base.kernel import entry_point, kernel
+from parallel_robot_control.answering import answer
+from parallel_robot_control.assembly import Control
+from parallel_robot_control.cycle import ControlSetup, cycle_of
+from parallel_robot_control.safety import Limits
+from parallel_robot_control.shared_arrays import Shared
+
+
+class Timing(NamedTuple):
+    """Times [ns], and whether the plant waits for each command."""
+
+    period: int
+    reference_timeout: int
+    state_timeout: int
+    lockstep: bool
+
+
+@structref.register
+class CommonType(types.StructRef):  # type: ignore[misc]
+    """Numba's type of a Common."""
+
+
+class Common(structref.StructRefProxy):  # type: ignore[misc]
+    """What does not depend on the law: references, times, the fields of Shared."""
+
+
+@structref.register
+class CoreType(types.StructRef):  # type: ignore[misc]
+    """Numba's type of a Core: one for each law."""
+
+
+class Core(structref.StructRefProxy):  # type: ignore[misc]
+    """A law with all that its cycle needs."""
+
+
+structref.define_boxing(CommonType, Common)
+structref.define_constructor(Common, CommonType, ('references', 'timing', *Shared._fields))
+structref.define_boxing(CoreType, Core)
+structref.define_constructor(Core, CoreType, ('cycle', 'setup', 'memory', 'common'))
+
+
+@kernel
+def _common(references: Any, timing: Timing, arrays: Shared) -> Any:
+    return Common(
+        references,
+        timing,
+        arrays.pose,
+        arrays.vectors,
+        arrays.telemetry,
+        arrays.numbers,
+        arrays.command,
+        arrays.torques,
+        arrays.log,
+        arrays.ages,
+    )
+
+
+def common(references: Any, timing: Timing, arrays: Shared) -> Any:
+    """Tie together what the cores of all laws share.
+
+    Args:
+        references: ReferenceBuffer.compiled.
+        timing: See Timing.
+        arrays: See Shared.
+    """
+    return _common(references, timing, arrays)
+
+
+@kernel
+def _core(cycle: Any, setup: ControlSetup, memory: Any, common: Any) -> Any:
+    return Core(cycle, setup, memory, common)
+
+
+@kernel
+def _memory(core: Any) -> Any:
+    return core.memory
+
+
+class LawCore:
+    """The compiled core with one law; the cores of all laws share the rest.
+
+    Attributes:
+        law: The law.
+    """
+
+    def __init__(self, control: Control, common: Any, wire: Any) -> None:
+        """Make the core and compile what works with it; the memory is that before the start.
+
+        Args:
+            control: Law, robot, limits.
+            common: See :func:`common`.
+            wire: Of states.
+        """
+        self.law = control.law
+        self._setup, self._common = control.setup, common
+        self._cycle = cycle_of(control.setup, control.state, control.law.memory)
+        self._core = self._made(control.law.memory)
+        self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
+        _memory(self._core)
+
+    def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
+        """See :func:`answer`."""
+        code: int = self._answer(self._core, wire, data, now, monotonic)
+        return code
+
+    @property
+    def limits(self) -> Limits:
+        """Limits that the kernels keep to."""
+        limits: Limits = self._setup.limits
+        return limits
+
+    @property
+    def memory(self) -> Any:
+        """Memory of the law."""
+        return _memory(self._core)
+
+    @memory.setter
+    def memory(self, memory: Any) -> None:
+        self._core = self._made(memory)
+
+    def _made(self, memory: Any) -> Any:
+        return _core(self._cycle, self._setup, memory, self._common)

@@ -1,0 +1,49 @@
+"""Custom laws: control laws from Python files that are not part of the suite."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from parallel_robot_base import custom_module
+from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_base.fields import defaults, parameters
+from parallel_robot_control.contract import Law
+
+NEEDED = ('Gains', 'initial_memory', 'update')
+
+
+def load(path: str) -> tuple[str, Law]:
+    """Import a law file once.
+
+    Args:
+        path: The file; its stem is the name of the law.
+
+    Returns:
+        Name and module.
+
+    Raises:
+        InputError: the file does not exist, cannot be imported or is not a law.
+    """
+    name, module = custom_module.load(path, 'custom_laws', NEEDED)
+    law: Any = module
+    if not hasattr(law.Gains, '_fields'):
+        raise InputError(f'custom_laws: {path}: Gains is not a NamedTuple')
+    try:
+        parameters(law.Gains)
+    except Exception as error:  # of its annotations
+        raise InputError(f'custom_laws: {path}: {first_line(error)}') from error
+    return name, law
+
+
+def custom_laws(values: Mapping[str, Any]) -> dict[str, Law]:
+    """Custom laws that a configuration names, by name."""
+    return dict(map(load, values['custom_laws']))
+
+
+def default_gains(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults of the gains of the custom laws that a configuration names, by key."""
+    gains: dict[str, Any] = {}
+    for name, law in custom_laws(values).items():
+        gains |= defaults(law.Gains, f'{name}.')
+    return gains

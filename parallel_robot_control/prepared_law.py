@@ -1,0 +1,124 @@
+"""A law with its gains, checked and compiled."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import typeof
+
+from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_control import law_trial
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
+from parallel_robot_control.laws import LAWS
+from parallel_robot_model.contract import Model
+
+
+class PreparedLaw(NamedTuple):
+    """A law ready to run.
+
+    Attributes:
+        name: Key of LAWS, or the name of a custom law.
+        gains: Its gains.
+        memory: Its memory before the first update.
+        update: Its compiled update.
+        warnings: What the theory of the law has against the gains, though they run.
+    """
+
+    name: str
+    gains: Any
+    memory: Any
+    update: FirstClass
+    warnings: tuple[str, ...]
+
+
+def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
+    """Ask a law what it has against its gains.
+
+    Returns:
+        Warnings.
+
+    Raises:
+        InputError: the theory of the law forbids them.
+    """
+    of_law = getattr(law, 'judge', None)  # optional in the contract
+    try:
+        return tuple(f'{name}: {text}' for text in of_law(gains)) if of_law else ()
+    except InputError as error:
+        raise InputError(f'{name}: {error}') from None
+    except Exception as error:  # code of somebody else may raise anything
+        raise InputError(f'{name}: judge: {first_line(error)}') from error
+
+
+def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
+    """Check the gains of a law and compile it.
+
+    Args:
+        name: Key of LAWS, or the name of a custom law.
+        law: The law.
+        gains: Its gains.
+        joints: How many it controls, n.
+
+    Raises:
+        InputError: the theory of the law forbids the gains, or a custom law does not compile or
+            does not pass its trial.
+    """
+    warnings = judge(name, law, gains)
+    if not hasattr(law.update, 'py_func'):
+        raise InputError(f'{name}: update is not compiled: put @kernel before it')
+    try:
+        memory = law.initial_memory(joints)
+        distinguish(gains, memory)
+        typeof(memory)
+    except Exception as error:
+        raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
+    try:
+        update = _compiled(law, gains, memory, joints)
+    except Exception as error:  # Numba has many
+        reason = _reason(error, law.update.py_func)
+        raise InputError(f'{name}: update does not compile: {reason}') from error
+    row = np.zeros(joints)
+    if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
+        raise InputError(
+            f'{name}: update must return ControlOutput(torque, sliding_variable, coupled_error, '
+            'memory), three float arrays and a memory of the type of initial_memory'
+        )
+    if name not in LAWS:
+        warnings += law_trial.warnings_of(name, law, gains, joints)
+    return PreparedLaw(name, gains, memory, update, warnings)
+
+
+def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
+    row, matrix = np.zeros(joints), np.eye(joints)
+    with warnings.catch_warnings(record=True) as said:  # nothing of what does not compile
+        update = FirstClass(
+            law.update,
+            gains,
+            Model(matrix, matrix, row),
+            JointReference(row, row, row),
+            Feedback(row, row, row),
+            memory,
+            1e-3,
+        )
+    for each in said:
+        warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    return update
+
+
+def _reason(error: Exception, update: Any) -> str:
+    """What Numba says of the cause, and of the line; else that of the function."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    said = [line for line in lines if line and not line.startswith('Failed in ')]
+    cause = said[0] if said else type(error).__name__
+    if cause.endswith(':'):
+        cause = ' '.join(said[:2])
+    cause, _, raised = cause.partition('. Raised from ')
+    place = re.search(r'^File "(.*)", line (\d+):$', str(error), re.MULTILINE)
+    place = place or re.fullmatch(r'(.*) \((\d+)\)', raised or str(getattr(error, 'loc', '')))
+    code = update.__code__
+    file, line = place.groups() if place else (code.co_filename, code.co_firstlineno)
+    return f'{cause} ({Path(file).name}:{line})'

@@ -1,0 +1,83 @@
+"""What a controller publishes: its commands, and less often what it is doing."""
+
+from __future__ import annotations
+
+from parallel_robot_base import layouts, topics
+from parallel_robot_control.answering import LOG, STATUS, TELEMETRY
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.messages import (
+    Status,
+    limits_text,
+    status_message,
+    telemetry_fields,
+    telemetry_layouts,
+)
+from parallel_robot_ros.suite_node import SuiteNode
+
+
+class ControllerTopics:
+    """The publishers of a controller node."""
+
+    def __init__(self, node: SuiteNode, controller: Controller) -> None:
+        """Create the publishers, and tell the active law.
+
+        Args:
+            node: The node.
+            controller: What is told of.
+        """
+        self._node, self._controller = node, controller
+        self._status: Status | None = None  # as it was published last
+        self._law = controller.law.name  # as it was published last
+        self._commands = node.publisher(topics.COMMANDS)
+        self._telemetry = {
+            topic: (node.publisher(topic, essential=False), layout.draft())
+            for topic, layout in telemetry_layouts(node.loop.joints).items()
+        }
+        self._log = node.publisher(topics.ANSWERED, essential=False)
+        self._active_law = node.publisher(topics.ACTIVE_LAW, essential=False)
+        self._active_law.publish(layouts.text_message(self._law))
+        self._statuses = node.publisher(topics.STATUS, essential=False)
+
+    def publish_command(self) -> None:
+        """Publish the command of the last answer."""
+        self._commands.publish(self._controller.command)
+
+    def publish_zero(self) -> None:
+        """Publish zero torque, which answers no state."""
+        self._commands.publish(self._controller.log.zero_command())
+
+    def publish_log(self) -> None:
+        """Publish which states were answered since the last call."""
+        self._log.publish(self._controller.log.take())
+
+    def publish_answer(self, code: int) -> None:
+        """Publish the last command and what there is to tell with it, by the bits of its code."""
+        self.publish_command()
+        stamp, status = self._controller.stamp, self._controller.status
+        if (code & STATUS or self._status is None) and status != self._status:
+            self.publish_status(stamp)
+        if code & TELEMETRY:
+            for topic, fields in telemetry_fields(self._controller.telemetry).items():
+                publisher, draft = self._telemetry[topic]
+                publisher.publish(draft.encode(stamp, **fields))
+        if code & LOG:
+            self.publish_log()
+
+    def publish_status(self, stamp: int) -> None:
+        """Publish and log the status since a stamp [ns]."""
+        before, status = self._status, self._controller.status
+        self._status = status
+        self._statuses.publish(status_message(stamp, status))
+        logger = self._node.get_logger()
+        if status.law != self._law:
+            self._law = status.law
+            self._active_law.publish(layouts.text_message(status.law))
+            logger.info(f'law {status.law}')
+        if status.fault != (before.fault if before else None):
+            if status.fault:
+                logger.error(f'fault: {status.fault.text}; ~/clear_fault ends the safe action')
+            else:
+                logger.info('fault cleared')
+        elif status.acted and status.acted != (before.acted if before else 0):
+            text = f'limits acted: {limits_text(status.acted)}'
+            logger.warning(text, throttle_duration_sec=1.0)

@@ -1,0 +1,102 @@
+"""The arrays that the controller and its kernels share: Python looks at them between two calls."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base import layouts
+from parallel_robot_control.cycle import CycleState
+from parallel_robot_control.safety import Last
+
+Array = NDArray[np.float64]
+
+NEVER = -1  # a stamp that no message has
+AGES = 4096  # answers of which the age of the state is kept
+
+# Rows of Shared.vectors,
+POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, VELOCITY, EFFORT = range(8)
+MEASURED = [POSITION, VELOCITY, EFFORT]
+# of Shared.telemetry,
+ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
+# and of Shared.numbers.
+(
+    FAULT, TAKES_OVER, KNOWN, ACTED,  # of the cycle
+    LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
+    HEARD,  # when the last answer was given, on the clock that never jumps; 0: none, or the end
+    LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states that never came
+) = range(12)  # fmt: skip
+
+
+class Shared(NamedTuple):
+    """The arrays that Python and the kernels share.
+
+    Attributes:
+        pose: Pose of the last cycle, shape (m,).
+        vectors: State of the cycle, one row a vector, shape (8, n).
+        telemetry: Of the last answer, shape (4, n).
+        numbers: Fault, stamps and counts, shape (12,).
+        command: The command message of the last answer, serialised.
+        torques: The torques in it [N m], shape (n,).
+        log: Stamps of state and reference of each answer [ns], shape (AGES, 2).
+        ages: Of the states when they were answered [ns], shape (AGES,).
+    """
+
+    pose: Array
+    vectors: Array
+    telemetry: Array
+    numbers: NDArray[np.int64]
+    command: NDArray[np.uint8]
+    torques: Array
+    log: NDArray[np.int64]
+    ages: NDArray[np.int64]
+
+
+def shared(state: CycleState) -> Shared:
+    """Arrays before the first state, with the state of the cycle."""
+    joints = len(state.held)
+    command = layouts.float64_multi_array(joints).draft()
+    made = Shared(
+        state.pose.copy(),
+        np.zeros((8, joints)),
+        np.zeros((4, joints)),
+        np.zeros(12, np.int64),
+        command.bytes,
+        command.fields['data'],
+        np.zeros((AGES, 2), np.int64),
+        np.zeros(AGES, np.int64),
+    )
+    made.numbers[[LAST, START, END]] = NEVER
+    store(made, state)
+    return made
+
+
+def stored(arrays: Shared) -> CycleState:
+    """The state of the cycle."""
+    v, numbers = arrays.vectors.copy(), arrays.numbers
+    last = Last(
+        v[POSITION],
+        v[REFERENCE],
+        v[TORQUE],
+        v[OFFSET],
+        bool(numbers[TAKES_OVER]),
+        bool(numbers[KNOWN]),
+    )
+    return CycleState(arrays.pose.copy(), last, v[EXCESS], v[HELD], int(numbers[FAULT]))
+
+
+def store(arrays: Shared, state: CycleState) -> None:
+    """Replace the state of the cycle."""
+    last = state.last
+    arrays.pose[:] = state.pose
+    arrays.vectors[:VELOCITY] = (
+        last.position,
+        last.reference,
+        last.torque,
+        last.offset,
+        state.excess,
+        state.held,
+    )
+    arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known

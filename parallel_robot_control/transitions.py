@@ -1,0 +1,73 @@
+"""What happens to a controller between two cycles: faults, clearing, switching, a new run.
+
+The live controller and the replay of a bag both use these, so they cannot disagree.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control import faults
+from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.prepared_law import PreparedLaw
+
+Array = NDArray[np.float64]
+
+
+def taking_over(state: CycleState, torque: Array) -> CycleState:
+    """Let the next torque go on from one [N m], shape (n,); from zero where it is not finite."""
+    known = np.where(np.isfinite(torque), torque, 0.0)
+    return state._replace(
+        last=state.last._replace(torque=known, takes_over=True), excess=np.zeros(len(torque))
+    )
+
+
+def tripped(state: CycleState, fault: int) -> CycleState:
+    """Enter a fault, unless the controller already is in one."""
+    if state.fault != faults.NONE:
+        return state
+    return state._replace(fault=fault, held=state.last.position)
+
+
+def without_torque(state: CycleState) -> CycleState:
+    """The state after zero torque was sent because no joint states can be trusted."""
+    return state._replace(last=state.last._replace(torque=np.zeros(len(state.held))))
+
+
+def cleared(state: CycleState) -> CycleState:
+    """Leave a fault; the torque goes on from the last one. The law begins with an empty memory."""
+    if state.fault == faults.NONE:
+        return state
+    return taking_over(state, state.last.torque)._replace(fault=faults.NONE)
+
+
+def switched(
+    state: CycleState, memory: Any, before: PreparedLaw, after: PreparedLaw
+) -> tuple[CycleState, Any]:
+    """Change law or gains; the torque goes on from the last one, if there is one.
+
+    A law that becomes active begins with an empty memory; new gains of the active law go on with
+    the memory that it has.
+
+    Args:
+        state: State of the controller.
+        memory: Memory of the law before.
+        before: The law before.
+        after: The law from now on.
+
+    Returns:
+        State and memory from now on.
+    """
+    if (after.name, after.gains) == (before.name, before.gains):
+        return state, memory
+    if state.last.known:
+        state = taking_over(state, state.last.torque)
+    return state, memory if after.name == before.name else after.memory
+
+
+def restarted(state: CycleState, guess: Array) -> CycleState:
+    """The state before a new run of the plant; a fault stays. `guess`: its pose, shape (m,)."""
+    return initial_state(guess, len(state.held))._replace(fault=state.fault)

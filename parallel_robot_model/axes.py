@@ -1,0 +1,191 @@
+"""Positioning axes that have nothing in common but the command to move in step.
+
+Each of the n axes is a motor that turns a load. There is no gravity and no coupling between the
+axes, so any synchronisation comes from the control law. In the joint positions q, which are also
+the pose and the coordinates of the plant:
+
+    diag(I_1 ... I_n) qdd = tau,    M = diag(I_1 ... I_n),  Q = 0,  gravity = 0
+
+Source:
+    Koren (1980), Cross-Coupled Biaxial Computer Control for Manufacturing Systems, Journal of
+    Dynamic Systems, Measurement, and Control 102(4): axes as the plant of synchronised motion.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.errors import InputError, RobotError
+from parallel_robot_base.fields import Field, PerJoint
+from parallel_robot_base.kernel import kernel
+from parallel_robot_model.contract import (
+    FOUND,
+    REACHED,
+    Coordinate,
+    Estimate,
+    Fault,
+    JointMotion,
+    Location,
+    Measurement,
+    Model,
+    PoseMotion,
+)
+from parallel_robot_model.feasibility import Infeasible, first_sample
+from parallel_robot_model.joint_load import JointLoad, net_torque
+
+Array = NDArray[np.float64]
+
+PARTS = ('axis', 'machine')
+PLANAR = False
+END_OF_TRAVEL = 1
+FAULTS = {END_OF_TRAVEL: Fault('end_of_travel', 'an axis is close to an end of its travel')}
+
+
+class Parameters(NamedTuple):
+    """Inertia and travel of each axis."""
+
+    inertia: Annotated[PerJoint, Field('kg m^2', 'inertia of motor and load per axis')]
+    lower: Annotated[PerJoint, Field('rad', 'lower end of travel per axis')]
+    upper: Annotated[PerJoint, Field('rad', 'upper end of travel per axis')]
+
+
+class SafetyMargins(NamedTuple):
+    """What the controller takes for a fault."""
+
+    min_travel: Annotated[float, Field('rad', 'distance to an end of travel that is a fault', 0.0)]
+
+
+class MotionLimits(NamedTuple):
+    """What a reference motion must spare the robot."""
+
+    min_travel: Annotated[
+        float, Field('rad', 'smallest distance to an end of travel allowed', 0.0)
+    ]
+
+
+def validate(robot: Parameters, name: str = 'robot') -> Parameters:
+    """Return `robot` when it can be built.
+
+    Raises:
+        RobotError: there is no axis; the ends of travel are not as many as the inertias; an
+            inertia is not positive; a lower end of travel is not below the upper one.
+    """
+    count = len(robot.inertia)
+    if not count:
+        raise RobotError(f'{name}.inertia must hold at least one number')
+    for key in ('lower', 'upper'):
+        ends = len(getattr(robot, key))
+        if ends != count:
+            raise RobotError(f'{name}.{key} must hold {count} numbers like inertia, not {ends}')
+    for axis, inertia in enumerate(robot.inertia, start=1):
+        if not inertia > 0.0:
+            raise RobotError(f'{name}.inertia must be positive, not {inertia:g} (axis {axis})')
+    for axis, (lower, upper) in enumerate(zip(robot.lower, robot.upper, strict=True), start=1):
+        if not lower < upper:
+            raise RobotError(
+                f'{name}.lower must be below {name}.upper, not {lower:g} and {upper:g} rad '
+                f'(axis {axis})'
+            )
+    return robot
+
+
+def joints(robot: Parameters) -> int:
+    """One for each axis."""
+    return len(robot.inertia)
+
+
+def coordinates(robot: Parameters) -> tuple[Coordinate, ...]:
+    """Positions of the axes: q1, q2, ... ."""
+    return tuple(Coordinate(f'q{axis}', 'rad') for axis in range(1, joints(robot) + 1))
+
+
+def start(robot: Parameters, pose: Array) -> Array:
+    """The pose itself, shape (n,), when it lies within the travel of all axes.
+
+    Raises:
+        InputError: it does not.
+    """
+    for i in range(joints(robot)):
+        if not robot.lower[i] <= pose[i] <= robot.upper[i]:
+            raise InputError(
+                f'plant.initial_pose {pose.tolist()} is out of reach of axis {i + 1} '
+                f'(it travels from {robot.lower[i]:g} to {robot.upper[i]:g} rad)'
+            )
+    return pose
+
+
+@kernel
+def joint_motion(robot: Parameters, motion: PoseMotion) -> JointMotion:
+    """The motion of the pose itself, also beyond the travel, which :func:`infeasible` checks."""
+    return JointMotion(
+        motion.pose.copy(),
+        motion.rate.copy(),
+        motion.acceleration.copy(),
+        np.empty(0),  # no passive joints
+        REACHED,
+    )
+
+
+@kernel
+def locate(robot: Parameters, position: Array, guess: Array) -> Location:
+    """The joint positions themselves [rad], shape (n,); the guess does not matter."""
+    return Location(position.copy(), FOUND)
+
+
+@kernel
+def estimate(
+    robot: Parameters, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
+) -> Estimate:
+    """Pose, margin and model at a joint state."""
+    count = len(position)
+    pose = position.copy()
+    M = np.zeros((count, count))
+    Q = np.zeros((count, count))
+    gravity = np.zeros(count)
+    # Travel left: min(q_i - lower_i, upper_i - q_i) >= min_travel, which NaN does not meet.
+    for i in range(count):
+        left = min(position[i] - robot.lower[i], robot.upper[i] - position[i])
+        if not left >= margins.min_travel:
+            return Estimate(END_OF_TRAVEL, pose, Model(M, Q, gravity))
+    # M = diag(I_1 ... I_n); nothing couples the axes and nothing pulls at them.
+    for i in range(count):
+        M[i, i] = robot.inertia[i]
+    return Estimate(FOUND, pose, Model(M, Q, gravity))
+
+
+@kernel
+def acceleration(
+    robot: Parameters, load: JointLoad, position: Array, rate: Array, torque: Array, time: float
+) -> Array:
+    """Second derivative of the joint positions: qdd_i = (tau_i - friction_i - delta_i) / I_i."""
+    drive = net_torque(load, torque, rate, time)
+    result = np.empty(len(rate))
+    for i in range(len(rate)):
+        result[i] = drive[i] / robot.inertia[i]
+    return result
+
+
+@kernel
+def measure(robot: Parameters, position: Array, rate: Array) -> Measurement:
+    """The plant's coordinates are the joints and the pose, each shape (n,)."""
+    return Measurement(position.copy(), rate.copy(), np.empty(0), np.empty(0), position.copy())
+
+
+def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[Infeasible]:
+    """First sample of a motion that brings an axis too close to an end of its travel."""
+    position = reference.position
+    left = np.minimum(position - np.array(robot.lower), np.array(robot.upper) - position)
+    failure = first_sample(
+        left < limits.min_travel,
+        left,
+        f'end of travel, {{:.3g}} rad left is below {limits.min_travel:g} rad',
+    )
+    return [] if failure is None else [failure]
+
+
+def segments(robot: Parameters, pose: Array, position: Array) -> dict[str, Array]:
+    """Nothing: axes on their own have no picture."""
+    return {}

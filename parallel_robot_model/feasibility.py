@@ -1,0 +1,39 @@
+"""Which sample of a motion a robot cannot perform."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Infeasible(NamedTuple):
+    """The first sample of a motion that the robot cannot perform.
+
+    Attributes:
+        sample: Its index.
+        part: Number of the leg or joint that fails, 1-based; None when it is the whole robot.
+        reason: Why.
+    """
+
+    sample: int
+    part: int | None
+    reason: str
+
+
+def first_sample(bad: NDArray[np.bool_], values: Array, text: str) -> Infeasible | None:
+    """The first sample that is bad; None when all are good.
+
+    Args:
+        bad: Shape (N,), or (N, n) with a column for each leg or joint.
+        values: What is told of it, same shape.
+        text: The reason, in which the value is filled in.
+    """
+    if not bad.any():
+        return None
+    index = tuple(int(i) for i in np.argwhere(bad)[0])
+    part = index[1] + 1 if len(index) == 2 else None
+    return Infeasible(index[0], part, text.format(values[index]))

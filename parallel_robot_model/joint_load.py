@@ -1,0 +1,36 @@
+"""What acts on the actuated joints beside the motors."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.kernel import kernel
+from parallel_robot_model.disturbance import DisturbanceParameters, disturbance_torque
+from parallel_robot_model.friction import FrictionParameters, friction_torque
+
+Array = NDArray[np.float64]
+
+
+class JointLoad(NamedTuple):
+    """Friction and disturbance of the actuated joints."""
+
+    friction: FrictionParameters
+    disturbance: DisturbanceParameters
+
+
+@kernel
+def net_torque(load: JointLoad, torque: Array, velocity: Array, time: float) -> Array:
+    """Torque that is left of the motors' to move the robot [N m], shape (n,).
+
+    Args:
+        load: Friction and disturbance.
+        torque: Of the motors [N m], shape (n,).
+        velocity: Of the actuated joints [rad/s], shape (n,).
+        time: Since the start [s].
+    """
+    left = torque - friction_torque(load.friction, velocity)
+    left -= disturbance_torque(load.disturbance, time)
+    return left

@@ -1,0 +1,52 @@
+"""What the controller knows of the robot from its joints: pose, margins, model."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.kernel import kernel
+from parallel_robot_model.contract import FOUND, Estimate, Location, no_model
+from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
+from parallel_robot_model.planar_3rrr.forward_kinematics import forward_kinematics
+from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2, SafetyMargins
+from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.singularity import measures
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def locate(robot: RobotParameters, position: Array, guess: Array) -> Location:
+    """Pose at joint angles [rad], shape (3,), on the assembly mode of the guess, shape (3,)."""
+    assembly = forward_kinematics(robot, position, guess)
+    return Location(assembly.pose, assembly.status)
+
+
+@kernel
+def estimate(
+    robot: RobotParameters,
+    margins: SafetyMargins,
+    position: Array,
+    velocity: Array,
+    guess: Array,
+) -> Estimate:
+    """Pose, margins and model at a joint state.
+
+    Args:
+        robot: The robot.
+        margins: What is a fault.
+        position: Actuated angles [rad], shape (3,).
+        velocity: Their rates [rad/s], shape (3,).
+        guess: A pose near it, e.g. the one before [m, m, rad], shape (3,).
+    """
+    assembly = forward_kinematics(robot, position, guess)
+    if assembly.status != FOUND:
+        return Estimate(assembly.status, guess, no_model(3))
+    margin = measures(robot, assembly.pose[2], position, assembly.beta)
+    if margin.type_1 < margins.min_sin_psi:
+        return Estimate(TYPE_1, assembly.pose, no_model(3))
+    if margin.type_2 < margins.min_determinant:
+        return Estimate(TYPE_2, assembly.pose, no_model(3))
+    model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
+    return Estimate(FOUND, assembly.pose, model)

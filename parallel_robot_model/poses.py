@@ -1,0 +1,55 @@
+"""Poses of a robot from its joints, sample by sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.function_value import FirstClass
+from parallel_robot_base.kernel import kernel
+from parallel_robot_model.contract import FOUND
+from parallel_robot_model.robots import RobotModel
+
+Array = NDArray[np.float64]
+
+
+def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
+    """Forward kinematics of a row of samples, each begun at the pose before.
+
+    Args:
+        robot: The robot.
+        position: Actuated joints [rad], shape (N, n).
+        guess: A pose near the first one, shape (m,).
+
+    Returns:
+        Shape (N, m).
+
+    Raises:
+        KinematicsError: no pose fits.
+    """
+    joints = np.ascontiguousarray(position, dtype=np.float64)
+    start = np.array(guess, dtype=np.float64)
+    locate = FirstClass(robot.module.locate, robot.parameters, np.zeros(joints.shape[1]), start)
+    poses, failed, fault = _poses(locate, robot.parameters, joints, start)
+    if fault != FOUND:
+        raise KinematicsError(
+            f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {failed}, '
+            f'joints at {np.round(joints[failed], 4).tolist()} rad)'
+        )
+    return poses
+
+
+@kernel
+def _poses(locate: Any, robot: Any, position: Array, guess: Array) -> tuple[Array, int, int]:
+    """Poses, and the first sample without one and its fault."""
+    poses = np.empty((len(position), len(guess)))
+    for k in range(len(position)):
+        found = locate(robot, position[k], guess)
+        if found.fault != FOUND:
+            return poses, k, found.fault
+        poses[k] = found.pose
+        guess = found.pose
+    return poses, -1, FOUND

@@ -1,0 +1,98 @@
+"""The topics that a node publishes and subscribes to, and whether its partners are there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.topics import QUEUE, Topic
+from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.single_publisher import SinglePublisher
+from parallel_robot_ros.subscription import listen, qos_of
+
+
+class Connections:
+    """Publishers and subscriptions of one node."""
+
+    def __init__(
+        self, node: Node, loop: LoopParameters, on_two_publishers: Callable[[Topic], None]
+    ) -> None:
+        """Prepare; nothing is connected yet.
+
+        Args:
+            node: The node.
+            loop: Time mode, and how many subscribers each essential output has.
+            on_two_publishers: Called for each message that is dropped because its topic has
+                several publishers.
+        """
+        self._node = node
+        self._lockstep = loop.lockstep
+        self._subscribers = loop.subscribers
+        self._on_two_publishers = on_two_publishers
+        self._outputs: list[Publisher] = []  # the essential ones
+        self._inputs: dict[Topic, Subscription] = {}
+        self._complete = False  # whether the essential outputs have had all their subscribers
+
+    def publisher(self, topic: Topic, essential: bool) -> Publisher:
+        """Create a publisher; the node is ready when essential ones have their subscribers."""
+        kind = message_class(topic.type)
+        publisher = self._node.create_publisher(kind, topic.name, qos_of(topic))
+        if essential:
+            self._outputs.append(publisher)
+        return publisher
+
+    def subscribe(self, topic: Topic, callback: Callable[[bytes], None], complete: bool) -> None:
+        """Subscribe to the serialised messages of a topic, see :meth:`SuiteNode.subscribe`."""
+        if self._lockstep:
+            self._inputs[topic] = self._subscribe_in_lockstep(topic, callback)
+            return
+        mixed = SinglePublisher().mixed
+
+        def take(data: bytes, _: int, number: int) -> None:
+            if mixed(number):
+                self._on_two_publishers(topic)
+            else:
+                callback(data)
+
+        qos = QoSProfile(depth=QUEUE)
+        if not complete:
+            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._inputs[topic] = listen(self._node, topic, qos, take)
+
+    def _subscribe_in_lockstep(
+        self, topic: Topic, callback: Callable[[bytes], None]
+    ) -> Subscription:
+        """Subscribe to every message from the time on when all can hear this node's answers."""
+
+        def take(data: bytes) -> None:
+            self._complete = self._complete or not self.without_subscribers()
+            if self._complete:
+                callback(data)
+
+        kind, qos = message_class(topic.type), QoSProfile(depth=QUEUE)
+        return self._node.create_subscription(kind, topic.name, take, qos, raw=True)
+
+    def missing(self) -> str:
+        """What the node still waits for; empty when every partner is there."""
+        for topic, subscription in self._inputs.items():
+            if not subscription.get_publisher_count():
+                return f'no publisher of {topic.name}'
+        return self.without_subscribers()
+
+    def without_subscribers(self) -> str:
+        """The first essential output that lacks subscribers; empty when none does."""
+        for publisher in self._outputs:
+            count = publisher.get_subscription_count()
+            if count < self._subscribers:
+                return f'{publisher.topic_name} has {count} of {self._subscribers} subscribers'
+        return ''
+
+    def several_publishers(self) -> dict[str, int]:
+        """Publishers of each input that has more than one, as entries of the diagnostics."""
+        counts = {topic: one.get_publisher_count() for topic, one in self._inputs.items()}
+        return {f'{topic.name}: publishers': n for topic, n in counts.items() if n > 1}

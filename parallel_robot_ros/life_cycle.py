@@ -1,0 +1,140 @@
+"""The life of a node's process: command line, start, executor, signals, end."""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import inspect
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.logging import LoggingSeverity
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from parallel_robot_base import realtime
+from parallel_robot_base.errors import InputError, ParallelRobotError
+from parallel_robot_ros import arguments, middleware
+from parallel_robot_ros.suite_node import SuiteNode
+
+END_TIMEOUT = 8.0  # s, for the end of a node; then it is forced, with a traceback
+STOP_LATENCY = 0.1  # s, longest time between a signal and the end of the executor
+
+
+def run_node(
+    make: Callable[..., SuiteNode], add_arguments: arguments.AddArguments | None = None
+) -> int:
+    """Run a node until it finishes, or until Ctrl-C or SIGTERM.
+
+    Args:
+        make: Its class.
+        add_arguments: Declares command-line arguments of the node; `make` gets them by name.
+
+    Returns:
+        0; 1 when the node failed; 2 when a parameter or an argument is wrong, which is reported
+        in one line.
+    """
+    stop: list[int] = []  # signals; setting an Event in a handler can deadlock with itself
+    making = True
+
+    def on_signal(number: int, _: Any) -> None:
+        stop.append(number)
+        if making:  # perhaps for half a minute: the compiler cannot be interrupted cleanly
+            os._exit(0)  # nothing has begun yet
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
+    log_to_ros()
+    try:
+        given = arguments.read(make, sys.argv, add_arguments)
+        transport_choice = middleware.asked(sys.argv)
+        with middleware.transport(transport_choice) as transport:
+            _initialise()
+            node = make(**given)
+        making = False
+        middleware.check(node.loop.middleware, transport_choice)
+    except ParallelRobotError as error:
+        print(f'parallel_robot: {error}', file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = EventsExecutor() if node.loop.executor == 'events' else SingleThreadedExecutor()
+    try:
+        executor.add_node(node)
+        prepare_to_log()
+        gc.collect()
+        gc.freeze()  # little is allocated from here on: collections stay short
+        wants_priority = node.loop.realtime == 'auto' and not node.loop.lockstep
+        granted = realtime.acquire(node.priority if wants_priority else 0)
+        node.show_granted(realtime=granted, middleware=transport)
+        node.begin()
+        while node.exit_code is None and not stop and rclpy.ok():
+            _spin(executor, node)
+    except ParallelRobotError as error:
+        node.fail(error)
+    finally:
+        _end(executor, node)
+    return node.exit_code or 0
+
+
+def _initialise() -> None:
+    """Start rclpy without its signal handlers.
+
+    Raises:
+        InputError: the ROS arguments of the command line are wrong.
+    """
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # base of every error that rcl raises about its arguments
+        raise InputError(str(error).splitlines()[0]) from None
+
+
+def _spin(executor: Executor, node: SuiteNode) -> None:
+    """Execute what arrives within STOP_LATENCY."""
+    try:
+        # A new future each time: SingleThreadedExecutor leaves a callback in it.
+        executor.spin_until_future_complete(Future(), timeout_sec=STOP_LATENCY)
+    except ParallelRobotError:
+        raise
+    except Exception as error:  # raised by rclpy itself, at something that came over the wire
+        node.survive(error)
+
+
+def _end(executor: Executor, node: SuiteNode) -> None:
+    """Close a node and rclpy; after END_TIMEOUT the process ends in any case."""
+    node.close()
+    faulthandler.dump_traceback_later(END_TIMEOUT, exit=True)
+    executor.remove_node(node)
+    node.destroy_node()
+    rclpy.try_shutdown()
+    faulthandler.cancel_dump_traceback_later()
+
+
+def log_to_ros() -> None:
+    """Let ROS log the records of the modules that know nothing of ROS."""
+    logger = logging.getLogger('parallel_robot')
+    logger.setLevel(logging.INFO)
+    logger.addHandler(_ToRos())
+
+
+class _ToRos(logging.Handler):
+    """Hands log records of Python over to ROS."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log a record with its own level; levels in between count as the next lower one."""
+        severity = LoggingSeverity(min(max(record.levelno // 10, 1), 5) * 10)
+        rclpy.logging.get_logger(record.name).log(record.getMessage(), severity)
+
+
+def prepare_to_log() -> None:
+    """Do now what the first log line would do: 20 ms, which a loop of 1 kHz cannot spare.
+
+    rclpy asks `inspect` for the caller of each line, which at first goes through all modules.
+    """
+    inspect.stack()

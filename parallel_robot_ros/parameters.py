@@ -1,0 +1,141 @@
+"""Parameters of a node that are keys of the configuration: read, declared, changed."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import Field
+from parallel_robot_base.loop import WAIT, LoopParameters
+
+START = 'start_stamp'  # the one parameter that every node takes while it runs, once
+ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')  # of every node
+OTHER_GROUPS = ('qos_overrides.', 'granted.')  # prefixes of what is not configuration
+
+
+def overrides(node: Node) -> dict[str, Any]:
+    """What the configuration of a node was given on its command line or in parameter files."""
+    return {
+        key: plain(parameter.value)
+        for key, parameter in node.get_parameters_by_prefix('').items()
+        if _is_configuration(key)
+    }
+
+
+def describe(field: Field, value: Any) -> ParameterDescriptor:
+    """Descriptor of a parameter with unit, meaning and range.
+
+    Args:
+        field: What is known of the parameter.
+        value: One of its values, for the type.
+    """
+    text = field.description + (f' [{field.unit}]' if field.unit else '')
+    descriptor = ParameterDescriptor(
+        description=text, dynamic_typing=isinstance(value, list) and not value
+    )
+    if isinstance(value, float):
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=float(field.low), to_value=float(field.high))
+        ]
+    elif isinstance(value, int) and not isinstance(value, bool) and field.low > -math.inf:
+        high = min(field.high, 2**63 - 1)
+        descriptor.integer_range = [
+            IntegerRange(from_value=int(field.low), to_value=int(high), step=1)
+        ]
+    return descriptor
+
+
+def declare(node: Node, key: str, field: Field, value: Any, read_only: bool) -> None:
+    """Declare a parameter of a node with unit, meaning and range."""
+    if node.has_parameter(key):  # it may be an integer where a float is meant
+        node.undeclare_parameter(key)
+    value = list(value) if isinstance(value, tuple) else value
+    descriptor = describe(field, value)
+    descriptor.read_only = read_only
+    node.declare_parameter(key, value, descriptor, ignore_override=True)
+
+
+def declare_text(node: Node, key: str, text: str, description: str) -> None:
+    """Declare a read-only parameter that tells something, for bags."""
+    if node.has_parameter(key):  # from the parameters of another run
+        node.undeclare_parameter(key)
+    descriptor = ParameterDescriptor(description=description, read_only=True)
+    node.declare_parameter(key, text, descriptor, ignore_override=True)
+
+
+def split(node: Node, wanted: Iterable[Parameter]) -> tuple[list[Parameter], dict[str, Any]]:
+    """Split a request to set parameters of a node.
+
+    Fixed parameters that shall keep the value they have are left out, so that a file of all
+    parameters can be loaded.
+
+    Returns:
+        Parameters of ROS, and key to value of the suite's or unknown ones.
+    """
+    changes = [parameter for parameter in wanted if not _keeps_fixed(node, parameter)]
+    of_ros = [p for p in changes if not _is_configuration(p.name) and node.has_parameter(p.name)]
+    return of_ros, {p.name: plain(p.value) for p in changes if p not in of_ros}
+
+
+def plain(value: Any) -> Any:
+    """Value of a parameter; arrays as lists."""
+    return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
+
+
+def _keeps_fixed(node: Node, parameter: Parameter) -> bool:
+    """Whether a parameter that can no longer change shall have the value that it has."""
+    name = parameter.name
+    if not node.has_parameter(name):
+        return False
+    if name != START and not node.describe_parameter(name).read_only:
+        return False
+    return bool(plain(node.get_parameter(name).value) == plain(parameter.value))
+
+
+def _is_configuration(name: str) -> bool:
+    """Whether a parameter belongs to the configuration, as far as its name tells."""
+    return name not in ROS_PARAMETERS and not name.startswith(OTHER_GROUPS)
+
+
+class CommonStart:
+    """The stamp of t = 0, which a node that waits for it is told once."""
+
+    def __init__(self, loop: LoopParameters) -> None:
+        """Wait for the stamp, if the parameters of the loop say so."""
+        self._loop = loop
+        self._stamp: int | None = None
+
+    def check(self, stamp: Any) -> None:
+        """Check a stamp [ns]; the one that the node already has is right: it was sent twice.
+
+        Raises:
+            InputError: the node does not wait for a start, the stamp is not on the grid of the
+                period, or it lies in the past.
+        """
+        if self._stamp is not None and stamp == self._stamp:
+            return
+        if self._loop.start_stamp != WAIT or self._stamp is not None:
+            raise InputError('the node does not wait for a start')
+        if not isinstance(stamp, int) or stamp <= 0 or stamp % self._loop.period_ns:
+            raise InputError(
+                f'start_stamp must be a whole multiple of the period in ns, not {stamp!r}'
+            )
+        if not self._loop.lockstep and stamp <= time.time_ns():
+            raise InputError(f'start_stamp {stamp} lies in the past')
+
+    def take(self, stamp: int) -> bool:
+        """Take a checked stamp [ns].
+
+        Returns:
+            Whether it is new.
+        """
+        new = stamp != self._stamp
+        self._stamp = stamp
+        return new

@@ -1,0 +1,77 @@
+"""An experiment put together from its configuration: desired motion, controller and plant."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_control import assembly as control
+from parallel_robot_control.assembly import Control
+from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.plant import PlantSetup, PlantState, stepping
+from trajectory_gen import preflight
+from trajectory_gen.trajectory import Trajectory
+
+
+class Plant(NamedTuple):
+    """The plant at rest at its initial pose: what it is made of, and its state."""
+
+    setup: PlantSetup
+    state: PlantState
+
+
+class Experiment(NamedTuple):
+    """A closed loop before its first sample.
+
+    Attributes:
+        loop: Period, joints, law and the like.
+        trajectory: Desired motion, which the robot can perform.
+        control: The controller.
+        plant: The plant.
+    """
+
+    loop: LoopParameters
+    trajectory: Trajectory
+    control: Control
+    plant: Plant
+
+
+def assemble(configuration: Configuration) -> Experiment:
+    """Put an experiment together.
+
+    Raises:
+        InputError: the robot cannot perform the motion or does not reach its initial pose, or a
+            law cannot be used.
+    """
+    controller = control.assemble(configuration.control)
+    plant = assemble_plant(configuration.plant)
+    preflight.check(configuration.trajectory, configuration.loop.period)
+    return Experiment(configuration.loop, configuration.trajectory, controller, plant)
+
+
+def assemble_plant(configuration: PlantConfiguration) -> Plant:
+    """Put the plant together, at rest at its initial pose.
+
+    Raises:
+        InputError: the robot does not reach that pose.
+    """
+    module, parameters = configuration.robot.module, configuration.robot.parameters
+    load, pose = configuration.load, np.array(configuration.parameters.initial_pose)
+    if len(pose) != configuration.robot.pose_size:
+        names = ', '.join(axis.name for axis in module.coordinates(parameters))
+        raise InputError(f'plant.initial_pose must be [{names}], not {pose.tolist()}')
+    distinguish(parameters)
+    start = module.start(parameters, pose)
+    still, torque = np.zeros(len(start)), np.zeros(len(configuration.loop.joints))
+    setup = PlantSetup(
+        FirstClass(module.acceleration, parameters, load, start, still, torque, 0.0),
+        FirstClass(module.measure, parameters, start, still),
+        stepping(configuration.parameters),
+        parameters,
+        load,
+    )
+    return Plant(setup, PlantState(start, still, torque, 0.0))

@@ -1,0 +1,87 @@
+"""What a whole experiment is configured with: each group built and checked once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from parallel_robot_base import config
+from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_control import configuration as control
+from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model.disturbance import DisturbanceParameters
+from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.joint_load import JointLoad
+from parallel_robot_model.robots import RobotModel, robot_of
+from parallel_robot_sim.plant import PlantParameters
+from trajectory_gen.trajectory import SHAPES, Trajectory
+
+
+class PlantConfiguration(NamedTuple):
+    """Configuration of the plant.
+
+    Attributes:
+        loop: Period, joints and the like.
+        robot: True robot.
+        parameters: Start, integration and motors.
+        load: Friction and disturbance of the actuated joints.
+        safety: Gains of the safe action of the motors.
+    """
+
+    loop: LoopParameters
+    robot: RobotModel
+    parameters: PlantParameters
+    load: JointLoad
+    safety: SafetyParameters
+
+
+class Configuration(NamedTuple):
+    """Configuration of an experiment.
+
+    Attributes:
+        values: All keys with their plain values, for bags and for people.
+        loop: Period, joints, law and the like.
+        trajectory: Desired motion on the nominal robot.
+        control: Configuration of the controller.
+        plant: Configuration of the plant.
+    """
+
+    values: Mapping[str, Any]
+    loop: LoopParameters
+    trajectory: Trajectory
+    control: ControlConfiguration
+    plant: PlantConfiguration
+
+
+def configure(values: Mapping[str, Any]) -> Configuration:
+    """Build the configuration of an experiment from a resolved one.
+
+    Raises:
+        InputError: a value is wrong, of what is not used, too.
+    """
+    for name, shape in SHAPES.items():
+        config.group(values, shape.Parameters, name)
+    loop = validate(config.group(values, LoopParameters, ''))
+    trajectory = Trajectory(values)
+    return Configuration(
+        values, loop, trajectory, control.configure(values), configure_plant(values)
+    )
+
+
+def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
+    """Build the configuration of the plant from a resolved one.
+
+    Raises:
+        InputError: a value is wrong.
+    """
+    return PlantConfiguration(
+        validate(config.group(values, LoopParameters, '')),
+        robot_of(values, 'true_robot'),
+        config.group(values, PlantParameters, 'plant'),
+        JointLoad(
+            config.group(values, FrictionParameters, 'friction'),
+            config.group(values, DisturbanceParameters, 'disturbance'),
+        ),
+        config.group(values, SafetyParameters, 'safety'),
+    )

@@ -1,0 +1,212 @@
+"""The course of a plant: held, moving, paused, driven out, finished; one state after the other.
+
+In wall time, :meth:`PlantRun.tick` is called for each stamp of the grid, by a thread of its own
+beside that of the commands. In lockstep, each command leads to the next state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.errors import RunError
+from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_sim.simulator import Simulator
+
+ANNOUNCED = NANOSECONDS // 10  # ns, how long the held pose is published before a common start
+REPEAT = NANOSECONDS // 2  # ns, from a state to its repetition when nobody answers (lockstep)
+ENDLESS = -1  # steps that are still allowed: no end
+
+
+class PlantRun:
+    """Decides what the plant does at each tick, command and request, and which state to publish.
+
+    State k is published; the torque computed from it acts from k to k + 1. The robot is held at
+    its initial pose until the common start, or else until the first command. Truth values that
+    methods return say whether there is a state to publish, but for `reset`.
+
+    Attributes:
+        simulator: The robot.
+        index: Index of the last state to publish; None while the robot is held.
+        stamp: Its stamp [ns].
+        message: Its sensor_msgs/JointState.
+        command: The last command [N m], shape (n,).
+        commanded: Whether a command came since the last state.
+        skipped: Steps without a command in time (wall time).
+        outside: How the robot left its workspace; empty while it is inside.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Simulator],
+        loop: LoopParameters,
+        on_time_out: Callable[[], None],
+        on_driven_out: Callable[[], None],
+    ) -> None:
+        """Hold the robot at its initial pose.
+
+        Args:
+            make: Makes the robot at its initial pose.
+            loop: Period, start, end and time mode.
+            on_time_out: Called when the motors take their safe action because no command comes.
+            on_driven_out: Called when the robot has left its workspace.
+        """
+        self._make = make
+        self._loop = loop
+        self._on_time_out = on_time_out
+        self._on_driven_out = on_driven_out
+        self._lockstep, self._period, self._last_index = (
+            loop.lockstep,
+            loop.period_ns,
+            loop.last_index,
+        )
+        self._start = max(0, loop.start_stamp)  # ns; 0 while it is not known
+        self._by_command = loop.start_stamp == 0  # whether the first command starts the motion
+        self._reset_requested = False
+        self._steps_left = ENDLESS  # in lockstep; 0: paused
+        self._was_ready = False  # whether all partners were there at an earlier poll
+        self.simulator = make()
+        self.index: int | None = None
+        self.stamp = 0
+        self.message = b''
+        self.command: NDArray[np.float64] = np.zeros(len(loop.joints))
+        self.commanded = False
+        self.skipped = 0
+        self.outside = ''
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last state of the motion was published."""
+        return self._last_index is not None and (self.index or 0) >= self._last_index
+
+    def describe(self) -> str:
+        """How the run goes on (lockstep), for people."""
+        left = {0: 'paused', ENDLESS: 'running'}
+        steps = left.get(self._steps_left, f'{self._steps_left} steps to go')
+        return f'{steps} at state {self.index or 0}'
+
+    def tick(self, stamp: int) -> bool:
+        """Go on to the state of a stamp [ns] (wall time)."""
+        if self._reset_requested:
+            self._put_back()
+        if self.outside or self.finished:
+            return False
+        if self.index is not None:
+            return self._step(stamp)
+        if self._start == stamp:
+            self.index = 0
+        elif self._by_command and self.commanded:
+            self._start, self.index = stamp - self._period, 0
+            return self._step(stamp)
+        elif not (self._by_command or self._is_announced(stamp)):
+            return False
+        self._show(stamp)
+        return True
+
+    def start(self, stamp: int) -> bool:
+        """Take the common start, the stamp of state 0 [ns]; in wall time, its tick will come."""
+        self._start = stamp
+        if self._lockstep:
+            self.index = 0
+            self._show(stamp)
+        return self._lockstep
+
+    def take_command(self, torque: NDArray[np.float64]) -> bool:
+        """Take a command [N m], shape (n,), of finite numbers; in lockstep, go on with it.
+
+        The array is not copied: it may be reused for the next command.
+        """
+        self.command = torque
+        self.commanded = True
+        return self._lockstep and self._steps_left != 0 and self._go_on()
+
+    def poll(self, ready: bool, unanswered: int) -> bool:
+        """Begin a motion without a common start, and repeat a state without an answer (lockstep).
+
+        Partners may join at any time: the state is repeated for them.
+
+        Args:
+            ready: Whether all partners are there.
+            unanswered: Time since the last state was published [ns].
+        """
+        if self._loop.start_stamp != 0 or not ready or self.finished:
+            return False
+        if self.outside or not self._steps_left:
+            return False
+        if not self._was_ready:  # the partners may not have found each other yet
+            self._was_ready = True
+            return False
+        if self.index is None:
+            self._start, self.index = STEP_START, 0
+        elif unanswered < REPEAT:
+            return False
+        self._show(self._start + self.index * self._period)
+        return True
+
+    def pause(self) -> None:
+        """Take no further step (lockstep)."""
+        self._steps_left = 0
+
+    def resume(self, steps: int = ENDLESS) -> bool:
+        """Go on for some steps (lockstep); a command that came during a pause acts now."""
+        paused, self._steps_left = not self._steps_left, steps
+        return paused and self.commanded and self._go_on()
+
+    def reset(self) -> bool:
+        """Put the robot back to its initial pose: now in lockstep, else with the next tick.
+
+        Returns:
+            Whether that is possible: not in lockstep with a common start, which the other nodes
+            take only once.
+        """
+        if not self._lockstep:
+            self._reset_requested = self._by_command = True
+        elif self._loop.start_stamp == 0:
+            self._put_back()
+        else:
+            return False
+        return True
+
+    def _put_back(self) -> None:
+        self.simulator, self.index, self.outside = self._make(), None, ''
+        self._reset_requested = self.commanded = False
+
+    def _is_announced(self, stamp: int) -> bool:
+        """Whether the held pose is published at a stamp [ns], while a common start is awaited."""
+        return self._loop.start_stamp != WAIT or 0 <= self._start - stamp <= ANNOUNCED
+
+    def _go_on(self) -> bool:
+        """Step to the next state, if there is one (lockstep)."""
+        if self.index is None or self.finished or self.outside:
+            return False
+        self._steps_left -= self._steps_left > 0
+        return self._step(self._start + (self.index + 1) * self._period)
+
+    def _step(self, stamp: int) -> bool:
+        """Advance to a stamp [ns], with the command that came, or as the motors do without one."""
+        try:
+            if self.commanded or self._lockstep:
+                self.simulator.advance(self.command)
+            else:
+                self.skipped += 1
+                if self.simulator.wait(self.command):
+                    self._on_time_out()
+            self._show(stamp)
+        except RunError as error:
+            self.outside = str(error)
+            self._on_driven_out()
+            return False
+        self.index = (self.index or 0) + 1
+        return True
+
+    def _show(self, stamp: int) -> None:
+        """Make the message of the state for a stamp [ns]; the next command is awaited from now on.
+
+        Raises:
+            RunError: the robot was driven out of its workspace.
+        """
+        self.commanded = False
+        self.stamp, self.message = stamp, self.simulator.message(stamp)

@@ -1,0 +1,47 @@
+"""What a node subscribes to, and when its partners are there."""
+
+import pytest
+from rclpy.qos import ReliabilityPolicy
+
+from parallel_robot_base import topics
+from parallel_robot_control.controller_node import ControllerNode
+from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_sim.plant_node import PlantNode
+
+pytest_plugins = ['ros_fixtures']
+
+
+def test_a_lost_message_holds_up_no_newer_one_but_in_lockstep(node):
+    """Nor does a node that was killed: nobody waits for what it has not acknowledged."""
+    controller, _ = node(ControllerNode, topics.COMMANDS)
+    plant, _ = node(PlantNode, topics.JOINT_STATES)
+    lockstep = controller.loop.lockstep
+    wanted = ReliabilityPolicy.RELIABLE if lockstep else ReliabilityPolicy.BEST_EFFORT
+    for reader, topic in (
+        (controller, 'joint_states'),
+        (controller, 'reference'),
+        (plant, 'effort_controller/commands'),
+    ):
+        (info,) = reader.get_subscriptions_info_by_topic(topic)
+        assert info.qos_profile.reliability == wanted
+
+
+class Relay(SuiteNode):
+    """Has one input and two outputs, of which one is essential."""
+
+    def __init__(self):
+        super().__init__('relay')
+        self.publisher(topics.POSE, essential=False)
+        self.publisher(topics.COMMANDS)
+        self.subscribe(topics.JOINT_STATES, print)
+
+
+@pytest.mark.parametrize('node', ['wall'], indirect=True)
+def test_a_node_says_what_it_waits_for(node, peer):
+    relay, _ = node(Relay, None)
+    assert relay.missing() == 'no publisher of joint_states'
+    peer.publisher(topics.JOINT_STATES)
+    peer.until(lambda: not relay.missing().startswith('no publisher'))
+    assert relay.missing() == '/effort_controller/commands has 0 of 1 subscribers'
+    peer.listen(topics.COMMANDS)
+    peer.until(lambda: not relay.missing())

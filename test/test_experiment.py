@@ -1,0 +1,58 @@
+"""What a bag says of the experiment that made it: written as it is, read with suspicion."""
+
+import contextlib
+
+from hypothesis import given
+from hypothesis import strategies as st
+from test_plain_data import DEFAULTS, PLAIN
+
+from parallel_robot_analysis.command_line import main
+from parallel_robot_bags import experiment, history, plain_data
+from parallel_robot_bags.limits import NAME
+from parallel_robot_base.errors import BagError
+
+EXTREMES = st.sampled_from(
+    [10**30, -1, 0, 1e308, '', 'x' * 300, '\x1b[2J', [], [[]], {}, ['a'] * 5]
+)
+
+
+def test_a_bag_says_what_made_it(tmp_path):
+    words = ['paper_circle', '--duration', '0.1', '--out', str(tmp_path / 'bag')]
+    assert main(['simulate', *words]) == 0
+    facts = history.read(tmp_path / 'bag').facts
+    assert facts['source'] == 'simulation' and facts['randomness'] == 'none'
+    assert 'numpy' in facts['libraries'] and facts['python'].count('.') == 2
+    assert facts['command_line'] == experiment.command_line()
+
+
+def test_the_revision_is_that_of_a_working_copy_only(tmp_path, monkeypatch):
+    assert experiment._revision(tmp_path) == ''
+    (tmp_path / '.git').mkdir()
+    assert experiment._revision(tmp_path) == ''  # not a working copy after all
+    monkeypatch.setenv('PATH', '')
+    assert experiment._revision(tmp_path) == ''
+
+
+def configuration(facts):
+    """Configuration of a bag; None when it is refused in one line."""
+    with contextlib.suppress(BagError):
+        return experiment.configuration('bag', facts, {})
+
+
+@given(st.dictionaries(st.sampled_from([*DEFAULTS, 'own.gain']), PLAIN | EXTREMES, max_size=3))
+def test_a_configuration_is_like_the_default_or_refused(changes):
+    found = configuration({'config': plain_data.dump({**DEFAULTS, **changes})})
+    if found is None:
+        return
+    values, loop, start = found
+    assert start == 0 and len(loop.joints) == 3
+    assert all(len(name) <= NAME and name.isprintable() for name in (*loop.joints, loop.law))
+    for key, default in DEFAULTS.items():
+        number = isinstance(default, (int, float)) and not isinstance(default, bool)
+        kinds = (int, float) if number else (type(default), bool)
+        assert isinstance(values[key], kinds), key
+
+
+@given(st.dictionaries(st.sampled_from(['config', 'law', 'start_stamp']), st.text(), max_size=3))
+def test_facts_of_any_text_are_refused(facts):
+    assert configuration({'version': '1', **facts}) is None

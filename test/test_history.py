@@ -1,0 +1,74 @@
+"""What a bag says beside the motion, in its own words or in those of older versions."""
+
+import pytest
+from bags import START, old_status_message
+from hypothesis import given
+from hypothesis import strategies as st
+from test_plain_data import DEFAULTS, PLAIN
+
+from parallel_robot_bags import history, plain_data
+from parallel_robot_bags.bag_writer import BagWriter
+from parallel_robot_bags.certificate import Certificate
+from parallel_robot_bags.record_names import MESSAGES
+from parallel_robot_base import topics
+from parallel_robot_control import faults, safety
+from parallel_robot_control.messages import Status, status_message
+
+SENTENCES = {'joint_states': 'written 10, lost 3', 'pose': 'written 1, lost 0'}
+CODES = {'joint_states': Certificate(10, 3).dump(), 'pose': Certificate(1, 0).dump()}
+
+
+@pytest.mark.parametrize(
+    ('written', 'certified'), [(status_message, CODES), (old_status_message, SENTENCES)]
+)
+def test_faults_limits_and_losses_of_every_version(written, certified, tmp_path):
+    told = [
+        Status('pid', None, 0),
+        Status('pid', None, safety.RATE | safety.TORQUE),
+        Status(
+            'pid', faults.FAULTS[faults.EMERGENCY_STOP], safety.RATE | safety.TORQUE | safety.RAMP
+        ),
+        Status('smc', None, 0),
+    ]
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
+        for k, status in enumerate(told):
+            stamp = START + k * 10**9
+            writer.write(topics.STATUS.name, stamp, written(stamp, status))
+        writer.note(MESSAGES, certified)
+    past = history.read(tmp_path / 'bag')
+    assert [status.fault for status in past.statuses] == ['none', 'none', 'emergency_stop', 'none']
+    assert [status.law for status in past.statuses] == ['pid', 'pid', 'pid', 'smc']
+    assert past.statuses[2].limits == ('torque', 'rate', 'ramp')
+    assert history.remarks(past, START) == [
+        'limits acted: ramp after a take-over, torque limit, torque rate limit',
+        'fault at t = 2.000 s, safe action from there on: emergency stop',
+    ]
+    assert past.lost == {'joint_states': 3, 'pose': 0}
+    (line,) = history.losses(past)
+    assert line.endswith('lost on their way to the bag: joint_states (3)')
+
+
+def test_statuses_of_one_stamp_stay_in_the_order_of_the_recording(tmp_path):
+    told = [
+        Status('smc', faults.FAULTS[faults.EMERGENCY_STOP], 0),
+        Status('smc', None, 0),
+        Status('pid', None, 0),
+    ]
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
+        for k, status in enumerate(told):
+            writer.write(topics.STATUS.name, START + k, status_message(START, status))
+    past = history.read(tmp_path / 'bag')
+    assert [(status.law, status.fault) for status in past.statuses] == [
+        ('smc', 'emergency_stop'),
+        ('smc', 'none'),
+        ('pid', 'none'),
+    ]
+
+
+@given(st.dictionaries(st.sampled_from(['law', 's_fotsmc.G', 'joints', 'own.gain']), PLAIN))
+def test_changes_are_like_the_default_or_left_out(changes):
+    found = history._values(plain_data.dump(changes), DEFAULTS)
+    assert found == {k: v for k, v in found.items() if changes[k] == v}
+    assert isinstance(found.get('law', ''), (str, bool))
+    assert isinstance(found.get('s_fotsmc.G', 1.0), (int, float))
+    assert all(isinstance(name, str) for name in found.get('joints', []))

@@ -1,0 +1,80 @@
+"""Every law controls every robot; and what the nodes compute is what the simulation does."""
+
+import numpy as np
+import pytest
+from assembly import simulated
+
+from parallel_robot_base import layouts
+from parallel_robot_control import assembly as control
+from parallel_robot_control.configuration import configure as configure_control
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.laws import LAWS
+from parallel_robot_sim.assembly import assemble
+from parallel_robot_sim.closed_loop import run
+from parallel_robot_sim.configuration import configure, configure_plant
+from parallel_robot_sim.simulator import Simulator
+
+SCENARIOS = ('axes_step', 'serial_2r_circle')
+START, MS = 10**9, 10**6  # ns
+
+
+@pytest.fixture(scope='module', params=SCENARIOS)
+def configuration(request):
+    return configure(resolve(request.param, {'duration': 4.0}))
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_every_law_brings_every_robot_to_its_motion(law, configuration):
+    """With the gains of Table 2; the printed NFTSMC has its wide boundary layer here, too."""
+    experiment = assemble(configuration)
+    motion = experiment.trajectory.sample(np.arange(4001) * 1e-3)
+    out = run(control.assemble(configuration.control, law), experiment.plant, motion, 1e-3)
+    error = np.abs(motion.position - out.position)
+    assert not out.fault.any() and out.steps == 4001
+    assert error[0].max() > 5e-3  # it begins beside the motion
+    assert error[2000:].max() < (0.05 if law == 'nftsmc' else 0.008)
+
+
+@pytest.mark.parametrize('law', ['s_fotsmc', 'smc', 'computed_torque'])
+def test_an_arm_at_rest_is_held_against_gravity(law):
+    """The torque of two points and two rods, computed here from their weights."""
+    values = resolve(
+        'serial_2r_circle',
+        {
+            'law': law, 'duration': 3.0, 'trajectory.shape': 'hold', 'hold.pose': [0.35, 0.3],
+            'plant.initial_pose': [0.35, 0.3], 'friction.coulomb': 0.0,
+        },
+    )  # fmt: skip
+    out = simulated(values).run
+    q1, q12 = out.position[-1].cumsum()[[0, 1]]
+    arm = {key: values[f'robot.{key}'] for key in ('m1', 'm2', 'mp', 'l1', 'l2', 'lc1', 'lc2')}
+    distal = 9.81 * np.cos(q12) * (arm['m2'] * arm['lc2'] + arm['mp'] * arm['l2'])
+    proximal = arm['m1'] * arm['lc1'] + (arm['m2'] + arm['mp']) * arm['l1']
+    weight = [9.81 * np.cos(q1) * proximal + distal, distal]
+    assert np.abs(out.velocity[-1]).max() < 1e-3
+    assert np.allclose(out.command[-1], weight, rtol=2e-3, atol=0.02)
+
+
+@pytest.mark.parametrize('scenario', SCENARIOS)
+def test_messages_of_controller_and_plant_close_the_same_loop(scenario):
+    """Bytes in, bytes out, as the nodes do in lockstep: the torques of the compiled loop."""
+    values = resolve(scenario, {'duration': 0.3, 'time_mode': 'lockstep'})
+    whole = simulated(values)
+    configured = configure_control(values)
+    alone = {'s_fotsmc': configured.laws['s_fotsmc']}
+    controller = Controller(configured._replace(laws=alone))
+    plant = Simulator(configure_plant(values))
+    joints = configured.loop.joints
+    reader = layouts.float64_multi_array(len(joints))
+    command = np.zeros(len(joints))
+    for k in range(301):
+        stamp = START + k * MS
+        rows = (whole.reference.position, whole.reference.velocity, whole.reference.acceleration)
+        controller.add_reference(stamp, JointReference(*(row[k] for row in rows)))
+        assert controller.answer(plant.message(stamp)) > 0
+        torque = reader.decode(controller.command)['data'][0]
+        assert np.array_equal(torque, whole.run.command[k]), k
+        assert plant.read(controller.command, command)
+        plant.advance(command)

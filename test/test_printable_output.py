@@ -1,0 +1,26 @@
+"""Texts of a bag cannot control the terminal."""
+
+import io
+import sys
+
+from parallel_robot_bags import progress
+from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
+
+
+def test_what_commands_print_has_no_escape_sequences(capsys):
+    with printable_output():
+        print('a\x1b[2J\rb\n\ttwo lines')
+        print('é' * (LONGEST_LINE + 1), file=sys.stderr)
+    out, err = capsys.readouterr()
+    assert out == 'a\ufffd[2J\ufffdb\n\ufffdtwo lines\n'
+    assert err == 'é' * (LONGEST_LINE - 1) + '…\n'
+
+
+def test_progress_still_draws_on_the_terminal(monkeypatch):
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
+    monkeypatch.setattr(sys, 'stderr', terminal)
+    monkeypatch.setattr(progress, 'QUIET', 0.0)
+    with printable_output():
+        assert list(progress.tracked('ab', 2, 'letters')) == ['a', 'b']
+    assert terminal.getvalue().startswith(progress.CLEAR)

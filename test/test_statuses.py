@@ -1,0 +1,79 @@
+"""Statuses of the controller: codes, and the sentences of older bags."""
+
+import re
+
+import pytest
+from bags import START, old_status_message
+
+from parallel_robot_bags.statuses import OLD_FAULTS, OLD_LIMITS, ControllerStatus, decoded
+from parallel_robot_base import layouts
+from parallel_robot_control import faults
+from parallel_robot_control.faults import EMERGENCY_STOP
+from parallel_robot_control.messages import Status, status_message
+from parallel_robot_control.safety import ACTED_CODE, ACTED_TEXT, RAMP, TORQUE
+from parallel_robot_model.contract import Fault
+from parallel_robot_model.robots import ROBOTS
+
+STOPPED = Status('pid', faults.FAULTS[EMERGENCY_STOP], TORQUE | RAMP)
+
+
+def message(values, stamp=START):
+    return layouts.padded(
+        layouts.diagnostic_array('controller: status', 2, 'text', values).encode(stamp)
+    )
+
+
+@pytest.mark.parametrize('robot', ROBOTS.values(), ids=ROBOTS)
+def test_every_fault_has_a_code_and_a_text_of_its_own(robot):
+    known = faults.of(robot)
+    codes = [fault.key for fault in known.values()]
+    assert len({*codes, 'none'}) == len({fault.text for fault in known.values()}) + 1
+    assert len(codes) == len({*codes}) and all(re.fullmatch('[a-z][a-z0-9_]*', c) for c in codes)
+    assert len(known) == len(robot.FAULTS) + len(faults.FAULTS)  # no number is used twice
+
+
+def test_limits_have_codes_and_old_bags_have_known_ones():
+    assert ACTED_CODE.keys() == ACTED_TEXT.keys()
+    codes = {fault.key for fault in faults.of(ROBOTS['planar_3rrr']).values()}
+    assert {*OLD_FAULTS.values()} == codes
+    assert {*OLD_LIMITS.values()} == {*ACTED_CODE.values()}
+
+
+@pytest.mark.parametrize('written', [status_message, old_status_message])
+def test_new_and_old_statuses_say_the_same(written):
+    quiet = ControllerStatus(START, 's_fotsmc', 'none', 'none', ())
+    assert decoded(written(START, Status('s_fotsmc', None, 0))) == quiet
+    limits = ('torque', 'ramp')
+    stopped = ControllerStatus(START, 'pid', 'emergency_stop', 'emergency stop', limits)
+    assert decoded(written(START, STOPPED)) == stopped
+
+
+def test_codes_do_not_depend_on_the_texts():
+    fault = Fault('speed', 'said in other words')
+    found = decoded(status_message(START, Status('pid', fault, 0)))
+    assert (found.fault, found.fault_text) == fault
+
+
+def test_a_sentence_that_nobody_knows_is_a_fault():
+    values = {'law': 'pid', 'fault': 'out of paper', 'limits that acted': 'none'}
+    assert decoded(message(values)).fault == 'out of paper'
+
+
+GOOD = {'law': 'pid', 'fault': 'none', 'limits that acted': 'none', 'fault code': 'none'}
+
+
+@pytest.mark.parametrize(
+    'values',
+    [
+        {},
+        {'law': 'pid', 'fault code': 'none'},
+        GOOD | {'law': 'x' * 300},
+        GOOD | {'fault': '\x1b[2J'},
+        GOOD | {'fault code': '\x1b[2J'},
+        GOOD | {'limit codes': 'torque,\x1b[2J'},
+    ],
+)
+def test_what_is_not_understood_is_left_out(values):
+    assert decoded(message(GOOD)) is not None
+    assert decoded(message(values)) is None
+    assert decoded(message(GOOD)[:40]) is None

@@ -1,0 +1,49 @@
+"""Move from one pose to another, all coordinates in step, with a quintic time law; any robot."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
+from parallel_robot_model.contract import PoseMotion
+from trajectory_gen.time_law import quintic
+
+
+class Parameters(NamedTuple):
+    """From `start` to `end` in `duration`, then at rest."""
+
+    start: Annotated[tuple[float, ...], Field('', 'first pose, in the units of the robot')]
+    end: Annotated[tuple[float, ...], Field('', 'last pose, in the units of the robot')]
+    duration: Annotated[float, Field('s', 'time from the first to the last pose', 1e-3)]
+
+
+@kernel
+def motion(parameters: Parameters, t: float) -> PoseMotion:
+    """Pose with two derivatives at time `t` [s]."""
+    s, s_dot, s_ddot = quintic(parameters.duration, t)
+    start = np.array(parameters.start)
+    way = np.array(parameters.end) - start
+    return PoseMotion(start + s * way, s_dot * way, s_ddot * way)
+
+
+def validate(parameters: Parameters) -> Parameters:
+    """Return the parameters when both poses have as many coordinates.
+
+    Raises:
+        InputError: they have not.
+    """
+    if len(parameters.start) != len(parameters.end):
+        raise InputError(
+            f'move.start and move.end must be poses of one robot, not of '
+            f'{len(parameters.start)} and {len(parameters.end)} coordinates'
+        )
+    return parameters
+
+
+def span(parameters: Parameters) -> float:
+    """Time after which nothing new happens [s]."""
+    return parameters.duration
