@@ -1,1 +1,1 @@
-"""What every floor stands on: errors, configuration, message bytes, compiler; no ROS, no law."""
+"""Base of all packages: errors, configuration, message bytes, compiler; no ROS, no law."""

@@ -1,10 +1,10 @@
-"""Where machine code is kept between two starts, and when it goes.
+"""Where machine code is kept between two starts, and when it is removed.
 
 A directory holds the machine code of exactly these sources, compiled by this Numba for this
 Python, so it is never stale; all copies of the same sources share it. It carries the time of its
 last use. The first start of new sources removes the versions that were not used for the longest
-time. A process that is still using one of them goes on with the code that it has, and compiles
-what it lacks.
+time. A process that is still using one of them continues with the code that it has, and compiles
+what is missing.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from parallel_robot_base.user_directory import user_directories
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 5  # versions, this one included
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
-ALL = 119  # pieces of machine code that `make setup` leaves, about
+ALL = 119  # approximate number of pieces of machine code after `make setup`
 SOURCES = (b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)')  # what kernels are made of
-PREFIX = 'parallel_robot_custom_'  # of the names of custom modules
+PREFIX = 'parallel_robot_custom_'  # prefix of the names of custom modules
 ROOM = re.compile('parallel_robot_[a-z]+|trajectory_gen')  # packages of the suite
 
 
@@ -54,7 +54,7 @@ def directory() -> str:
 
 
 def marked(name: str) -> str | None:
-    """What was noted of the kernels in the directory; None when nothing was."""
+    """What :func:`mark` noted about the kernels in the directory; None if nothing."""
     with contextlib.suppress(OSError):
         if OWN:
             return (Path(OWN) / name).read_text()
@@ -62,7 +62,7 @@ def marked(name: str) -> str | None:
 
 
 def mark(name: str, text: str = '') -> None:
-    """Note something of the kernels in the directory, for as long as they are kept."""
+    """Note something about the kernels in the directory, for as long as they are kept."""
     with contextlib.suppress(OSError):
         if OWN:
             (Path(OWN) / name).write_text(text)
@@ -97,7 +97,7 @@ def prune(root: Path) -> None:
     """Remove the machine code that will hardly be used again: all but the newest directories."""
     times: dict[Path, float] = {}
     for path in root.iterdir():
-        with contextlib.suppress(OSError):  # another process removes it, too
+        with contextlib.suppress(OSError):  # another process may be removing it, too
             if path.is_dir():
                 times[path] = path.stat().st_mtime
     newest_first = sorted(times, key=times.__getitem__, reverse=True)
@@ -107,7 +107,7 @@ def prune(root: Path) -> None:
 
 
 def is_source(file: Path) -> bool:
-    """Whether a file, absolute, is of the suite."""
+    """Whether a file (absolute path) belongs to the suite."""
     root = _root()
     return file.is_relative_to(root) and bool(ROOM.fullmatch(file.relative_to(root).parts[0]))
 
@@ -126,13 +126,13 @@ def _version() -> str:
     ]
     for path in sorted(path for room in rooms for path in room.rglob('*.py')):
         if path.name.startswith('ros_') or path.name.endswith('_node.py'):
-            continue  # of ROS, which no kernel knows
+            continue  # ROS code, which no kernel uses
         content = path.read_bytes()
         if any(mark in content for mark in SOURCES):
             digest.update(path.relative_to(_root()).as_posix().encode() + b'\0' + content)
     return digest.hexdigest()[:16]
 
 
-# Not what Numba has read from a .numba_config.yaml in the current directory, where anybody may
-# have put it: the files of a cache are run.
+# Not the directory from a .numba_config.yaml in the current directory, which anybody may have put
+# there: the files of a cache are executed.
 OWN = '' if os.environ.get('NUMBA_CACHE_DIR') else directory()

@@ -1,7 +1,7 @@
 """Messages of fixed length as numpy records: one layout packs, unpacks, writes and reads them.
 
-A JointState of three joints always has the same 156 bytes but for its numbers, so a message is a
-structured array with gaps: a whole run is packed or read in one assignment, and the padding is
+A JointState of three joints always has the same 156 bytes except for its numbers, so a message is
+a structured array with gaps: a whole run is packed or read in one assignment, and the padding is
 zero, which the generated serialisers do not promise (they leave what was in memory there).
 """
 
@@ -101,7 +101,7 @@ class Layout:
 
     @functools.cached_property
     def constants(self) -> np.ndarray:
-        """Indices of the bytes that never vary, but for padding, whose content means nothing."""
+        """Indices of the bytes that never vary, without padding, whose content is arbitrary."""
         return np.flatnonzero(np.frombuffer(bytes(self._constant), dtype=np.uint8))
 
     @functools.cached_property
@@ -132,7 +132,7 @@ class Layout:
         Args:
             count: Number of messages N.
             stamps: Nanoseconds, a number or shape (N,); None for types without a stamp.
-            values: Field name to numbers, shape (n,) or (N, n); fields not named stay zero.
+            values: Field name to numbers, shape (n,) or (N, n); other fields stay zero.
 
         Returns:
             Structured array, shape (N,); ``records[k].tobytes()`` is message k.
@@ -175,10 +175,10 @@ class Layout:
 
 
 class Draft:
-    """One message that is filled in place, again and again: quicker than a new one each time.
+    """One message that is filled in place repeatedly: faster than a new one each time.
 
     Attributes:
-        bytes: Of the message, uint8.
+        bytes: Bytes of the message, uint8.
         fields: Name to the numbers of the field, aligned, shape (n,).
     """
 

@@ -13,13 +13,13 @@ from parallel_robot_base.units import NANOSECONDS
 
 
 class Reader:
-    """Reads one message from its begin to its end, and nothing behind it.
+    """Reads one message from beginning to end, and nothing beyond it.
 
     The generated deserialisers write a line to the terminal for each message that is broken.
     """
 
     def __init__(self, data: bytes) -> None:
-        """Begin to read.
+        """Start to read.
 
         Raises:
             ValueError: it is not CDR, little endian.
@@ -33,7 +33,7 @@ class Reader:
         """Read a number; `code` as in struct: i, I, d.
 
         Raises:
-            ValueError: the message ends before.
+            ValueError: the message ends too early.
         """
         return struct.unpack('<' + code, self._take(struct.calcsize(code), 1))[0]
 
@@ -41,7 +41,7 @@ class Reader:
         """Read a string.
 
         Raises:
-            ValueError: the message ends before, or it is no UTF-8.
+            ValueError: the message ends too early, or the string is not UTF-8.
         """
         return bytes(self._take(1, self.number('I'))).rstrip(b'\0').decode()
 
@@ -70,7 +70,7 @@ class Reader:
 
 
 def header_stamp(data: bytes) -> int | None:
-    """Stamp of a serialised message that begins with a header [ns]; None when it is too short."""
+    """Stamp of a serialised message that begins with a header [ns]; None if it is too short."""
     if len(data) < len(ENCAPSULATION) + 8:
         return None
     sec, nanosec = struct.unpack_from('<iI', data, len(ENCAPSULATION))
@@ -80,20 +80,20 @@ def header_stamp(data: bytes) -> int | None:
 def read_numbers(data: bytes) -> np.ndarray:
     """Numbers of a serialised std_msgs/Float64MultiArray of any dimensions, shape (n,).
 
-    None where it is not one: shape (0,).
+    Empty, shape (0,), if the data is not such a message.
     """
     try:
         message = Reader(data)
         for _ in range(message.number('I')):  # dimensions: label, size, stride
             message.text(), message.number('I'), message.number('I')
-        message.number('I')  # of what comes before the data
+        message.number('I')  # offset of the data
         return message.numbers()
     except ValueError:
         return np.empty(0)
 
 
 def last_state(data: bytes) -> int | None:
-    """Largest stamp in a serialised std_msgs/Int64MultiArray of stamps [ns]; None when empty."""
+    """Largest stamp in a serialised std_msgs/Int64MultiArray of stamps [ns]; None if empty."""
     layout = int64_multi_array((len(data) - 20) // 8)
     records = layout.decode(data) if len(data) >= 28 else None
     return int(records['data'].max()) if records is not None else None

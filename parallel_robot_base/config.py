@@ -63,9 +63,9 @@ def resolve(
 
     Args:
         scenario: Name of a file in ``config/scenarios``.
-        overrides: Dotted key to value; NumPy's numbers and arrays are as good as Python's.
-        extend: Gives the defaults of the custom modules that a configuration names. Without it,
-            their keys are taken as they are, and those that are not given are missing.
+        overrides: Dotted key to value; NumPy's numbers and arrays are accepted, too.
+        extend: Returns the defaults of the custom modules that a configuration names. Without it,
+            their keys are taken as they are, without defaults.
 
     Returns:
         Every key of the suite with its value, plain numbers, texts and lists.
@@ -110,7 +110,7 @@ def resolve(
 
 
 def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by the names that keys have now, with a hint where an older one was given."""
+    """Values by the present names of their keys, with a hint for each older name."""
     for old in RENAMED.keys() & values.keys():
         logging.getLogger('parallel_robot').warning(f'{old} is called {RENAMED[old]} now')
     return {RENAMED.get(key, key): value for key, value in values.items()}
@@ -141,10 +141,10 @@ def changed(
 
 
 def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str, Any]:
-    """Gains of all laws as the files say: Table 2 for the laws of the paper.
+    """Gains of all laws from the files: Table 2 for the laws of the paper.
 
     Args:
-        values: What names the robot and the custom modules.
+        values: Keys that name the robot and the custom modules.
         extend: See :func:`resolve`.
 
     Raises:
@@ -179,7 +179,7 @@ def _robot_file(values: Mapping[str, Any]) -> Path:
 
 
 def _robot(values: Mapping[str, Any], extend: Extend | None) -> dict[str, Any]:
-    """Defaults of the robot, but for gains.
+    """Defaults of the robot, without gains.
 
     Raises:
         UnknownNameError: no such robot.
@@ -206,7 +206,7 @@ def _check_paths(key: str, paths: Any) -> None:
     """Refuse what is not a list of texts.
 
     Raises:
-        InputError: with what it is.
+        InputError: it is something else.
     """
     if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
         raise InputError(f'{key} must be a list of texts, not {paths!r}')
@@ -216,7 +216,7 @@ def _absolute(key: str, path: str) -> str:
     """Absolute path of a custom module: nodes may have other current directories."""
     try:
         return str(Path(path).expanduser().resolve())
-    except (OSError, RuntimeError, ValueError):  # too long, the home of nobody, not a text
+    except (OSError, RuntimeError, ValueError):  # too long, home of an unknown user, not a text
         raise InputError(f'{key}: {path} does not exist') from None
 
 
@@ -257,7 +257,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _number(value: Any) -> Any:
-    """A number that YAML takes for a text: 1e6, since it wants a point in it."""
+    """A number that YAML reads as text, such as 1e6, because it expects a decimal point."""
     if isinstance(value, str):
         try:
             return float(value)
@@ -277,7 +277,7 @@ def _scenario(name: str) -> dict[str, Any]:
     return {**(_scenario(base) if base else {}), **values}
 
 
-# Written in C where that is installed: seven times faster.
+# The loader written in C, if installed, is seven times faster.
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
 
@@ -292,7 +292,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    """Groups in groups as one dictionary with dotted keys."""
+    """Nested groups as one dictionary with dotted keys."""
     found: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Python files of users that bring a law or a robot."""
+"""Python files of users that define a law or a robot."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def load(path: str, key: str, needed: Sequence[str]) -> tuple[str, ModuleType]:
     """Import a file once.
 
     Args:
-        path: The file; its stem is the name of what it brings.
+        path: The file; its stem is the name of the law or robot.
         key: Key of the configuration that names it, for messages.
         needed: Attributes that it must have.
 
@@ -46,7 +46,7 @@ def load(path: str, key: str, needed: Sequence[str]) -> tuple[str, ModuleType]:
     try:
         file = Path(path).expanduser().resolve()
         exists, is_file = file.exists(), file.is_file()
-    except (OSError, RuntimeError, ValueError):  # too long, the home of nobody, not a text
+    except (OSError, RuntimeError, ValueError):  # too long, home of an unknown user, not a text
         exists = is_file = False
     if not exists:
         raise InputError(f'{key}: {path} does not exist')
@@ -54,7 +54,7 @@ def load(path: str, key: str, needed: Sequence[str]) -> tuple[str, ModuleType]:
         raise InputError(f'{key}: {path} is not a Python file whose name is an identifier')
     try:
         module = _module(file)
-    except (Exception, SystemExit) as error:  # code of somebody else may raise anything
+    except (Exception, SystemExit) as error:  # custom code may raise anything
         raise InputError(f'{key}: {file}: {first_line(error)}') from error
     for attribute in needed:
         if not hasattr(module, attribute):
@@ -63,7 +63,7 @@ def load(path: str, key: str, needed: Sequence[str]) -> tuple[str, ModuleType]:
 
 
 def source_of(module: ModuleType) -> bytes:
-    """Source of a module that was loaded; its file may have gone."""
+    """Source of a module that was loaded; its file may no longer exist."""
     return next(source for (_, source), loaded in _loaded.items() if loaded is module)
 
 
@@ -78,11 +78,11 @@ def _module(file: Path) -> ModuleType:
 
 def _import(file: Path, source: bytes) -> ModuleType:
     # Numba tells tuples apart by the names of module and class: two files must not share one.
-    # Machine code is kept by the name, too, so that it is that of this source.
+    # Machine code is kept under the name, too, so that it belongs to this source.
     digest = hashlib.sha256(bytes(file) + b'\0' + source).hexdigest()[:16]
     name = f'{PREFIX}{file.stem}_{digest}'
     spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None  # of a .py file there always is one
+    assert spec is not None  # a .py file always has one
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     tree = _Renamer().visit(ast.parse(source, str(file)))

@@ -1,4 +1,4 @@
-"""A thread that acts at absolute times: late once, it catches up; it never drifts."""
+"""A thread that acts at absolute times: after a delay it catches up; it never drifts."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import threading
 import time
 from collections.abc import Callable
 
-SLICE = 0.05  # s, longest sleep without a look at the stop flag
+SLICE = 0.05  # s, longest sleep between checks of the stop flag
 
 
 class DeadlineThread(threading.Thread):
     """Calls ``tick(stamp)`` for every stamp of a grid, each at its time on the system clock.
 
-    The grid are the whole multiples of the period since the epoch, so the samples of nodes that
-    know nothing of each other carry the same stamps.
+    The grid consists of whole multiples of the period since the epoch, so samples of independent
+    nodes carry the same stamps.
     """
 
     def __init__(
@@ -26,7 +26,7 @@ class DeadlineThread(threading.Thread):
         """Prepare the thread.
 
         Args:
-            period: Between two stamps [ns].
+            period: Time between two stamps [ns].
             tick: What to do; called with the stamp [ns].
             failed: Called with the exception that ended `tick`; the thread ends.
             ahead: How long before its stamp a tick is due [ns].
@@ -52,7 +52,7 @@ class DeadlineThread(threading.Thread):
                     time.sleep(left)
                 self._tick(stamp)
                 stamp += self._period
-        except Exception as error:  # handed over: a thread has nobody to raise to
+        except Exception as error:  # passed on: nothing above a thread catches it
             self._failed(error)
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""Errors of the suite: one base, children that carry the facts."""
+"""Errors of the suite: one base class, subclasses that carry the facts."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterable
 
 from parallel_robot_base.printable import printable
 
-NEAR = 0.6  # similarity of names, from 0 to 1, from which one may stand for the other
-DRIVEN_OUT = 'the robot was driven out of its workspace'  # begin of the plant's alarm, too
+NEAR = 0.6  # similarity of names, from 0 to 1, from which one is suggested for the other
+DRIVEN_OUT = 'the robot was driven out of its workspace'  # prefix of the plant's alarm, too
 
 
 class ParallelRobotError(Exception):
@@ -20,7 +20,7 @@ class InputError(ParallelRobotError):
 
 
 class UnknownNameError(InputError):
-    """A name that stands for nothing here.
+    """A name that does not exist.
 
     Attributes:
         kind: What the name should have been, e.g. ``'scenario'``.
@@ -50,7 +50,7 @@ class MotionError(InputError):
 
     Attributes:
         time: When it fails first [s].
-        part: Which of the robot's parts fails, 1-based; None when it is the whole robot.
+        part: Which of the robot's parts fails, 1-based; None if it is the whole robot.
     """
 
     def __init__(self, reason: str, time: float, where: str, part: int | None = None) -> None:
@@ -69,10 +69,10 @@ class BagError(InputError):
 
 
 class RunError(ParallelRobotError):
-    """A run that did not come to its end."""
+    """A run that did not reach its end."""
 
 
 def first_line(error: BaseException) -> str:
-    """Kind of an error of somebody else's code, and what it says first."""
+    """Kind of an error raised by foreign code, and the first line of its text."""
     text = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
     return type(error).__name__ + (f': {printable(text)}' if text else '')

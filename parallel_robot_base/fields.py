@@ -25,7 +25,7 @@ Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple
 
 
-# One number for each actuated joint; in files, a single number is for all of them.
+# One number for each actuated joint; in files, a single number applies to all of them.
 PerJoint = NewType('PerJoint', tuple[float, ...])
 
 
@@ -33,8 +33,8 @@ class Field(NamedTuple):
     """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``.
 
     Attributes:
-        unit: Of the value.
-        description: In a few words.
+        unit: Unit of the value.
+        description: Meaning in a few words.
         low: Smallest value.
         high: Largest value.
     """
@@ -65,7 +65,7 @@ def parameters(group: type) -> tuple[Parameter, ...]:
 
 
 def defaults(group: type, prefix: str) -> dict[str, Any]:
-    """Defaults of a group by key, for a group that stands in code alone.
+    """Defaults of a group by key, for a group that exists in code alone.
 
     Raises:
         InputError: a field has no default.
@@ -86,7 +86,7 @@ def build(
     Args:
         group: The NamedTuple to make.
         values: Key to value, without the prefix; exactly the keys of the group.
-        prefix: What stands before the key in messages, e.g. ``'friction.'``.
+        prefix: Prefix of the key in messages, e.g. ``'friction.'``.
         joints: Number of the actuated joints, where the group has values per joint.
 
     Returns:
@@ -110,7 +110,7 @@ def build(
 
 def plain(value: Any) -> Any:
     """A value as the files have it: numbers, texts and lists, nothing of NumPy, no paths."""
-    if isinstance(value, np.floating):  # those of other precisions stay of NumPy in lists
+    if isinstance(value, np.floating):  # lists would keep other precisions as NumPy's
         return float(value)
     if isinstance(value, (np.generic, np.ndarray)):
         value = value.tolist()
@@ -137,7 +137,7 @@ def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = N
         return tuple(check(f'{name}[{i}]', items[0], field, item) for i, item in enumerate(value))
     if get_origin(kind) is Literal:
         if value is False and 'off' in get_args(kind):
-            return 'off'  # YAML takes an unquoted off for false
+            return 'off'  # YAML reads an unquoted off as false
         if value not in get_args(kind):
             raise UnknownNameError(f'value of {name}', str(value), map(str, get_args(kind)))
         return value
@@ -151,7 +151,7 @@ def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = N
 
 
 def _check_per_joint(name: str, field: Field, value: Any, joints: int) -> PerJoint:
-    """One number for each joint; a single one is for all of them."""
+    """One number for each joint; a single one applies to all of them."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         return PerJoint((check(name, float, field, value),) * joints)
     if len(value) != joints:

@@ -15,7 +15,7 @@ def distinguish(*values: Any) -> None:
     """Make the classes of tuples known to Numba's dispatcher by module and name.
 
     It tells NamedTuples apart by the names of class and fields, so the ``Memory`` of one law could
-    pass for that of another; every call then takes the slow way, ten times as long.
+    pass for that of another; every call then takes the slow path, ten times as long.
     """
     for kind in map(type, values):
         if issubclass(kind, tuple):
@@ -55,7 +55,7 @@ class FirstClass:
         self._address = int(
             compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
         )
-        self._numba_type_ = _FunctionType(self._signature)  # spares a search at every call
+        self._numba_type_ = _FunctionType(self._signature)  # saves a search at every call
 
     def __wrapper_address__(self) -> int:
         """Address of the machine code (Numba's protocol)."""

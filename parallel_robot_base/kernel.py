@@ -22,7 +22,7 @@ def kernel(function: Function) -> Function:
 
 
 def inner(function: Function) -> Function:
-    """Compile a function that only kernels call: without what Python would need, in less time."""
+    """Compile a function that only kernels call: without a Python wrapper, in less time."""
     return _cached(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
@@ -41,10 +41,10 @@ def inlined(function: Function) -> Function:
 
 
 def entry_point(function: Callable[..., Any], *example: Any) -> Callable[..., Any]:
-    """Compile a kernel for the types of the `example` arguments, and give what runs just that.
+    """Compile a kernel for the types of the `example` arguments, and return what runs only that.
 
-    A call of the kernel itself looks at the types of its arguments first, which takes longer than
-    handing them over. Arguments of other types are a TypeError at best.
+    A call of the kernel itself checks the types of its arguments first, which takes longer than
+    passing them. Arguments of other types are a TypeError at best.
     """
     arguments = tuple(numba.typeof(argument) for argument in example)
     dispatcher = cast(Any, function)

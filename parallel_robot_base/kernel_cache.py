@@ -1,4 +1,4 @@
-"""How machine code is found on disk, and that it is told when there is none yet.
+"""How machine code is found on disk, with a message when there is none yet.
 
 Numba looks for the cache of a function by the place of its file. Here, kernels of the suite are
 found by the name of their module, in the directory of their version, so that all copies of the
@@ -36,7 +36,7 @@ from parallel_robot_base.cache_directory import PREFIX
 
 NOTICE = 'compiling; after an installation this takes about a minute, once'
 UNREADABLE = (OSError, EOFError, ImportError, AttributeError, pickle.UnpicklingError)
-AGAIN = 10.0  # s, between two lines that say how far it is
+AGAIN = 10.0  # s, between two lines of progress
 CUSTOM = re.compile(rf'{PREFIX}\w+(?=\.)')  # names of custom modules in names of types
 
 
@@ -49,7 +49,7 @@ class _Place(_CacheLocator):  # type: ignore[misc]
         own = cache_directory.OWN
         if own and cache_directory.is_source(file):
             self._path = os.path.join(own, function.__module__)
-            self._stamp = ''  # the directory has it
+            self._stamp = ''  # the directory depends on it already
         else:
             folder = hashlib.sha256(bytes(file.parent)).hexdigest()[:16]
             root = own or os.environ['NUMBA_CACHE_DIR']
@@ -86,7 +86,7 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The cache of one kernel: it says when it does not have it.
+    """The cache of one kernel: it reports what it does not have.
 
     Machine code for types of a custom module lies in a directory of that module: processes that
     have not imported it cannot read an index with its types.
@@ -95,14 +95,14 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     _impl_class = _Files
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Load the machine code for a signature; None where there is none that can be read.
+        """Load the machine code for a signature; None if there is none that can be read.
 
         Numba would first prepare to compile, which takes a third of a second; the compiler does so
         itself. What is loaded needs the run time alone.
         """
 
         def initialise() -> None:
-            del context.refresh  # for whoever compiles
+            del context.refresh  # so that compiling refreshes as usual
             rtsys.initialize(context)
 
         context.refresh = initialise
@@ -117,9 +117,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
-        """Save machine code, if there is a place for it: a full disk stops nobody.
+        """Save machine code, if there is a place for it; a full disk is not an error.
 
-        An index that cannot be read is begun anew.
+        An index that cannot be read is replaced by a new one.
         """
         with contextlib.suppress(OSError), self._files_of(signature):
             os.makedirs(self._cache_file._cache_path, exist_ok=True)
@@ -151,7 +151,7 @@ class NoCache(NullCache):  # type: ignore[misc]
     """The cache of a kernel where there is no place for one."""
 
     def load_overload(self, signature: Any, context: Any) -> None:
-        """Say that there is none."""
+        """Report that there is no machine code."""
         _announce()
 
 
@@ -165,12 +165,12 @@ def cache_of(function: Any) -> KernelCache | NoCache:
 
 @functools.cache
 def _announce() -> None:
-    """Tell that something is compiled, once."""
+    """Report once that something is being compiled."""
     logging.getLogger('parallel_robot').info(NOTICE)
 
 
 def _report() -> None:
-    """Tell now and then how far it is."""
+    """Report the progress from time to time."""
     global _due
     if time.monotonic() >= _due:
         _due = time.monotonic() + AGAIN

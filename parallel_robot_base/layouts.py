@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from parallel_robot_base.cdr import Layout
 
-KINDS = 16  # layouts of a type that are kept
+KINDS = 16  # number of layouts that are kept for a type
 
 
 @functools.lru_cache(KINDS)

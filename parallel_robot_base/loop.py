@@ -1,4 +1,4 @@
-"""How the nodes of one loop go together: period, joints, start, end, mode."""
+"""What the nodes of one loop share: period, joints, start, end, mode."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 
 STEP_START = NANOSECONDS  # stamp of t = 0 in lockstep; 0 would mean "no time yet" in ROS
-WAIT = -1  # start_stamp of a node that waits to be told
+WAIT = -1  # start_stamp of a node that waits for the common start
 
 
 class LoopParameters(NamedTuple):
@@ -60,16 +60,16 @@ class LoopParameters(NamedTuple):
 
     @property
     def last_index(self) -> int | None:
-        """Index of the last state of the motion; None when it has no end."""
+        """Index of the last state of the motion; None if it has no end."""
         return round(self.duration / self.period) if self.duration > 0.0 else None
 
 
 def validate(loop: LoopParameters) -> LoopParameters:
-    """Return `loop` when it makes sense.
+    """Return `loop` if it is valid.
 
     Raises:
         InputError: no joints, or two with one name; a period of which ten do not fit into
-            0.1 s, the grid on which slow topics and common starts lie; a motion of no sample.
+            0.1 s, the grid on which slow topics and common starts lie; a motion without samples.
     """
     if not loop.joints or len(set(loop.joints)) != len(loop.joints):
         raise InputError(f'joints must be different names, not {list(loop.joints)}')

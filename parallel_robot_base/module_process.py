@@ -1,12 +1,12 @@
-"""Command lines that run a module of the suite in a process of its own."""
+"""Command lines that run a module of the suite in a separate process."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-# As ``python -m``, which would put the current directory first on the path; nothing of it is to be
-# imported. The code of this process is: its own folder goes there unless it is on the path anyway.
+# As ``python -m``, but without the current directory first on the path, so that nothing in it is
+# imported. The folder of the code of this process goes there, unless it is on the path anyway.
 START = (
     'import sys; sys.path[:1] = [entry for entry in sys.path[:1] if entry]; '
     'root = sys.argv.pop(1); root in sys.path or sys.path.insert(0, root); '

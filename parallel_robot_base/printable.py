@@ -1,4 +1,4 @@
-"""Texts that somebody else wrote as text that is safe to show: one line, no control characters."""
+"""Foreign text made safe to show: one line, no control characters."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ LONGEST = 200  # characters
 
 
 def printable(value: Any, longest: int = LONGEST) -> str:
-    """Text of a value that somebody else wrote.
+    """Safe text of a value from a foreign source.
 
     Args:
-        value: Anything.
+        value: Any value.
         longest: Characters after which the text is cut off with an ellipsis.
     """
     text = str(value)[: longest + 1]

@@ -11,20 +11,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 LOOP = 20  # priority of SCHED_FIFO: above normal work, below the interrupt threads of Linux (50)
-LISTENER = 10  # of what must not make the loop wait, nor fall behind: resending to it costs more
+LISTENER = 10  # of nodes that must not delay the loop, nor fall behind: resending costs more
 NORMAL = 'normal'
-SLICE = 100_000  # ns, the shortest that Linux gives
+SLICE = 100_000  # ns, the shortest that Linux grants
 SCHED_SETATTR = {'x86_64': 314, 'aarch64': 274}  # system call; that after it is sched_getattr
-MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # Linux: what there is, what will be, when used
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # Linux: present pages, future pages, once used
 
 
 def acquire(priority: int) -> str:
     """Give all threads of this process, and those to come, what the system permits.
 
-    That is a real-time priority, else a negative nice value, else a short slice, which anybody may
-    take; and locked memory. All threads need it: those of the middleware carry the messages to
-    the others. Call it when all that is slow is done, for a busy thread of real-time priority
-    leaves nothing to normal ones.
+    That is a real-time priority, else a negative nice value, else a short slice, which every user
+    may take; and locked memory. All threads need it: those of the middleware carry the messages to
+    the others. Call it after all slow work is done, because a busy thread with real-time
+    priority leaves no time to normal ones.
 
     Args:
         priority: LOOP, LISTENER or 0: nothing is asked for.
@@ -40,7 +40,7 @@ def acquire(priority: int) -> str:
 
 
 def _schedule(priority: int) -> str:
-    """Take the best that is permitted, perhaps as much of it as the user's limit."""
+    """Take the best that is permitted, up to the limit of the user."""
     for wanted in (priority, min(priority, _highest(resource.RLIMIT_RTPRIO))):
         if wanted and _fifo(wanted):
             return f'SCHED_FIFO {wanted}'
@@ -81,10 +81,10 @@ class _Attributes(ctypes.Structure):
 
 
 def _slice(nanoseconds: int) -> bool:
-    """Ask for short turns: who asks for less at a time gets it sooner (Linux 6.12).
+    """Ask for short slices: a thread with a shorter slice runs sooner (Linux 6.12).
 
     Returns:
-        Whether the system knows of it.
+        Whether the system supports it.
     """
     number = SCHED_SETATTR.get(platform.machine())
     if number is None:
@@ -117,7 +117,7 @@ def _lock_memory() -> bool:
     soft, hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     unlimited = hard == resource.RLIM_INFINITY
     resource.setrlimit(resource.RLIMIT_MEMLOCK, (hard if unlimited else 0, hard))
-    # When used: a stack has 8 MB of which a thread uses little.
+    # Only pages in use: a stack has 8 MB, of which a thread uses little.
     locked: bool = ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0
     if not unlimited:
         resource.setrlimit(resource.RLIMIT_MEMLOCK, (soft, hard))

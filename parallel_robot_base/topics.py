@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-DEPTH = 10_000  # samples that publishers keep for those who must not lose any: ten seconds
-QUEUE = 1000  # samples that wait for a node of the suite
-SLOW = 10  # what is for the eye is published every tenth sample (100 Hz at 1 kHz)
+DEPTH = 10_000  # samples that publishers keep for subscribers that must not lose any: ten seconds
+QUEUE = 1000  # length of the queue of a node of the suite, in samples
+SLOW = 10  # topics for display are published every tenth sample (100 Hz at 1 kHz)
 MARKERS_EVERY = 20  # samples between two sets of markers (50 Hz at 1 kHz)
 FRAME = 'base'  # frame of poses and markers
 
@@ -20,7 +20,7 @@ class Topic(NamedTuple):
     Attributes:
         name: Relative name.
         type: ROS type.
-        every: Samples from one message to the next; 0 for topics without a rhythm.
+        every: Samples from one message to the next; 0 for topics without a fixed rate.
         latched: Whether late subscribers get the last message.
     """
 

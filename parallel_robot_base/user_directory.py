@@ -12,7 +12,7 @@ from pathlib import Path
 def user_directories() -> Iterator[Path]:
     """Directories that are the user's own and exist: in the cache, then a temporary one.
 
-    One that belongs to somebody else, or that somebody else's link leads to, is left out.
+    One that belongs to another user, or is reached by another user's link, is left out.
     """
     cache = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache'))
     for found in (

@@ -11,26 +11,26 @@ from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, SKIPPED,
 
 
 class AnswerLog:
-    """What the kernels note of each answer, taken out now and then."""
+    """The record that the kernels keep of each answer, collected from time to time."""
 
     def __init__(self, arrays: Shared) -> None:
-        """Prepare; `arrays` are those of the kernels."""
+        """Prepare the log; `arrays` are shared with the kernels."""
         self._arrays = arrays
         self._numbers = arrays.numbers
         self._ages_taken = 0
 
     @property
     def answered(self) -> int:
-        """How many states were answered."""
+        """Number of states that were answered."""
         return int(self._numbers[ANSWERS])
 
     @property
     def skipped(self) -> int:
-        """How many states were not, because a newer one was there or they never came."""
+        """Number of states not answered, because a newer one was there or they never arrived."""
         return int(self._numbers[SKIPPED])
 
     def zero_command(self) -> bytes:
-        """A command of zero torque that answers no state; it stands in the log as such."""
+        """A command of zero torque that answers no state, and is logged as such."""
         self._arrays.log[self._numbers[LOGGED] % AGES] = 0
         self._numbers[LOGGED] += 1
         return layouts.float64_multi_array(len(self._arrays.torques)).template.tobytes()
@@ -42,7 +42,7 @@ class AnswerLog:
         return answers_message(self._arrays.log[:count])
 
     def take_ages(self) -> Array:
-        """Ages of the states answered since the last call, of the newest AGES at most [s]."""
+        """Ages of the states answered since the last call [s]; at most the newest AGES of them."""
         rows = np.arange(max(self._ages_taken, self.answered - AGES), self.answered) % AGES
         self._ages_taken = self.answered
         return self._arrays.ages[rows] / NANOSECONDS

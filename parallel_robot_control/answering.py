@@ -1,6 +1,6 @@
-"""One state message in, one command message out: all that happens between them, compiled.
+"""One state message in, one command message out: everything in between, compiled.
 
-What a controller knows between two states lies in the core of its law, see law_core.py.
+What a controller keeps from one state to the next is in the core of its law: see law_core.py.
 """
 
 from __future__ import annotations
@@ -55,35 +55,35 @@ from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
 Array = NDArray[np.float64]
 
 
-# What an answer returns: bits, when there is one ...
+# Return value of answer: bits, if the state was answered ...
 ANSWERED = 1
-STATUS = 2  # a fault or a limit that is new
-TELEMETRY = 4  # a sample at which the slow topics are due
-LOG = 8  # a sample at which the log of the answers is due
-# ... or why there is none.
-UNKNOWN = -1  # not understood, or not finite
+STATUS = 2  # a new fault or limit
+TELEMETRY = 4  # the slow topics are due at this sample
+LOG = 8  # the log of the answers is due at this sample
+# ... or the reason why it was not.
+UNKNOWN = -1  # another layout, or numbers that are not finite
 NO_REFERENCE = -2
 OUT_OF_ORDER = -3  # the stamp repeats, goes back or jumps
-OLD = -4  # the state is of a time that has gone
-STALE = -5  # no state was answered for too long: the controller itself stood still
+OLD = -4  # the state is too old
+STALE = -5  # no state was answered for too long: the controller itself was stalled
 EARLY = -6  # the state is from before the start
 
 
 @kernel
 def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
-    """Answer a state message: the command message stands in the arrays.
+    """Answer a state message; the command message is written to the shared arrays.
 
     Only this function is compiled for each law; what it calls is compiled once.
 
     Args:
         core: See Core.
-        wire: Of the message: position, velocity, effort.
-        data: The message.
-        now: Time on the clock of the stamps [ns]; 0: of no matter.
-        monotonic: Time on a clock that never jumps [ns].
+        wire: Layout of the message with position, velocity and effort, see Wire.
+        data: The serialised message.
+        now: Time on the clock of the stamps [ns]; 0: the age of the state is not checked.
+        monotonic: Time on the monotonic clock [ns].
 
     Returns:
-        ANSWERED and more bits, or why there is no answer.
+        ANSWERED and further bits, or the reason why there is no answer.
     """
     common = core.common
     acted = common.numbers[ACTED]
@@ -107,19 +107,19 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
 
 
 class Question(NamedTuple):
-    """A state with all that is needed to answer it.
+    """A state with everything that is needed to answer it.
 
     Attributes:
-        code: ANSWERED when it can be, else why not.
-        stamp: Of the state [ns].
-        known: Stamp of the reference that is used [ns].
-        before: Stamp of the state that was answered before [ns], NEVER when there is none.
-        fault: That the controller was in before.
-        reference: Desired joint motion at the state.
-        position: [rad], shape (n,).
-        velocity: [rad/s], shape (n,).
-        state: Of the cycle before.
-        dt: Time since the state before [s].
+        code: ANSWERED if the state can be answered, else the reason why not.
+        stamp: Stamp of the state [ns].
+        known: Stamp of the reference used [ns].
+        before: Stamp of the state answered before [ns]; NEVER if there is none.
+        fault: Fault of the controller before this state.
+        reference: Desired joint motion at the stamp of the state.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        state: State of the controller after the cycle before.
+        dt: Time since the previous state [s].
     """
 
     code: int
@@ -136,7 +136,7 @@ class Question(NamedTuple):
 
 @inner
 def _open(common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Question:
-    """Read a state, look whether it can be answered, and find its reference."""
+    """Read a state, check whether it can be answered, and find its reference."""
     timing, numbers, vectors = common.timing, common.numbers, common.vectors
     stamp = open_message(wire, data)
     position, velocity, effort = vector(wire, 0), vector(wire, 1), vector(wire, 2)
@@ -177,12 +177,12 @@ def _open(common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Ques
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
             numbers[SKIPPED] += (stamp - before) // timing.period - 1
-        elif stamp != numbers[START]:  # the torque goes on from the one that acts
+        elif stamp != numbers[START]:  # continue from the torque that acts
             vectors[TORQUE] = effort
             vectors[EXCESS] = 0.0
             numbers[TAKES_OVER] = 1
         numbers[LAST] = stamp
-    last = Last(  # copies: a law may keep what it gets
+    last = Last(  # copies: a law may keep its arguments
         vectors[POSITION].copy(),
         vectors[REFERENCE].copy(),
         vectors[TORQUE].copy(),
@@ -200,7 +200,7 @@ def _open(common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Ques
 def _close(
     common: Any, question: Question, done: Acted, acted: int, now: int, monotonic: int
 ) -> int:
-    """Keep what a cycle did, write its command, and say what there is to tell."""
+    """Store the result of a cycle, write its command, and return the bits of the answer."""
     v, numbers, after = common.vectors, common.numbers, done.state
     numbers[FAULT] = after.fault
     numbers[TAKES_OVER] = after.last.takes_over

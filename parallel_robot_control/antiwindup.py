@@ -1,4 +1,4 @@
-"""Conditional integration: no integral of a law winds up while the torque is limited."""
+"""Conditional integration: the integrals of a law do not wind up while the torque is limited."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Array = NDArray[np.float64]
 
 @kernel
 def unless_saturated(increment: Array, excess: Array) -> Array:
-    """Increments of integrals that add to the torque, zero where they would add to the excess.
+    """Increments of integrals in the torque; zero where they would increase the excess.
 
     Args:
-        increment: What the integral of each joint would grow by, shape (n,).
+        increment: Increment of the integral of each joint, shape (n,).
         excess: Torque beyond the limits [N m], shape (n,).
 
     Source:
@@ -29,9 +29,9 @@ def unless_saturated(increment: Array, excess: Array) -> Array:
 
 @kernel
 def unless_any_saturated(increment: Array, excess: Array) -> Array:
-    """The increments, or zero for all joints while one is saturated, shape (n,).
+    """The increments, shape (n,); zero for all joints while any joint is saturated.
 
-    For integrals over differences of joints: their sum stays what it is, zero.
+    For integrals of differences between joints: their sum remains zero.
     """
     for i in range(len(excess)):
         if excess[i] != 0.0:

@@ -18,7 +18,7 @@ class Control(NamedTuple):
 
     Attributes:
         law: The law.
-        setup: What the control cycle is made of.
+        setup: Law, robot and limits of the control cycle.
         state: State before the first cycle.
     """
 
@@ -32,7 +32,7 @@ def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
 
     Args:
         configuration: The configuration.
-        law: Its law; empty for the active one.
+        law: Name of its law; empty for the active one.
 
     Raises:
         InputError: the theory of the law forbids its gains, or a custom law does not compile or

@@ -1,4 +1,4 @@
-"""Many control cycles as one compiled loop, over states and references that are known before."""
+"""Many control cycles as one compiled loop, over states and references known in advance."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class States(NamedTuple):
     """States of the robot, one row each.
 
     Attributes:
-        position: [rad], shape (N, n).
-        velocity: [rad/s], shape (N, n).
-        dt: Time since the state before [s], shape (N,).
+        position: Measured angles [rad], shape (N, n).
+        velocity: Measured rates [rad/s], shape (N, n).
+        dt: Time since the previous state [s], shape (N,).
     """
 
     position: Array
@@ -32,10 +32,10 @@ class Batch(NamedTuple):
     """Answers to the first states.
 
     Attributes:
-        torque: [N m], shape (answered, n).
-        answered: How many states were answered before the first unexpected torque.
-        state: Of the controller after the last of them.
-        memory: Of the law after the last of them.
+        torque: Commanded torque [N m], shape (answered, n).
+        answered: Number of states answered before the first unexpected torque.
+        state: State of the controller after the last of them.
+        memory: Memory of the law after the last of them.
     """
 
     torque: Array
@@ -58,7 +58,7 @@ def answer(
         control: Law, robot and limits.
         references: Desired joint motion at the states, each shape (N, n).
         states: See States.
-        expected: Torques [N m], shape (N, n); NaN where any will do.
+        expected: Expected torques [N m], shape (N, n); NaN where any torque is accepted.
         state: State of the controller before the first state.
         memory: Memory of the law before the first state.
     """
@@ -77,7 +77,7 @@ def answers(
     state: CycleState,
     memory: Any,
 ) -> Batch:
-    """The answers of :func:`answer`, by the cycle as FirstClass."""
+    """The answers of :func:`answer`, with the cycle as FirstClass."""
     count = len(states.dt)
     torque = np.empty((count, expected.shape[1]))
     for k in range(count):

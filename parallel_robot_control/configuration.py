@@ -1,4 +1,4 @@
-"""What a controller is configured with: each group built and checked once."""
+"""Configuration of a controller: each group built and checked once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class ControllerParameters(NamedTuple):
-    """What the controller needs beside robot and law."""
+    """Parameters of the controller itself, besides robot and law."""
 
     guess: Annotated[
         tuple[float, ...],
@@ -58,7 +58,7 @@ class ControlConfiguration(NamedTuple):
 
     @property
     def custom(self) -> bool:
-        """Whether the robot or a law is not of the suite."""
+        """Whether the robot or a law is a custom one."""
         return bool(self.loop.custom_laws or self.loop.custom_robots)
 
     @property
@@ -129,8 +129,8 @@ def changed(
     """A configuration with another law, other gains or the preset.
 
     Args:
-        configuration: As it is.
-        changes: Key to value: ``law``, ``preset``, or ``<law>.<gain>``. ``preset: paper`` is for
+        configuration: The present configuration.
+        changes: Key to value: ``law``, ``preset``, or ``<law>.<gain>``. ``preset: paper`` sets
             all gains.
 
     Raises:

@@ -1,12 +1,12 @@
-"""What a control law gets and gives: the seam between the laws and everything else.
+"""What a control law receives and returns: the interface between the laws and the rest.
 
 A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
 n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
 warnings or raises InputError where its theory forbids a set of gains. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
 
-Around the law stands :mod:`parallel_robot_control.cycle`: it limits the torque, and after a fault
-replaces it by a safe action. A law may ask for anything, but what it integrates must not wind up
+The law runs inside :mod:`parallel_robot_control.cycle`, which limits the torque and after a fault
+replaces it with a safe action. A law may demand any torque, but its integrals must not wind up
 while less is applied: see :mod:`parallel_robot_control.antiwindup`.
 """
 
@@ -34,8 +34,8 @@ class Feedback(NamedTuple):
     """Measured joint motion at one time, and what became of the last torque, each shape (n,).
 
     Attributes:
-        position: [rad].
-        velocity: [rad/s].
+        position: Measured angles [rad].
+        velocity: Measured rates [rad/s].
         excess: Torque of the last update beyond what the limits let through [N m]; mostly zero.
     """
 
@@ -48,10 +48,10 @@ class ControlOutput(NamedTuple):
     """Result of one update.
 
     Attributes:
-        torque: [N m], shape (n,).
-        sliding_variable: In the law's own unit, shape (n,).
-        coupled_error: e_c, for those who watch [rad], shape (n,); e in a law without coupling.
-        memory: What the law must know at its next update.
+        torque: Demanded torque [N m], shape (n,).
+        sliding_variable: Sliding variable in the law's own unit, shape (n,).
+        coupled_error: e_c, for monitoring [rad], shape (n,); e in a law without coupling.
+        memory: State of the law for its next update.
     """
 
     torque: Array

@@ -54,23 +54,23 @@ from parallel_robot_control.wire import wire_of
 
 Array = NDArray[np.float64]
 
-LOST = NANOSECONDS // 4  # ns, after which a state that comes again was not a copy in the queue
+LOST = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 FOREVER = 2**63 - 1  # ns
 
 
 class Controller:
     """Computes the torque of each state from the reference at the state's own stamp.
 
-    :meth:`answer` is for messages whose layout is known, :meth:`add_state` for numbers; both end
+    :meth:`answer` is for messages of a known layout, :meth:`add_state` for numbers; both end
     in the same kernel.
 
     Attributes:
-        configuration: What it is configured with now.
-        counts: How often something unusual happened, by its description.
+        configuration: The present configuration.
+        counts: Number of unusual events by their description.
         command: The command message of the last answer.
-        code: What became of the last state, as of :func:`answering.answer`.
-        log: Which states were answered.
-        load: Loads a law that was left out, see :meth:`LawCores.load`.
+        code: What :func:`answering.answer` returned for the last state.
+        log: Log of the states that were answered.
+        load: Loads a law that is not loaded yet, see :meth:`LawCores.load`.
     """
 
     def __init__(self, configuration: ControlConfiguration, lazy: bool = False) -> None:
@@ -78,7 +78,7 @@ class Controller:
 
         Args:
             configuration: The configuration.
-            lazy: Whether laws that are compiled, but not active, are left to :meth:`load`.
+            lazy: Whether laws that are compiled but not active are loaded later by :meth:`load`.
 
         Raises:
             InputError: a law cannot be used.
@@ -105,10 +105,10 @@ class Controller:
         common = law_core.common(self._references.compiled, timing, self._arrays)
         self.log = AnswerLog(self._arrays)
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
-        self._answered_at = 0  # ns, on the clock that never jumps
-        self._lost = False  # whether the joint states were found stale, and none came since
-        self._fault_seen = faults.NONE  # the fault that was counted last
-        self._changed = False  # whether law or fault are new since the last answer
+        self._answered_at = 0  # ns, on the monotonic clock
+        self._lost = False  # whether the joint states went stale and none has come since
+        self._fault_seen = faults.NONE  # the last fault counted
+        self._changed = False  # whether law or fault changed since the last answer
         self.command = b''
         self.code = 0
         if loop.start_stamp == WAIT:
@@ -128,32 +128,32 @@ class Controller:
 
     @property
     def limits(self) -> Limits:
-        """The limits; the kernels look at these very arrays."""
+        """The limits, in the arrays that the kernels use."""
         return self._core.limits
 
     @property
     def fault(self) -> int:
-        """NONE or the number of the fault that the controller is in, see faults.py."""
+        """NONE or the number of the present fault, see faults.py."""
         return int(self._numbers[FAULT])
 
     @property
     def state(self) -> CycleState:
-        """What the last cycle handed on."""
+        """State of the controller after the last cycle."""
         return stored(self._arrays)
 
     @property
     def memory(self) -> Any:
-        """What the law remembers."""
+        """Memory of the law."""
         return self._core.memory
 
     @property
     def stamp(self) -> int:
-        """Stamp of the state that was answered last [ns]; 0: there is none."""
+        """Stamp of the state answered last [ns]; 0 if there is none."""
         return max(0, int(self._numbers[LAST]))
 
     @property
     def telemetry(self) -> Telemetry:
-        """What there is to tell of the last answer; one row."""
+        """Telemetry of the last answer, one row."""
         return Telemetry(*self._arrays.telemetry[:, np.newaxis].copy())
 
     @property
@@ -167,18 +167,18 @@ class Controller:
         return Status(self.law.name, self._faults.get(self.fault), int(self._numbers[ACTED]))
 
     def begin(self, stamp: int) -> None:
-        """Tell that the motion starts at a state [ns]: no take-over, so no ramp."""
+        """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""
         self._numbers[START] = stamp
         self._numbers[FROM] = stamp if self._loop.start_stamp == WAIT else 0
         if self._loop.last_index is not None:
             self._numbers[END] = stamp + self._loop.last_index * self._loop.period_ns
 
     def expect(self, layout: cdr.Layout, order: list[int]) -> None:
-        """Let :meth:`answer` read state messages of a layout; `order`: its joints, as ours."""
+        """Let :meth:`answer` read messages of a layout; `order`: index of each joint in it."""
         self._states = wire_of(layout, STATE_FIELDS, order)
 
     def prepare_change(self, changes: Mapping[str, Any]) -> Change:
-        """Prepare a change of law, gains or preset; it takes effect by :meth:`apply`.
+        """Prepare a change of law, gains or preset; :meth:`apply` makes it take effect.
 
         Args:
             changes: See :func:`configuration.changed`.
@@ -213,10 +213,10 @@ class Controller:
             self._changed = True
 
     def clear_fault(self) -> str:
-        """Leave the fault, if its cause is gone, with an empty memory and ramped torque.
+        """Leave the fault if its cause is gone, with empty memory and ramped torque.
 
         Returns:
-            Why not; empty when there is no fault any more.
+            The reason why not; empty if there is no fault any more.
         """
         if self.stale():
             return self._faults[faults.STATES_STALE].text
@@ -227,17 +227,17 @@ class Controller:
         return ''
 
     def stale(self) -> bool:
-        """Whether joint states came, and come no more (wall time)."""
+        """Whether joint states were received but have stopped coming (wall time)."""
         heard = int(self._numbers[HEARD])
         if not heard or self._loop.lockstep:
             return False
         return time.monotonic_ns() - heard > self._state_timeout
 
     def watch(self) -> bool:
-        """Enter a fault when the joint states are stale.
+        """Enter a fault if the joint states are stale.
 
         Returns:
-            Whether they are since the last call: then the torque has to be zero.
+            Whether they have become stale since the last call: then the torque must be zero.
         """
         return self.stale() and self.lose(faults.STATES_STALE)
 
@@ -245,7 +245,7 @@ class Controller:
         """Enter a fault because there are no joint states that can be trusted.
 
         Returns:
-            Whether they are lost since the last call: then the torque has to be zero.
+            Whether they were lost since the last call: then the torque must be zero.
         """
         if self._lost:
             return False
@@ -255,14 +255,14 @@ class Controller:
         return True
 
     def read_reference(self, data: bytes) -> bool:
-        """Take a reference message; False when it is for :meth:`add_reference` to look at."""
+        """Take a reference message; False if it must go through :meth:`add_reference`."""
         return self._references.read(data)
 
     def add_reference(self, stamp: int, reference: JointReference) -> Answer | None:
-        """Take a reference sample that is perhaps not in order; answer a state that waits for it.
+        """Take a reference sample, possibly out of order; answer a state that waits for it.
 
         Args:
-            stamp: [ns].
+            stamp: Stamp of the reference [ns].
             reference: Desired joint motion at the stamp.
         """
         order = self._references.add(stamp, reference, self._loop.lockstep)
@@ -276,7 +276,7 @@ class Controller:
         return self.answer_pending()
 
     def answer_pending(self) -> Answer | None:
-        """Answer a state that waits for its reference (lockstep), if it is here now."""
+        """Answer a state that waits for its reference (lockstep), if that has arrived."""
         if self._pending is None or self.answer(self._pending, self._own) <= 0:
             return None
         return self._answer()
@@ -285,12 +285,12 @@ class Controller:
         """Answer a state message.
 
         Args:
-            data: The message.
-            wire: Of the message; None: that of :meth:`expect`.
-            now: Time on the clock of the stamps, for which a state may be too old [ns]; 0: any.
+            data: The serialised message.
+            wire: Layout of the message; None: the one given to :meth:`expect`.
+            now: Time on the clock of the stamps [ns], to refuse old states; 0: accept any age.
 
         Returns:
-            What :func:`answering.answer` returns; with ANSWERED, `command` is the answer.
+            The code of :func:`answering.answer`; with ANSWERED, `command` is the answer.
         """
         states = self._states if wire is None else wire
         monotonic = time.monotonic_ns()
@@ -309,11 +309,11 @@ class Controller:
         """Answer a state that :meth:`answer` did not take, whatever its age.
 
         Args:
-            stamp: [ns].
-            measured: Joints at the stamp.
+            stamp: Stamp of the state [ns].
+            measured: Measured joints at the stamp.
         """
         numbers = self._numbers
-        heard, numbers[HEARD] = int(numbers[HEARD]), 0  # it is answered however late it is
+        heard, numbers[HEARD] = int(numbers[HEARD]), 0  # it is answered, however late
         data = self._state_layout.encode(stamp, **measured._asdict())
         if self.answer(data, self._own) == OUT_OF_ORDER:
             last = int(numbers[LAST])

@@ -1,7 +1,7 @@
 """Node that computes the effort command of every joint state from the newest reference.
 
-The law and its gains are parameters that can change while the robot moves. What goes wrong ends in
-a latched fault and a safe action: see docs/safety.md.
+The law and its gains are parameters that can change while the robot moves. Anything that goes
+wrong leads to a latched fault and a safe action: see docs/safety.md.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 
-LAST_WORD = 0.5  # s, for which the node stays after its zero torque, so that it is read
-LOADING = 0.03  # s, between two laws that are loaded beside the loop
-LOOKS = 4  # at the age of the joint states within the time after which they are stale
+LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
+LOADING = 0.03  # s, pause between two laws loaded in the background
+LOOKS = 4  # checks of the joint states within the time after which they are stale
 
 
 class ControllerNode(SuiteNode):
@@ -90,12 +90,12 @@ class ControllerNode(SuiteNode):
             self.create_timer(timeout / LOOKS, self._watch)
 
     def begin(self) -> None:
-        """Go on loading laws, beside the loop."""
+        """Load the remaining laws in the background."""
         super().begin()
         self._loader.start()
 
     def is_settable(self, key: str) -> bool:
-        """Law, preset and gains."""
+        """Whether a parameter can change while the node runs: law, preset and gains."""
         laws = self.configuration.laws if self.configuration else {}
         return (
             super().is_settable(key) or key in ('law', 'preset') or key.partition('.')[0] in laws
@@ -122,7 +122,7 @@ class ControllerNode(SuiteNode):
         return stored, apply
 
     def set_start(self, stamp: int) -> None:
-        """Answer no state from before the common start [ns]."""
+        """Answer no state before the common start [ns]."""
         self._controller.begin(stamp)
 
     def diagnose(self) -> dict[str, str]:
@@ -141,7 +141,7 @@ class ControllerNode(SuiteNode):
         return figures
 
     def handled(self) -> int:
-        """States answered."""
+        """Number of states answered."""
         return self._controller.log.answered
 
     def alarm(self) -> str:
@@ -150,7 +150,7 @@ class ControllerNode(SuiteNode):
         return f'fault: {fault.text}' if fault else ''
 
     def leave_out(self, topic: topics.Topic) -> None:
-        """Go over to the safe action: of two robots, or two motions, none is the right one."""
+        """Change to the safe action: with two robots or two motions, neither can be trusted."""
         if topic == topics.JOINT_STATES:
             self._lose_torque(self._controller.lose(faults.STATES_DISAGREE))
         else:
@@ -161,7 +161,7 @@ class ControllerNode(SuiteNode):
         self._closing.set()
         self._topics.publish_zero()
         self._topics.publish_log()
-        time.sleep(LAST_WORD)  # those who read best effort acknowledge nothing
+        time.sleep(LAST_WORD)  # best-effort subscribers acknowledge nothing
         if self._loader.ident:
             self._loader.join()
 
@@ -176,7 +176,7 @@ class ControllerNode(SuiteNode):
 
     def _on_state(self, data: bytes) -> None:
         code = self._controller.answer(data, now=self._now())
-        if code == ANSWERED:  # nine times out of ten
+        if code == ANSWERED:  # the usual case
             self._topics.publish_command()
         elif code > 0:
             self._topics.publish_answer(code)
@@ -184,8 +184,8 @@ class ControllerNode(SuiteNode):
             self._on_odd_state(code, data)
 
     def _on_odd_state(self, code: int, data: bytes) -> None:
-        """Take a state that the compiled path did not: another layout, or a stamp out of order."""
-        if code == STALE:  # the node itself has stood still
+        """Take a state that the compiled path refused: another layout, or a stamp out of order."""
+        if code == STALE:  # the node itself was stalled
             self._watch()
         message = self._state_reader.read(data)
         if message is None:
@@ -194,26 +194,26 @@ class ControllerNode(SuiteNode):
             self._controller.expect(self._state_reader.layout, self._state_reader.order)
         stamp, vectors = message
         if self._is_old(stamp):
-            self.counts['joint states that are too old'] += 1  # as if they had not come
+            self.counts['joint states that are too old'] += 1  # as if they had not arrived
         else:
             self._send(self._controller.add_state(stamp, JointSample(*vectors)))
 
     def _load_laws(self) -> None:
-        """Load what is not active yet, with pauses, so that a switch finds it."""
+        """Load the inactive laws, with pauses, so that they are ready for a switch."""
         while not self._closing.wait(LOADING) and self._controller.load():
             pass
 
     def _now(self) -> int:
-        """Time by which a state may be too old [ns]; 0: none is.
+        """Time against which the age of a state is checked [ns]; 0: it is not checked.
 
-        The earlier of two: stamps go on as before when the system clock is set.
+        The earlier of two clocks: stamps go on as before when the system clock is set.
         """
         if self.lockstep:
             return 0
         return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
 
     def _is_old(self, stamp: int) -> bool:
-        """Whether a state is of a time that has gone: one that waited in a queue, say."""
+        """Whether a state is too old, e.g. because it waited in a queue."""
         latest = stamp + self._state_timeout
         if self._now() <= latest:  # the cheaper clock first
             return False
@@ -225,17 +225,17 @@ class ControllerNode(SuiteNode):
             self._topics.publish_answer(self._controller.code)
 
     def _watch(self) -> None:
-        """Take the torque away when the joint states are stale."""
+        """Send zero torque when the joint states become stale."""
         self._lose_torque(self._controller.watch())
 
     def _lose_torque(self, lost: bool) -> None:
-        """Take the torque away if the joint states are lost."""
+        """Send zero torque if the joint states are lost."""
         if lost:
             self._topics.publish_zero()
             self._tell_now()
 
     def _tell_now(self) -> None:
-        """Publish a fault that no state brought about."""
+        """Publish a fault that was not caused by a state."""
         self._topics.publish_status(self._controller.stamp if self.lockstep else time.time_ns())
 
     def _answer_emergency_stop(

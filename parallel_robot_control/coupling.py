@@ -1,4 +1,4 @@
-"""Synchronisation errors of joints that stand in a ring, eqs. (8)-(9)."""
+"""Synchronisation errors of joints coupled in a ring, eqs. (8)-(9)."""
 
 from __future__ import annotations
 

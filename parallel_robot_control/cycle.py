@@ -21,11 +21,11 @@ class CycleState(NamedTuple):
     """What one cycle hands to the next.
 
     Attributes:
-        pose: Pose by forward kinematics, shape (m,); the guess of the next one.
+        pose: Pose by forward kinematics, shape (m,); the guess for the next one.
         last: What the cycle saw and did.
         excess: Torque of the law that the limits cut off [N m], shape (n,).
         held: Joint angles at the moment of the fault [rad], shape (n,).
-        fault: NONE or the key of FAULT_TEXT that the controller is in; it stays.
+        fault: NONE or the number of the fault, see faults.py; it is latched.
     """
 
     pose: Array
@@ -36,14 +36,14 @@ class CycleState(NamedTuple):
 
 
 class ControlSetup(NamedTuple):
-    """What a controller is made of and does not change.
+    """The constant parts of a controller.
 
     Attributes:
         update: Update of the law, as FirstClass.
         estimate: Estimate of the robot module, as FirstClass.
         gains: Gains of the law.
         robot: Parameters of the nominal robot.
-        limits: See SafetyParameters.
+        limits: Limits, safe action and margins.
     """
 
     update: Any
@@ -62,7 +62,7 @@ class Asked(NamedTuple):
 
 
 class Acted(NamedTuple):
-    """A Cycle but for the memory, which is the law's."""
+    """A Cycle without the memory, whose type depends on the law."""
 
     torque: Array
     sliding_variable: Array
@@ -75,11 +75,11 @@ class Cycle(NamedTuple):
     """Result of one control cycle.
 
     Attributes:
-        torque: [N m], shape (n,).
-        sliding_variable: In the law's unit, shape (n,); zero in a fault.
+        torque: Commanded torque [N m], shape (n,).
+        sliding_variable: Sliding variable in the law's unit, shape (n,); zero in a fault.
         coupled_error: e_c [rad], shape (n,); e in a fault.
         acted: Bits of the limits that acted.
-        state: For the next cycle.
+        state: State of the controller for the next cycle.
         memory: Memory of the law for the next cycle.
     """
 
@@ -92,11 +92,11 @@ class Cycle(NamedTuple):
 
 
 def initial_state(pose: Array, joints: int) -> CycleState:
-    """State before the first cycle: no torque, and the first torque may be any.
+    """State before the first cycle: no torque, and the first one is not ramped.
 
     Args:
-        pose: Where the forward kinematics starts, shape (m,).
-        joints: n.
+        pose: Pose from which the forward kinematics starts, shape (m,).
+        joints: Number of the actuated joints, n.
     """
     zero = np.zeros(joints)
     return CycleState(pose, Last(zero, zero, zero, zero, False, False), zero, zero, faults.NONE)
@@ -104,7 +104,7 @@ def initial_state(pose: Array, joints: int) -> CycleState:
 
 @inner
 def is_finite(x: Array) -> bool:
-    """Whether all numbers of a vector are finite."""
+    """Whether all elements of a vector are finite."""
     finite = True
     for i in range(len(x)):
         finite = finite and np.isfinite(x[i])
@@ -125,8 +125,8 @@ def sense(
     """Find the pose, look for faults, compute the model. Arguments as of :func:`run_cycle`.
 
     Returns:
-        The estimate; its fault is the one that the controller is in, or else the first one found:
-        of the motion of the joints, then of the robot.
+        The estimate; its fault is the latched one, or else the first one found, first in the
+        motion of the joints, then in the robot.
     """
     found = estimate(robot, limits.margins, position, velocity, state.pose)
     fault = state.fault
@@ -148,22 +148,24 @@ def act(
     asked: Asked,
     dt: float,
 ) -> Acted:
-    """Limit what the law asks for, or take the safe action in its place.
+    """Limit the torque that the law asks for, or replace it with the safe action.
 
     Args:
-        limits: See SafetyParameters.
+        limits: Limits, safe action and margins.
         reference: Desired joint motion at the state's stamp.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        state: Of the cycle before.
-        sensed: What is known of the robot.
-        asked: By the law; not looked at in a fault.
-        dt: Time since the state before [s].
+        state: State of the controller after the cycle before.
+        sensed: Pose, fault and model of the robot.
+        asked: Output of the law; ignored in a fault.
+        dt: Time since the previous state [s].
     """
     fault, last, held = sensed.fault, state.last, state.held
     demand, sliding_variable, coupled_error = asked
+    # 1. A demand that is not finite is a fault, too.
     if fault == faults.NONE and not is_finite(demand):
         fault = faults.TORQUE_NOT_FINITE
+    # 2. In a fault, the safe action replaces the demand; a ramp that is not over is dropped.
     if fault != faults.NONE:
         if state.fault == faults.NONE or not last.known:
             held = position
@@ -173,6 +175,7 @@ def act(
         last = Last(
             last.position, last.reference, last.torque, np.zeros(len(demand)), False, last.known
         )
+    # 3. The limits; the next cycle continues from what they let through.
     torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
     last = Last(position, reference.position, torque, offset, False, True)
     after = CycleState(sensed.pose, last, excess, held, fault)
@@ -198,14 +201,14 @@ def run_cycle(
         reference: Desired joint motion at the state's stamp.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        state: Of the cycle before.
+        state: State of the controller after the cycle before.
         memory: Memory of the law.
-        dt: Time since the state before [s].
+        dt: Time since the previous state [s].
     """
-    # 1. What is known of the robot: its pose, its model, a fault.
+    # 1. Pose, model and faults of the robot.
     limits = setup.limits
     sensed = sense(setup.estimate, setup.robot, limits, reference, position, velocity, state, dt)
-    # 2. What the law asks for; in a fault it is not asked.
+    # 2. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
     advanced = memory
     if sensed.fault == faults.NONE:
@@ -213,7 +216,7 @@ def run_cycle(
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
         asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
         advanced = output.memory
-    # 3. That within the limits, or the safe action in its place.
+    # 3. The same within the limits, or the safe action. In a fault the memory is kept.
     done = act(limits, reference, position, velocity, state, sensed, asked, dt)
     if done.state.fault == faults.NONE:
         memory = advanced
@@ -228,7 +231,7 @@ def run_cycle(
 
 
 def cycle_of(setup: ControlSetup, state: CycleState, memory: Any) -> FirstClass:
-    """The cycle with a law, for loops that would else be compiled with all of it in them.
+    """The cycle with a law as a value, so that loops are not compiled with all of it inside.
 
     Args:
         setup: Law, robot and limits.

@@ -26,7 +26,7 @@ class JointSample(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """Answer to one state: the torque [N m], shape (n,), and what there is to tell of it."""
+    """Answer to one state: the torque [N m], shape (n,), and its telemetry."""
 
     torque: Array
     telemetry: Telemetry
@@ -34,7 +34,7 @@ class Answer(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A change of law or gains that was found good: the new configuration, the law compiled."""
+    """An accepted change of law or gains: the new configuration and the compiled law."""
 
     configuration: ControlConfiguration
     core: LawCore

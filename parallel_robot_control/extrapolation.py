@@ -14,13 +14,13 @@ Array = NDArray[np.float64]
 
 @kernel
 def extrapolate(age: int, position: Array, velocity: Array, acceleration: Array) -> JointReference:
-    """A reference some time after its own stamp; the acceleration is held.
+    """A reference some time after its own stamp, at constant acceleration.
 
     Args:
         age: Time since its stamp [ns].
-        position: [rad], shape (n,).
-        velocity: [rad/s], shape (n,).
-        acceleration: [rad/s^2], shape (n,).
+        position: Desired angles at its stamp [rad], shape (n,).
+        velocity: Their rates [rad/s], shape (n,).
+        acceleration: Their accelerations [rad/s^2], shape (n,).
     """
     n = len(position)
     later = JointReference(np.empty(n), np.empty(n), np.empty(n))
@@ -37,13 +37,13 @@ def extrapolate(age: int, position: Array, velocity: Array, acceleration: Array)
 def extrapolate_rows(
     ages: NDArray[np.int64], position: Array, velocity: Array, acceleration: Array
 ) -> JointReference:
-    """References some time after their own stamps, one a row.
+    """References some time after their own stamps, one per row.
 
     Args:
         ages: Times since their stamps [ns], shape (N,).
-        position: [rad], shape (N, n).
-        velocity: [rad/s], shape (N, n).
-        acceleration: [rad/s^2], shape (N, n).
+        position: Desired angles at their stamps [rad], shape (N, n).
+        velocity: Their rates [rad/s], shape (N, n).
+        acceleration: Their accelerations [rad/s^2], shape (N, n).
     """
     shape = position.shape
     later = JointReference(np.empty(shape), np.empty(shape), np.empty(shape))

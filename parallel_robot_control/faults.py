@@ -1,4 +1,4 @@
-"""Why the controller gives up its law for the safe action."""
+"""Faults: the reasons why the controller replaces its law with the safe action."""
 
 from __future__ import annotations
 

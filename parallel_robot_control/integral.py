@@ -1,4 +1,4 @@
-"""Integrals of a law by forward Euler, right for any time between two samples."""
+"""Integrals of a law by forward Euler, for any time between two samples."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 class Integral(NamedTuple):
     """An integral at the last sample and its rate there, each shape (n,).
 
-    It advances when the next sample comes, for only then is the time between the two known: a
-    state that the controller did not see makes it twice as long.
+    It advances when the next sample comes, because only then is the time between the two known: it
+    is twice as long if a state was lost.
     """
 
     value: Array
@@ -24,7 +24,7 @@ class Integral(NamedTuple):
 
 
 def zero_integral(joints: int) -> Integral:
-    """An integral that begins at zero."""
+    """An integral that starts at zero."""
     return Integral(np.zeros(joints), np.zeros(joints))
 
 

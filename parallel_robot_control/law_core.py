@@ -1,7 +1,7 @@
-"""What a controller knows between two states, as a compiled object: one for each law.
+"""What a controller keeps from one state to the next, as a compiled object for each law.
 
-Its arrays are shared with Python, which looks at them and changes them between two calls; what
-depends on the law (gains, memory) lies in the compiled object alone.
+Its arrays are shared with Python, which reads and changes them between two calls; what
+depends on the law (gains, memory) is in the compiled object alone.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class CoreType(types.StructRef):  # type: ignore[misc]
 
 
 class Core(structref.StructRefProxy):  # type: ignore[misc]
-    """A law with all that its cycle needs."""
+    """A law with everything that its cycle needs."""
 
 
 structref.define_boxing(CommonType, Common)
@@ -69,7 +69,7 @@ def _common(references: Any, timing: Timing, arrays: Shared) -> Any:
 
 
 def common(references: Any, timing: Timing, arrays: Shared) -> Any:
-    """Tie together what the cores of all laws share.
+    """Make the object that the cores of all laws share.
 
     Args:
         references: ReferenceBuffer.compiled.
@@ -97,12 +97,12 @@ class LawCore:
     """
 
     def __init__(self, control: Control, common: Any, wire: Any) -> None:
-        """Make the core and compile what works with it; the memory is that before the start.
+        """Make the core, with the initial memory of its law, and compile the kernels that use it.
 
         Args:
             control: Law, robot, limits.
             common: See :func:`common`.
-            wire: Of states.
+            wire: Layout of the state messages, see Wire.
         """
         self.law = control.law
         self._setup, self._common = control.setup, common
@@ -118,7 +118,7 @@ class LawCore:
 
     @property
     def limits(self) -> Limits:
-        """Limits that the kernels keep to."""
+        """Limits that the kernels apply."""
         limits: Limits = self._setup.limits
         return limits
 

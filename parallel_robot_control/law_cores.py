@@ -1,4 +1,4 @@
-"""The compiled cores of a controller's laws: made at its start, or loaded beside the loop."""
+"""The compiled cores of a controller's laws: made at its start, or loaded in the background."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from parallel_robot_control.laws import LAWS
 
 
 class LawCores:
-    """Makes cores, one at a time: compiling is not for several threads at once."""
+    """Makes cores, one at a time: only one thread may compile."""
 
     def __init__(
         self, configuration: ControlConfiguration, common: Any, wire: Any, lazy: bool
     ) -> None:
-        """Compile all laws, so that a switch finds them.
+        """Compile all laws, so that they are ready for a switch.
 
         Args:
             configuration: Configuration of the controller.
             common: What the cores of all laws share, see :func:`law_core.common`.
             wire: Layout of the joint states, as the kernels take it.
-            lazy: Whether laws of the suite that are known to be compiled, but are not active, are
-                left to :meth:`load`.
+            lazy: Whether laws of the suite that are known to be compiled but are not active are
+                loaded later by :meth:`load`.
 
         Raises:
             InputError: a law cannot be used.
@@ -53,7 +53,7 @@ class LawCores:
             return LawCore(assemble(configuration, law), self._common, self._wire)
 
     def load(self) -> bool:
-        """Load a law that was left out; for a thread beside the loop.
+        """Load a law that is not loaded yet; for a background thread.
 
         Returns:
             Whether there are more.

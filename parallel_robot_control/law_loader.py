@@ -31,7 +31,7 @@ def load(path: str) -> tuple[str, Law]:
         raise InputError(f'custom_laws: {path}: Gains is not a NamedTuple')
     try:
         parameters(law.Gains)
-    except Exception as error:  # of its annotations
+    except Exception as error:  # raised by its annotations
         raise InputError(f'custom_laws: {path}: {first_line(error)}') from error
     return name, law
 

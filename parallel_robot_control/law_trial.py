@@ -1,8 +1,8 @@
-"""Trial of a custom law before it acts, in a process of its own.
+"""Trial of a custom law in a separate process, before it is used.
 
-Compiled code looks at no bounds: what reads beyond an array goes on with foreign memory. So the
-law is compiled once more, with bounds checked, and given some samples. Whether it has passed is
-kept for its source beside the machine code.
+Compiled code does not check bounds: reading beyond an array yields whatever is in memory. So the
+law is also compiled with bounds checks and run on some samples. The verdict is kept with the
+machine code, for this source of the law.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from parallel_robot_control import law_loader
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model
 
-LIMIT = 1.0  # s, within which each function of a law must return
+LIMIT = 1.0  # s, time within which each function of a law must return
 COMPILING = 120.0  # s, for the process as a whole
-OTHERS = (1, 2, 5)  # numbers of joints that a law should be able to have, too
-UPDATES = 5  # with each number of joints
-SIZES = (0.0, 1e-3, 1.0, 10.0)  # of the samples
+OTHERS = (1, 2, 5)  # numbers of joints that a law should support, too
+UPDATES = 5  # for each number of joints
+SIZES = (0.0, 1e-3, 1.0, 10.0)  # magnitudes of the samples
 ROWS = ('torque', 'sliding_variable', 'coupled_error')
 
 
 def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]:
-    """Try a law; once for its source.
+    """Try a law, once for each version of its source.
 
     Args:
-        name: Of the law.
-        law: Its module, from a file.
-        gains: Those to try it with.
-        joints: How many it will control.
+        name: Name of the law.
+        law: Its module, loaded from a file.
+        gains: Gains to try it with.
+        joints: Number of joints that it will control.
 
     Returns:
-        What it can do less than the laws of the suite.
+        What it cannot do that the laws of the suite can.
 
     Raises:
-        InputError: it reads beyond an array, does not return, or returns what is none of its own.
+        InputError: it reads beyond an array, does not return, or returns something invalid.
     """
     source = custom_module.source_of(law)
     mark = f'tried_{hashlib.sha256(source).hexdigest()[:16]}_{joints}'
@@ -69,7 +69,7 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
 
 
 def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
-    """Run the trial with a cache of its own; the warnings, one a line.
+    """Run the trial with a separate cache; returns the warnings, one per line.
 
     Raises:
         InputError: the law is refused.
@@ -125,7 +125,7 @@ def main() -> int:
 
 
 def _run(law: Any, gains: Any, joints: int) -> None:
-    """Update a law some times with a number of joints."""
+    """Update a law several times with a number of joints."""
     with _limited('initial_memory'):
         memory = first = law.initial_memory(joints)
     random = np.random.default_rng(joints)
@@ -142,7 +142,7 @@ def _run(law: Any, gains: Any, joints: int) -> None:
 
 
 def _check(output: ControlOutput, joints: int, first: Any) -> None:
-    """Look at the shapes of what a law returns.
+    """Check the shapes of the output of a law.
 
     Raises:
         InputError: one is wrong.
@@ -157,7 +157,7 @@ def _check(output: ControlOutput, joints: int, first: Any) -> None:
 
 
 def _leaves(memory: Any) -> Iterator[tuple[int, ...]]:
-    """Shapes of the numbers in a memory."""
+    """Shapes of the numbers and arrays in a memory."""
     if isinstance(memory, tuple):
         for part in memory:
             yield from _leaves(part)
@@ -167,7 +167,7 @@ def _leaves(memory: Any) -> Iterator[tuple[int, ...]]:
 
 @contextlib.contextmanager
 def _limited(what: str) -> Iterator[None]:
-    """End this process where a function of the law does not return: nothing else could."""
+    """End this process if a function of the law does not return; nothing else can stop it."""
     print(f'\n{what}', flush=True)
     faulthandler.dump_traceback_later(LIMIT, exit=True)
     try:

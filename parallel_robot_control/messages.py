@@ -1,4 +1,4 @@
-"""What the controller says, as messages; one row a state."""
+"""What the controller reports, as messages; one row per state."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.contract import Fault
 
 OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
-LAW = 'law'  # keys of a status: what is for programs is a code, the text beside it for people
+LAW = 'law'  # keys of a status: codes are for programs, texts for people
 FAULT, FAULT_CODE = 'fault', 'fault code'
 LIMITS, LIMIT_CODES = 'limits that acted', 'limit codes'
 NO_FAULT = 'none'  # the code
 
 
 class Telemetry(NamedTuple):
-    """What the controller publishes beside its commands, each shape (N, n).
+    """What the controller publishes besides its commands, each shape (N, n).
 
     Attributes:
         error: e = reference - feedback [rad].
         error_rate: Its derivative [rad/s].
         coupled_error: e_c of the law [rad].
-        sliding_variable: In the law's unit.
+        sliding_variable: Sliding variable in the law's unit.
     """
 
     error: np.ndarray
@@ -39,7 +39,7 @@ class Status(NamedTuple):
 
     Attributes:
         law: Name of the active law.
-        fault: The fault that it is in, if it is in one.
+        fault: The present fault, if there is one.
         acted: Bits of the limits that acted since the start of the run.
     """
 
@@ -86,7 +86,7 @@ def telemetry_fields(telemetry: Telemetry) -> dict[topics.Topic, dict[str, np.nd
 def answers_message(stamps: np.ndarray) -> bytes:
     """Stamps of state and reference of some commands [ns], shape (N, 2), as an Int64MultiArray.
 
-    One row a command, in the order of the commands; zero for one that answers no state.
+    One row per command, in the order of the commands; zero for one that answers no state.
     """
     head = layouts.int64_multi_array(stamps.size).template[: -stamps.nbytes or None]
     return head.tobytes() + stamps.tobytes()

@@ -26,7 +26,7 @@ class PreparedLaw(NamedTuple):
         gains: Its gains.
         memory: Its memory before the first update.
         update: Its compiled update.
-        warnings: What the theory of the law has against the gains, though they run.
+        warnings: Objections of the theory to gains that are accepted all the same.
     """
 
     name: str
@@ -37,7 +37,7 @@ class PreparedLaw(NamedTuple):
 
 
 def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
-    """Ask a law what it has against its gains.
+    """Ask a law to check its gains.
 
     Returns:
         Warnings.
@@ -50,7 +50,7 @@ def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
         return tuple(f'{name}: {text}' for text in of_law(gains)) if of_law else ()
     except InputError as error:
         raise InputError(f'{name}: {error}') from None
-    except Exception as error:  # code of somebody else may raise anything
+    except Exception as error:  # custom code may raise anything
         raise InputError(f'{name}: judge: {first_line(error)}') from error
 
 
@@ -61,7 +61,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         name: Key of LAWS, or the name of a custom law.
         law: The law.
         gains: Its gains.
-        joints: How many it controls, n.
+        joints: Number of the actuated joints, n.
 
     Raises:
         InputError: the theory of the law forbids the gains, or a custom law does not compile or
@@ -78,7 +78,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
     try:
         update = _compiled(law, gains, memory, joints)
-    except Exception as error:  # Numba has many
+    except Exception as error:  # Numba raises many kinds
         reason = _reason(error, law.update.py_func)
         raise InputError(f'{name}: update does not compile: {reason}') from error
     row = np.zeros(joints)
@@ -94,7 +94,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
 
 def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
     row, matrix = np.zeros(joints), np.eye(joints)
-    with warnings.catch_warnings(record=True) as said:  # nothing of what does not compile
+    with warnings.catch_warnings(record=True) as said:  # none of code that does not compile
         update = FirstClass(
             law.update,
             gains,
@@ -110,7 +110,7 @@ def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
 
 
 def _reason(error: Exception, update: Any) -> str:
-    """What Numba says of the cause, and of the line; else that of the function."""
+    """The cause and the line that Numba reports; failing that, the line of the function."""
     lines = [line.strip() for line in str(error).splitlines()]
     said = [line for line in lines if line and not line.startswith('Failed in ')]
     cause = said[0] if said else type(error).__name__

@@ -1,4 +1,4 @@
-"""References by stamp: kept until no state can need them, extrapolated to the stamp of a state."""
+"""References by stamp: kept while a state may need them, extrapolated to its stamp."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector, wi
 Array = NDArray[np.float64]
 
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
-SIZE = 10_000  # samples; the oldest goes when one more comes
+SIZE = 10_000  # samples; when full, the oldest is dropped
 FOUND, TOO_OLD, MISSING = 0, 1, 2
 IN_ORDER, LATE, CONTRADICTS, BACK = range(4)  # order in which a reference comes
 RESTART = NANOSECONDS // 2  # a jump of the stamps by more than this is a new run
-FIRST, COUNT = 0, 1  # of the window
+FIRST, COUNT = 0, 1  # elements of the window
 
 
 @structref.register
@@ -48,11 +48,11 @@ class ReferenceBuffer:
     """References in the order of their stamps.
 
     Attributes:
-        compiled: For the kernels of this module.
+        compiled: The Buffer for the kernels of this module.
     """
 
     def __init__(self, joints: tuple[str, ...]) -> None:
-        """Begin empty, for the joints of these names."""
+        """Start empty, for the joints with these names."""
         self._stamps = np.zeros(SIZE, np.int64)
         self._rows = np.zeros((SIZE, 3, len(joints)))
         self._window = np.zeros(2, np.int64)
@@ -62,31 +62,31 @@ class ReferenceBuffer:
         self._append = entry_point(append_message, self.compiled, self._wire, b'')
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of references."""
         return int(self._window[COUNT])
 
     @property
     def newest(self) -> int:
-        """Stamp of the newest [ns]; there must be one."""
+        """Stamp of the newest reference [ns]; the buffer must not be empty."""
         return int(self._stamps[self._at(len(self) - 1)])
 
     def read(self, data: bytes) -> bool:
-        """Add the reference of a message as the suite writes it, when it is the newest.
+        """Add the reference of a message in the layout of the suite, if it is the newest.
 
         Returns:
-            Whether it was; if not, nothing is added.
+            Whether it was added.
         """
         return bool(self._append(self.compiled, self._wire, data))
 
     def add(self, stamp: int, reference: JointReference, lockstep: bool) -> int:
-        """Add a reference that is perhaps not the newest.
+        """Add a reference that may not be the newest.
 
-        In lockstep, one that goes back replaces those from its stamp on. Else it does so only
-        after a jump: the others were wrong, or of another run.
+        In lockstep, an older one replaces those from its stamp on. Otherwise it does so only after
+        a jump of the stamps: the others were wrong, or belonged to another run.
 
         Returns:
-            IN_ORDER; BACK when others were replaced; LATE when it is left out, and CONTRADICTS
-            when it is left out and another one of its stamp is here that is not the same.
+            IN_ORDER; BACK if others were replaced; LATE if it is discarded; CONTRADICTS if it is
+            discarded and differs from the one with the same stamp.
         """
         order = IN_ORDER
         if len(self) and stamp <= self.newest:
@@ -108,7 +108,7 @@ class ReferenceBuffer:
         self._window[COUNT] += 1
 
     def at(self, stamp: int) -> JointReference | None:
-        """The one of exactly this stamp [ns]."""
+        """The reference with exactly this stamp [ns]."""
         for k in reversed(range(len(self))):
             if self._stamps[self._at(k)] <= stamp:
                 same = self._stamps[self._at(k)] == stamp
@@ -116,7 +116,7 @@ class ReferenceBuffer:
         return None
 
     def drop_since(self, stamp: int) -> None:
-        """Forget those of this stamp [ns] and later ones."""
+        """Drop the references from this stamp [ns] on."""
         while len(self) and self.newest >= stamp:
             self._window[COUNT] -= 1
 
@@ -126,7 +126,7 @@ class ReferenceBuffer:
 
 @kernel
 def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
-    """Add the reference of a message if it is newer than all others, finite, and understood."""
+    """Add the reference of a message of a known layout if it is finite and the newest."""
     stamp = open_message(wire, data)
     if stamp == NOT_UNDERSTOOD:
         return False
@@ -152,17 +152,17 @@ def reference_at(
 ) -> tuple[int, int, JointReference]:
     """Newest reference not after `stamp`, extrapolated to it with its own derivatives.
 
-    Older ones are forgotten.
+    Older ones are dropped.
 
     Args:
         buffer: See ReferenceBuffer.compiled.
-        stamp: [ns].
-        timeout: Age from which on it is too old to extrapolate [ns]; then it rests.
-        needs_newer: Whether the answer is MISSING until one of this stamp or a later one is here
-            (lockstep): so it does not depend on which message was faster.
+        stamp: Stamp of the state [ns].
+        timeout: Age above which it is not extrapolated but held at rest [ns].
+        needs_newer: Whether the answer is MISSING until one with this stamp or a later one is here
+            (lockstep), so that it does not depend on which message arrives first.
 
     Returns:
-        FOUND, TOO_OLD or MISSING; the stamp that the reference had [ns]; the reference.
+        FOUND, TOO_OLD or MISSING; the stamp of the reference used [ns]; the reference.
     """
     window, stamps, rows = buffer.window, buffer.stamps, buffer.rows
     n = rows.shape[2]

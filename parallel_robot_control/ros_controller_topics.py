@@ -1,4 +1,4 @@
-"""What a controller publishes: its commands, and less often what it is doing."""
+"""What a controller publishes: its commands and, less often, its state."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class ControllerTopics:
     """The publishers of a controller node."""
 
     def __init__(self, node: SuiteNode, controller: Controller) -> None:
-        """Create the publishers, and tell the active law.
+        """Create the publishers, and publish the name of the active law.
 
         Args:
             node: The node.
-            controller: What is told of.
+            controller: The controller whose output is published.
         """
         self._node, self._controller = node, controller
-        self._status: Status | None = None  # as it was published last
-        self._law = controller.law.name  # as it was published last
+        self._status: Status | None = None  # as last published
+        self._law = controller.law.name  # as last published
         self._commands = node.publisher(topics.COMMANDS)
         self._telemetry = {
             topic: (node.publisher(topic, essential=False), layout.draft())
@@ -51,7 +51,7 @@ class ControllerTopics:
         self._log.publish(self._controller.log.take())
 
     def publish_answer(self, code: int) -> None:
-        """Publish the last command and what there is to tell with it, by the bits of its code."""
+        """Publish the last command and, by the bits of its code, what goes with it."""
         self.publish_command()
         stamp, status = self._controller.stamp, self._controller.status
         if (code & STATUS or self._status is None) and status != self._status:

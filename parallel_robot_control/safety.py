@@ -14,7 +14,7 @@ from parallel_robot_control.contract import JointReference
 
 Array = NDArray[np.float64]
 
-TORQUE, RATE, RAMP = 1, 2, 4  # bits of what acted
+TORQUE, RATE, RAMP = 1, 2, 4  # bits of the limits that acted
 ACTED_TEXT = {TORQUE: 'torque limit', RATE: 'torque rate limit', RAMP: 'ramp after a take-over'}
 ACTED_CODE = {TORQUE: 'torque', RATE: 'rate', RAMP: 'ramp'}  # in bags: never changed
 ZERO, DAMP, HOLD = 0, 1, 2
@@ -22,7 +22,7 @@ ACTIONS = {'zero': ZERO, 'damp': DAMP, 'hold': HOLD}
 
 
 class SafetyParameters(NamedTuple):
-    """What the controller never exceeds, and what it does instead of its law after a fault."""
+    """Limits of the controller, and what replaces its law after a fault."""
 
     action: Annotated[
         Literal['zero', 'damp', 'hold'],
@@ -55,7 +55,7 @@ class SafeAction(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The parameters as the kernels take them; arrays have shape (n,), margins are the robot's."""
+    """The parameters as the kernels take them: arrays of shape (n,), margins of the robot."""
 
     safe: SafeAction
     torque: Array
@@ -66,14 +66,14 @@ class Limits(NamedTuple):
 
 
 def safe_action(action: str, parameters: SafetyParameters) -> SafeAction:
-    """The safe action of a name, with the gains of the parameters."""
+    """The safe action with this name, with the gains of the parameters."""
     return SafeAction(
         ACTIONS[action], np.array(parameters.damping), np.array(parameters.stiffness)
     )
 
 
 def limits_of(parameters: SafetyParameters, margins: Any) -> Limits:
-    """Take the numbers out of the parameters; `margins` are SafetyMargins of the robot."""
+    """Make the limits from the parameters; `margins` are SafetyMargins of the robot."""
     return Limits(
         safe_action(parameters.action, parameters),
         np.array(parameters.torque_limit),
@@ -85,14 +85,14 @@ def limits_of(parameters: SafetyParameters, margins: Any) -> Limits:
 
 
 class Last(NamedTuple):
-    """What the cycle before saw and did, each shape (n,).
+    """Measurements and output of the cycle before, each shape (n,).
 
     Attributes:
         position: Measured angles [rad].
         reference: Desired angles [rad].
         torque: Torque applied [N m].
-        offset: What is taken off the demanded torque until a take-over is faded out [N m].
-        takes_over: Whether the next torque has to go on from `torque`.
+        offset: Subtracted from the demanded torque; fades to zero after a take-over [N m].
+        takes_over: Whether the next torque must continue from `torque`.
         known: Whether `position` and `reference` were measured.
     """
 
@@ -106,7 +106,7 @@ class Last(NamedTuple):
 
 @kernel
 def safe_torque(safe: SafeAction, held: Array, position: Array, velocity: Array) -> Array:
-    """Torque that brings the joints to rest, or to rest where they were held [N m], shape (n,)."""
+    """Torque of the safe action: zero, damping, or also stiffness to `held` [N m], shape (n,)."""
     torque = np.zeros(len(position))
     for i in range(len(position)):
         if safe.action != ZERO:
@@ -130,12 +130,12 @@ def find_fault(
     """The first fault in the motion of the joints, else NONE.
 
     Args:
-        limits: See SafetyParameters.
+        limits: Limits of torque, rate and speed.
         reference: Desired joint motion.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         last: The cycle before.
-        dt: Time since then [s].
+        dt: Time since the cycle before [s].
     """
     for i in range(len(position)):
         if abs(velocity[i]) > limits.speed[i]:
@@ -154,25 +154,26 @@ def limit_torque(
 ) -> tuple[Array, Array, Array, int]:
     """Bring a demanded torque within the limits, without a jump when a law takes over.
 
-    A take-over is faded, not rate-limited: what the new law asks for more than the torque before
-    is taken off, less and less of it. So the law has its loop from the first sample on; a rate
-    limit in the loop would make it swing.
+    A take-over is faded, not rate-limited: the difference between the demand of the new law and
+    the last torque is subtracted and fades to zero. So the new law closes its loop from the first
+    sample on; a rate limit in the loop would make it oscillate.
 
     Args:
-        limits: See SafetyParameters.
-        demand: [N m], shape (n,).
-        last: The cycle before; its torque, within the limit, is where the rates start.
-        dt: Time since then [s].
+        limits: Limits of torque, rate and speed.
+        demand: Demanded torque [N m], shape (n,).
+        last: The cycle before; rates count from its torque, clipped to the limit.
+        dt: Time since the cycle before [s].
 
     Returns:
-        Torque [N m]; what of the demand the limits cut off [N m]; offset that is still to be faded
-        out [N m]; each shape (n,); bits of what acted.
+        Torque [N m]; excess that the limits cut off [N m]; offset that is still to be faded out
+        [N m]; each shape (n,); bits of the limits that acted.
     """
     n = len(demand)
     torque, excess, offset = np.empty(n), np.empty(n), np.empty(n)
     acted = 0
     for i in range(n):
         start = min(max(last.torque[i], -limits.torque[i]), limits.torque[i])
+        # 1. Take-over: offset = demand - start, faded at the ramp rate.
         offset[i] = last.offset[i]
         if last.takes_over:
             offset[i] = demand[i] - start
@@ -181,9 +182,11 @@ def limit_torque(
             acted |= RAMP
         offset[i] = np.copysign(max(abs(offset[i]) - fade, 0.0), offset[i])
         wanted = demand[i] - offset[i]
+        # 2. Torque limit: |torque| <= limit.
         torque[i] = min(max(wanted, -limits.torque[i]), limits.torque[i])
         if torque[i] != wanted:
             acted |= TORQUE
+        # 3. Rate limit: |torque - start| <= rate dt.
         step = torque[i] - start
         fastest = limits.rate[i] * dt
         if abs(step) > fastest:

@@ -1,4 +1,4 @@
-"""The arrays that the controller and its kernels share: Python looks at them between two calls."""
+"""The arrays shared by the controller and its kernels: Python reads them between two calls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from parallel_robot_control.safety import Last
 Array = NDArray[np.float64]
 
 NEVER = -1  # a stamp that no message has
-AGES = 4096  # answers of which the age of the state is kept
+AGES = 4096  # answers for which the age of the state is kept
 
 # Rows of Shared.vectors,
 POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, VELOCITY, EFFORT = range(8)
@@ -25,8 +25,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
 (
     FAULT, TAKES_OVER, KNOWN, ACTED,  # of the cycle
     LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
-    HEARD,  # when the last answer was given, on the clock that never jumps; 0: none, or the end
-    LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states that never came
+    HEARD,  # time of the last answer on the monotonic clock; 0: none, or the end
+    LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states not answered
 ) = range(12)  # fmt: skip
 
 
@@ -36,12 +36,12 @@ class Shared(NamedTuple):
     Attributes:
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (8, n).
-        telemetry: Of the last answer, shape (4, n).
+        telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
         numbers: Fault, stamps and counts, shape (12,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer [ns], shape (AGES, 2).
-        ages: Of the states when they were answered [ns], shape (AGES,).
+        ages: Ages of the states when they were answered [ns], shape (AGES,).
     """
 
     pose: Array

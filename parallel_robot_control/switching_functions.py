@@ -1,4 +1,4 @@
-"""Functions of which switching and terminal terms are made: sig(x) and sat(x)."""
+"""Functions for switching and terminal terms: sig(x) and sat(x)."""
 
 from __future__ import annotations
 

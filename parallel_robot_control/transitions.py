@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def taking_over(state: CycleState, torque: Array) -> CycleState:
-    """Let the next torque go on from one [N m], shape (n,); from zero where it is not finite."""
+    """Let the next torque continue from `torque` [N m], shape (n,); from 0 if not finite."""
     known = np.where(np.isfinite(torque), torque, 0.0)
     return state._replace(
         last=state.last._replace(torque=known, takes_over=True), excess=np.zeros(len(torque))
@@ -38,7 +38,7 @@ def without_torque(state: CycleState) -> CycleState:
 
 
 def cleared(state: CycleState) -> CycleState:
-    """Leave a fault; the torque goes on from the last one. The law begins with an empty memory."""
+    """Leave a fault; torque continues from the last one. The law starts with an empty memory."""
     if state.fault == faults.NONE:
         return state
     return taking_over(state, state.last.torque)._replace(fault=faults.NONE)
@@ -47,15 +47,15 @@ def cleared(state: CycleState) -> CycleState:
 def switched(
     state: CycleState, memory: Any, before: PreparedLaw, after: PreparedLaw
 ) -> tuple[CycleState, Any]:
-    """Change law or gains; the torque goes on from the last one, if there is one.
+    """Change law or gains; the torque continues from the last one, if there is one.
 
-    A law that becomes active begins with an empty memory; new gains of the active law go on with
-    the memory that it has.
+    A law that becomes active starts with an empty memory; new gains of the active law keep its
+    memory.
 
     Args:
         state: State of the controller.
-        memory: Memory of the law before.
-        before: The law before.
+        memory: Memory of the previous law.
+        before: The previous law.
         after: The law from now on.
 
     Returns:

@@ -17,7 +17,7 @@ from parallel_robot_base.units import NANOSECONDS
 
 Array = NDArray[np.float64]
 
-NOT_UNDERSTOOD = -1  # a stamp that stands for a message of another layout, or one without sense
+NOT_UNDERSTOOD = -1  # stamp that marks a message of another layout, or with an invalid stamp
 
 
 @structref.register
@@ -49,13 +49,13 @@ def _wire(
 
 
 def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Any:
-    """Take what the kernels need from a layout.
+    """Make what the kernels need from a layout.
 
     Args:
-        layout: Of the messages.
+        layout: Layout of the messages.
         fields: Its joint vectors, in the order in which they will be read; one that the layout
             does not have is read as zero.
-        order: Where each of the wanted joints stands in them.
+        order: Index of each of the wanted joints in them.
     """
     offset = len(ENCAPSULATION)  # CDR aligns from there, so in the body every number is aligned
     known: Any = layout.dtype.fields
@@ -75,7 +75,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
 
 @inner
 def lay_open(wire: Any, data: bytes) -> bool:
-    """Lay a message open for :func:`vector`; False when it is of another layout."""
+    """Open a message for :func:`vector`; False if it has another layout."""
     template = wire.template
     if not len(template) <= len(data) < len(template) + SPARE:
         return False
@@ -90,10 +90,10 @@ def lay_open(wire: Any, data: bytes) -> bool:
 
 @inner
 def open_message(wire: Any, data: bytes) -> int:
-    """Lay a message with a stamp open for :func:`vector`.
+    """Open a message with a stamp for :func:`vector`.
 
     Returns:
-        Its stamp [ns]; NOT_UNDERSTOOD when it is of another layout or its stamp has no sense.
+        Its stamp [ns]; NOT_UNDERSTOOD if it has another layout or its stamp is invalid.
     """
     if not lay_open(wire, data):
         return NOT_UNDERSTOOD

@@ -1,4 +1,4 @@
-"""Positioning axes that have nothing in common but the command to move in step.
+"""Independent positioning axes that are to move in step.
 
 Each of the n axes is a motor that turns a load. There is no gravity and no coupling between the
 axes, so any synchronisation comes from the control law. In the joint positions q, which are also
@@ -53,13 +53,13 @@ class Parameters(NamedTuple):
 
 
 class SafetyMargins(NamedTuple):
-    """What the controller takes for a fault."""
+    """Limits beyond which the controller enters a fault."""
 
     min_travel: Annotated[float, Field('rad', 'distance to an end of travel that is a fault', 0.0)]
 
 
 class MotionLimits(NamedTuple):
-    """What a reference motion must spare the robot."""
+    """Limits of a reference motion."""
 
     min_travel: Annotated[
         float, Field('rad', 'smallest distance to an end of travel allowed', 0.0)
@@ -67,10 +67,10 @@ class MotionLimits(NamedTuple):
 
 
 def validate(robot: Parameters, name: str = 'robot') -> Parameters:
-    """Return `robot` when it can be built.
+    """Return `robot` if it can be built.
 
     Raises:
-        RobotError: there is no axis; the ends of travel are not as many as the inertias; an
+        RobotError: there is no axis; the number of ends of travel is not that of inertias; an
             inertia is not positive; a lower end of travel is not below the upper one.
     """
     count = len(robot.inertia)
@@ -103,7 +103,7 @@ def coordinates(robot: Parameters) -> tuple[Coordinate, ...]:
 
 
 def start(robot: Parameters, pose: Array) -> Array:
-    """The pose itself, shape (n,), when it lies within the travel of all axes.
+    """The pose itself, shape (n,), if it lies within the travel of all axes.
 
     Raises:
         InputError: it does not.
@@ -187,5 +187,5 @@ def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[
 
 
 def segments(robot: Parameters, pose: Array, position: Array) -> dict[str, Array]:
-    """Nothing: axes on their own have no picture."""
+    """Nothing: independent axes have no picture."""
     return {}

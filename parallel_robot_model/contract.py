@@ -1,10 +1,10 @@
-"""What a robot gives to the rest of the suite: the seam between a machine and everything else.
+"""What a robot provides to the rest of the suite: the interface between machine and suite.
 
 A robot is a module, or a package, with the attributes of :class:`Robot`. Its kernels take its
 ``Parameters`` and small arrays; n is the number of its actuated joints, m that of the coordinates
-of its pose. The laws see none of this but the :class:`Model`.
+of its pose. Of all this, the laws see only the :class:`Model`.
 
-The plant integrates `coordinates` of the robot's own choice: minimal ones, in which its equations
+The plant integrates coordinates that the robot chooses: minimal ones, in which its equations
 of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
 """
 
@@ -48,7 +48,7 @@ def inverse_dynamics(model: Model, acceleration: Array, velocity: Array) -> Arra
 
 @kernel
 def no_model(n: int) -> Model:
-    """What stands in place of a model in a fault: zeros."""
+    """The placeholder for a model in a fault: zeros."""
     return Model(np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
 
 
@@ -65,9 +65,9 @@ class JointMotion(NamedTuple):
 
     Attributes:
         position: Actuated joints [rad], shape (n,); NaN where the robot does not reach.
-        velocity: [rad/s], shape (n,).
-        acceleration: [rad/s^2], shape (n,).
-        passive: What else describes the posture, for checks and pictures, shape (p,).
+        velocity: Their rates [rad/s], shape (n,).
+        acceleration: Their accelerations [rad/s^2], shape (n,).
+        passive: Other angles of the posture, for checks and pictures, shape (p,).
         out_of_reach: 0-based index of the first part that does not reach, else REACHED.
     """
 
@@ -79,7 +79,7 @@ class JointMotion(NamedTuple):
 
 
 class Location(NamedTuple):
-    """Pose by the forward kinematics: shape (m,), and FOUND or the fault why there is none."""
+    """Pose by the forward kinematics, shape (m,), and FOUND or the fault if there is no pose."""
 
     pose: Array
     fault: int
@@ -90,7 +90,7 @@ class Estimate(NamedTuple):
 
     Attributes:
         fault: FOUND or a key of the robot's FAULTS: no pose fits, or a margin is violated.
-        pose: Pose, shape (m,); the guess where none was found.
+        pose: Pose, shape (m,); the guess if none was found.
         model: Equations of motion; zero in a fault.
     """
 
@@ -104,10 +104,10 @@ class Measurement(NamedTuple):
 
     Attributes:
         position: Actuated joints [rad], shape (n,).
-        velocity: [rad/s], shape (n,).
+        velocity: Their rates [rad/s], shape (n,).
         passive_position: Passive joints [rad], shape (p,).
-        passive_velocity: [rad/s], shape (p,).
-        pose: Shape (m,).
+        passive_velocity: Their rates [rad/s], shape (p,).
+        pose: Pose, shape (m,).
     """
 
     position: Array
@@ -118,7 +118,7 @@ class Measurement(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """A fault of a robot: a key that never changes, for bags, and what people read."""
+    """A fault of a robot: a code for bags, which never changes, and a text for people."""
 
     key: str
     text: str
@@ -136,12 +136,12 @@ class Robot(Protocol):
 
     Attributes:
         Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.
-        SafetyMargins: NamedTuple of the parameters ``safety.*`` that only this robot has: what is
-            a fault.
-        MotionLimits: NamedTuple of the parameters ``trajectory.*`` that only this robot has: what
-            a reference motion must spare it.
-        FAULTS: Faults of its own by number, 1 to 9.
-        PARTS: What one of its joints moves, and the whole, e.g. ``('leg', 'platform')``.
+        SafetyMargins: NamedTuple of the parameters ``safety.*`` that only this robot has:
+            limits beyond which there is a fault.
+        MotionLimits: NamedTuple of the parameters ``trajectory.*`` that only this robot has:
+            limits of a reference motion.
+        FAULTS: Faults of this robot by number, 1 to 9.
+        PARTS: Names of what one joint moves and of the whole, e.g. ``('leg', 'platform')``.
         PLANAR: Whether its pose begins with x and y [m] in a plane and perhaps the angle phi
             [rad], so that it can be shown and its error is a distance.
     """
@@ -154,7 +154,7 @@ class Robot(Protocol):
     PLANAR: bool
 
     def validate(self, parameters: Any, name: str = 'robot', /) -> Any:
-        """Return the parameters when such a robot can be built; else raise RobotError."""
+        """Return the parameters if such a robot can be built; else raise RobotError."""
 
     def joints(self, parameters: Any, /) -> int:
         """Number of the actuated joints, n."""
@@ -198,16 +198,16 @@ class Robot(Protocol):
         """Kernel: joints and pose at coordinates of the plant."""
 
     def infeasible(self, parameters: Any, limits: Any, reference: Any, /) -> list[Infeasible]:
-        """Samples of a reference that MotionLimits forbid, or that are out of reach."""
+        """Samples of a reference that MotionLimits forbid or that are out of reach."""
 
     def segments(self, parameters: Any, pose: Array, position: Array, /) -> dict[str, Array]:
         """Straight lines of a picture by the name of their part.
 
         Args:
             parameters: The robot.
-            pose: Shape (..., m).
+            pose: Pose, shape (..., m).
             position: Actuated joints, shape (..., n).
 
         Returns:
-            Ends of the lines [m], shape (..., lines, 2, 2); nothing for a robot that is not shown.
+            Ends of the lines [m], shape (..., lines, 2, 2); empty for a robot without a picture.
         """

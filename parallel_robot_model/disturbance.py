@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 class DisturbanceParameters(NamedTuple):
     """delta_i = amplitude_i sin(2 pi frequency t + phase_i), eq. (1).
 
-    The paper gives no disturbance: zero in its scenarios.
+    The paper specifies no disturbance, so it is zero in its scenarios.
     """
 
     amplitude: Annotated[PerJoint, Field('N m', 'amplitude per joint', 0.0)]
@@ -27,7 +27,7 @@ class DisturbanceParameters(NamedTuple):
 
 @kernel
 def disturbance_torque(disturbance: DisturbanceParameters, time: float) -> Array:
-    """Torque against the motors [N m], shape (n,), at `time` since the start [s]."""
+    """Torque that opposes the motors [N m], shape (n,), at `time` since the start [s]."""
     count = len(disturbance.amplitude)
     torque = np.empty(count)
     for i in range(count):

@@ -14,9 +14,9 @@ class Infeasible(NamedTuple):
     """The first sample of a motion that the robot cannot perform.
 
     Attributes:
-        sample: Its index.
-        part: Number of the leg or joint that fails, 1-based; None when it is the whole robot.
-        reason: Why.
+        sample: Index of the sample.
+        part: Number of the leg or joint that fails, 1-based; None if it is the whole robot.
+        reason: The reason, for people.
     """
 
     sample: int
@@ -25,12 +25,12 @@ class Infeasible(NamedTuple):
 
 
 def first_sample(bad: NDArray[np.bool_], values: Array, text: str) -> Infeasible | None:
-    """The first sample that is bad; None when all are good.
+    """The first sample that is bad; None if all are good.
 
     Args:
-        bad: Shape (N,), or (N, n) with a column for each leg or joint.
-        values: What is told of it, same shape.
-        text: The reason, in which the value is filled in.
+        bad: Which samples are bad, shape (N,), or (N, n) with a column for each leg or joint.
+        values: Values for the text, same shape.
+        text: The reason, with a placeholder for the value.
     """
     if not bad.any():
         return None

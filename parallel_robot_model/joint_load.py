@@ -1,4 +1,4 @@
-"""What acts on the actuated joints beside the motors."""
+"""What acts on the actuated joints besides the motors."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class JointLoad(NamedTuple):
 
 @kernel
 def net_torque(load: JointLoad, torque: Array, velocity: Array, time: float) -> Array:
-    """Torque that is left of the motors' to move the robot [N m], shape (n,).
+    """Motor torque less friction and disturbance [N m], shape (n,).
 
     Args:
         load: Friction and disturbance.
-        torque: Of the motors [N m], shape (n,).
-        velocity: Of the actuated joints [rad/s], shape (n,).
-        time: Since the start [s].
+        torque: Torque of the motors [N m], shape (n,).
+        velocity: Rates of the actuated joints [rad/s], shape (n,).
+        time: Time since the start [s].
     """
     left = torque - friction_torque(load.friction, velocity)
     left -= disturbance_torque(load.disturbance, time)

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
-    """Forward kinematics of a row of samples, each begun at the pose before.
+    """Forward kinematics of a series of samples, each with the previous pose as its guess.
 
     Args:
         robot: The robot.
@@ -25,7 +25,7 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
         guess: A pose near the first one, shape (m,).
 
     Returns:
-        Shape (N, m).
+        Poses, shape (N, m).
 
     Raises:
         KinematicsError: no pose fits.
@@ -44,7 +44,7 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
 
 @kernel
 def _poses(locate: Any, robot: Any, position: Array, guess: Array) -> tuple[Array, int, int]:
-    """Poses, and the first sample without one and its fault."""
+    """Poses, and the first sample without a pose with its fault."""
     poses = np.empty((len(position), len(guess)))
     for k in range(len(position)):
         found = locate(robot, position[k], guess)

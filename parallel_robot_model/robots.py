@@ -43,7 +43,7 @@ def module_of(values: Mapping[str, Any]) -> Robot:
     """Module of the robot that a configuration names.
 
     Raises:
-        UnknownNameError: there is none.
+        UnknownNameError: no such robot.
         InputError: a custom robot cannot be loaded.
     """
     found = ROBOTS | custom_robots(values)
@@ -54,7 +54,7 @@ def module_of(values: Mapping[str, Any]) -> Robot:
 
 
 def is_known(values: Mapping[str, Any]) -> bool:
-    """Whether the robot of a configuration is one of the suite, or its file is named."""
+    """Whether the robot is one of the suite, or the configuration names its file."""
     return values['robot_model'] in ROBOTS | custom_robots(values)
 
 
@@ -62,7 +62,7 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
     """The robot of a resolved configuration; `prefix` ``true_robot`` is that of the plant.
 
     Raises:
-        InputError: a parameter is wrong, or it has another number of joints than are named.
+        InputError: a parameter is wrong, or the number of joints differs from that of their names.
     """
     module = module_of(values)
     robot = module.validate(config.group(values, module.Parameters, prefix), prefix)
@@ -84,14 +84,14 @@ def custom_robots(values: Mapping[str, Any]) -> dict[str, Any]:
         try:
             for group in GROUPS:
                 parameters(getattr(module, group))
-        except Exception as error:  # of their annotations
+        except Exception as error:  # raised by its annotations
             raise InputError(f'custom_robots: {path}: {first_line(error)}') from error
         found[name] = module
     return found
 
 
 def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of the custom robot that a configuration names, if it does, by key.
+    """Defaults by key of the custom robot of a configuration, if it has one.
 
     A custom robot has them in its ``DEFAULTS``, flat or in groups, as the files in config/robots;
     those of its parameters may stand in ``Parameters`` instead.

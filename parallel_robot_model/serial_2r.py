@@ -72,19 +72,19 @@ class Parameters(NamedTuple):
 
 
 class SafetyMargins(NamedTuple):
-    """What the controller takes for a fault."""
+    """Limits beyond which the controller enters a fault."""
 
     min_sin_elbow: Annotated[float, Field('', '|sin q2| that is a fault (singularity)', 0.0, 1.0)]
 
 
 class MotionLimits(NamedTuple):
-    """What a reference motion must spare the robot."""
+    """Limits of a reference motion."""
 
     min_sin_elbow: Annotated[float, Field('', 'smallest |sin q2| allowed (singularity)', 0.0, 1.0)]
 
 
 def validate(robot: Parameters, name: str = 'robot') -> Parameters:
-    """Return `robot` when it can be built.
+    """Return `robot` if it can be built.
 
     Raises:
         RobotError: a length, a mass of a link or an inertia is not positive; a centre of mass lies
@@ -106,7 +106,7 @@ def validate(robot: Parameters, name: str = 'robot') -> Parameters:
 
 
 def joints(robot: Parameters) -> int:
-    """Shoulder and elbow."""
+    """Two: shoulder and elbow."""
     return 2
 
 
@@ -145,8 +145,8 @@ def _tip(robot: Parameters, position: Array) -> Array:
 def joint_motion(robot: Parameters, motion: PoseMotion) -> JointMotion:
     """Joints with two derivatives on the elbow's side; all NaN out of reach.
 
-    q1 lies in a range of one turn and is continuous, but for a jump by a whole turn where the tip
-    passes straight below the shoulder. Stretched or folded, the arm counts as out of reach.
+    q1 lies in a range of one turn and is continuous, except for a jump by a whole turn where the
+    tip passes straight below the shoulder. Stretched or folded, the arm counts as out of reach.
     """
     position = np.full(2, np.nan)
     velocity = np.full(2, np.nan)
@@ -163,7 +163,7 @@ def joint_motion(robot: Parameters, motion: PoseMotion) -> JointMotion:
     sine = robot.elbow * math.sqrt((1.0 - cosine) * (1.0 + cosine))
     position[1] = math.atan2(sine, cosine)
 
-    # Direction of the tip less the angle from the proximal link to it,
+    # Direction of the tip minus the angle from the proximal link to it,
     # q1 = atan2(y, x) - atan2(l2 s2, l1 + l2 c2). The direction is counted from straight up, so
     # that its jump lies below. The second angle does not jump: s2 has one sign.
     direction = 0.5 * math.pi + math.atan2(-x, y)
@@ -191,7 +191,7 @@ def joint_motion(robot: Parameters, motion: PoseMotion) -> JointMotion:
 def locate(robot: Parameters, position: Array, guess: Array) -> Location:
     """Tip at joint angles [rad], shape (2,); a fault where the elbow is on the other side.
 
-    The tip is right in the fault, too; the guess, shape (2,), does not matter.
+    The tip is correct in that fault, too; the guess, shape (2,), does not matter.
     """
     wrong = robot.elbow * math.sin(position[1]) < 0.0
     return Location(_tip(robot, position), WRONG_WORKING_MODE if wrong else FOUND)

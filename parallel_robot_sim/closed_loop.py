@@ -1,4 +1,4 @@
-"""The closed loop as one compiled loop: reference in, everything that happened out."""
+"""The closed loop as one compiled loop: reference in, complete record out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class ClosedLoopRun(NamedTuple):
-    """Everything that happened, one row a state, each shape (N, n) unless said otherwise.
+    """Complete record of a run, one row per state, shape (N, n) unless stated otherwise.
 
     Attributes:
         pose: True pose, shape (N, m).
@@ -30,11 +30,11 @@ class ClosedLoopRun(NamedTuple):
         passive_velocity: Their rates [rad/s], shape (N, p).
         effort: Torque applied during the step that ended at the state [N m].
         command: Torque computed from the state [N m].
-        sliding_variable: In the law's unit.
+        sliding_variable: Sliding variable in the law's unit.
         coupled_error: e_c of the law [rad].
-        fault: What the controller is in at the state, see faults.py, shape (N,).
+        fault: Fault of the controller at the state, see faults.py, shape (N,).
         acted: Bits of the limits that acted at the state, shape (N,).
-        steps: Number of rows that were computed; fewer than N when the plant left its workspace.
+        steps: Number of rows that were computed; fewer than N if the plant left its workspace.
         plant: State of the plant after the last command.
         cycle: State of the controller after the last row.
         memory: Memory of the law after the last row.
@@ -71,8 +71,8 @@ def run(control: Control, plant: Plant, reference: Reference, period: float) -> 
     Args:
         control: The controller before its first state.
         plant: The plant at its first state.
-        reference: Desired motion, one sample a period.
-        period: [s].
+        reference: Desired motion, one sample per period.
+        period: Time between samples [s].
     """
     begin = LoopState(plant.state, control.state, control.law.memory)
     row = np.zeros(reference.position.shape[1])
@@ -100,7 +100,7 @@ def compiled_loop(
 ) -> ClosedLoopRun:
     """The loop of :func:`run`, with the kernels that it calls as FirstClass."""
     state, cycle_state, memory = begin
-    # 1. Room for all rows; how many passive joints there are, the robot tells.
+    # 1. Arrays for all rows; the robot gives the number of passive joints.
     first = plant.measure(plant.robot, state.coordinates, state.rate)
     count, n = reference.position.shape
     m, p = len(first.pose), len(first.passive_position)
@@ -117,12 +117,12 @@ def compiled_loop(
     acted = np.empty(count, dtype=np.int64)
     steps = count
     for k in range(count):
-        # 2. What the sensors say of state k; nothing, once the robot has left its workspace.
+        # 2. Measurement of state k; stop once the robot has left its workspace.
         joints = plant.measure(plant.robot, state.coordinates, state.rate)
         if not is_finite(joints.velocity):
             steps = k
             break
-        # 3. The torque that is computed from it.
+        # 3. The torque computed from it.
         desired = JointReference(
             reference.position[k], reference.velocity[k], reference.acceleration[k]
         )

@@ -1,4 +1,4 @@
-"""What a whole experiment is configured with: each group built and checked once."""
+"""Configuration of a whole experiment: each group built and checked once."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
     """Build the configuration of an experiment from a resolved one.
 
     Raises:
-        InputError: a value is wrong, of what is not used, too.
+        InputError: a value is wrong, even one that is not used.
     """
     for name, shape in SHAPES.items():
         config.group(values, shape.Parameters, name)

@@ -1,4 +1,4 @@
-"""Fixed-step integrators: each takes the derivative, so a plant does not know which one it has."""
+"""Fixed-step integrators: each takes the derivative, so the plant is independent of the choice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The state of the plant as messages; one row a state."""
+"""The state of the plant as messages; one row per state."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class PlantParameters(NamedTuple):
 
 
 class Stepping(NamedTuple):
-    """What one step of the plant needs of its parameters, as numbers."""
+    """The parameters that one step of the plant needs, as numbers."""
 
     order: int
     substeps: int
@@ -44,13 +44,13 @@ class Stepping(NamedTuple):
 
 
 def stepping(parameters: PlantParameters) -> Stepping:
-    """Take the numbers out of the parameters."""
+    """Make them from the parameters."""
     order = {'ode3': 3, 'rk4': 4}[parameters.integrator]
     return Stepping(order, parameters.substeps, parameters.torque_limit)
 
 
 class PlantSetup(NamedTuple):
-    """What the plant is made of and does not change.
+    """The constant parts of the plant.
 
     Attributes:
         acceleration: Acceleration of the robot module, as FirstClass.
@@ -71,10 +71,10 @@ class PlantState(NamedTuple):
     """State of the plant.
 
     Attributes:
-        coordinates: Those that the robot integrates, e.g. its pose, shape (c,).
+        coordinates: Coordinates that are integrated, e.g. the pose, shape (c,).
         rate: Their derivative, shape (c,).
         torque: Motor torque of the step that ended here [N m], shape (n,).
-        time: Since the start [s].
+        time: Time since the start [s].
     """
 
     coordinates: Array
@@ -104,10 +104,10 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
         setup: The robot, its load, its integrator.
         state: State at the start of the period.
         command: Commanded torque [N m], shape (n,).
-        period: [s].
+        period: Length of the period [s].
 
     Returns:
-        State at the end; not finite when the robot was driven out of its workspace.
+        State at the end; not finite if the robot was driven out of its workspace.
     """
     # 1. The motors saturate.
     stepping, n, c = setup.stepping, len(command), len(state.coordinates)
@@ -115,7 +115,7 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     for i in range(n):
         limit = stepping.torque_limit[i]
         torque[i] = min(max(command[i], -limit), limit)
-    # 2. The equations of motion are integrated, the torque held.
+    # 2. The equations of motion are integrated, with the torque held constant.
     y: Array = np.empty(2 * c + 1)
     y[:c] = state.coordinates
     y[c : 2 * c] = state.rate

@@ -24,7 +24,7 @@ class PlantCoreType(types.StructRef):  # type: ignore[misc]
 
 
 class PlantCore(structref.StructRefProxy):  # type: ignore[misc]
-    """The true robot with its state, and the message that tells it. Made by :func:`plant_core`."""
+    """The true robot, its state, and the message for it. Made by :func:`plant_core`."""
 
 
 FIELDS = (
@@ -48,13 +48,13 @@ def plant_core(
     velocity: Array,
     effort: Array,
 ) -> Any:
-    """Tie robot, state and message together; the arrays are shared, not copied.
+    """Put robot, state and message together; the arrays are shared, not copied.
 
     Args:
-        setup: What the plant is made of.
-        period: [s].
-        coordinates: State, see PlantState, shape (c,).
-        rate: Its derivative, shape (c,).
+        setup: The robot, its load, its integrator.
+        period: Length of a step [s].
+        coordinates: Coordinates of the state, see PlantState, shape (c,).
+        rate: Their derivative, shape (c,).
         torque: Torque of the step that ended at the state [N m], shape (n,).
         time: Time of the state [s], shape (1,).
         stamp: Stamp in the message, seconds and nanoseconds, shape (2,).
@@ -72,7 +72,7 @@ def advance(core: Any, command: Array) -> bool:
     """Advance by one period under a command [N m], shape (n,).
 
     Returns:
-        Whether the robot still is in its workspace; if not, the state stays as it was.
+        Whether the robot is still in its workspace; if not, the state is left unchanged.
     """
     state = PlantState(core.coordinates.copy(), core.rate.copy(), core.torque.copy(), core.time[0])
     after = step(core.setup, state, command, core.period)
@@ -90,7 +90,7 @@ def tell(core: Any, stamp: int) -> bool:
     """Write the state into the message; `stamp` in nanoseconds.
 
     Returns:
-        Whether the state has joints: the robot is in its workspace.
+        Whether the state has joint positions, i.e. the robot is in its workspace.
     """
     setup = core.setup
     joints = setup.measure(setup.robot, core.coordinates, core.rate)
@@ -109,7 +109,7 @@ def tell(core: Any, stamp: int) -> bool:
 
 @kernel
 def read_command(wire: Any, data: bytes, command: Array) -> bool:
-    """Read a command message; False, and nothing read, when it is not one of finite torques."""
+    """Read a command message; False, with nothing read, if it has no finite torques."""
     if not lay_open(wire, data):
         return False
     torques = vector(wire, 0)

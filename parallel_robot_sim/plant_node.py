@@ -37,13 +37,13 @@ class PlantNode(SuiteNode):
     """Publishes ``joint_states`` every period, or in lockstep after every command.
 
     Attributes:
-        run: What the robot does.
+        run: The course of the motion.
     """
 
     priority = realtime.LOOP
 
     def __init__(self) -> None:
-        """Put the robot at its initial pose and begin to publish."""
+        """Put the robot at its initial pose and start to publish."""
         super().__init__('plant', resolve)
         configuration = configure_plant(self.values)
         for prefix, group in {
@@ -59,8 +59,8 @@ class PlantNode(SuiteNode):
         self.run = PlantRun(
             lambda: Simulator(configuration), self.loop, self._on_time_out, self._on_driven_out
         )
-        self._torque = np.zeros(len(self.loop.joints))  # of the command that is being read
-        self._published = 0  # states
+        self._torque = np.zeros(len(self.loop.joints))  # torque of the command being read
+        self._published = 0  # number of states
         self._published_at = 0  # ns, monotonic
         self._round_trips: list[int] = []  # ns
         self._delays: list[int] = []  # ns, from the stamp to the publication (wall time)
@@ -85,11 +85,11 @@ class PlantNode(SuiteNode):
             self.keep_time(self.tick)
 
     def is_settable(self, key: str) -> bool:
-        """How many samples ``~/step`` takes."""
+        """Whether a parameter can change while the node runs: the samples of ``~/step``."""
         return super().is_settable(key) or key == 'plant.steps'
 
     def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
-        """Take a new number of steps; all else is fixed or the common start."""
+        """Accept a new number of steps; everything else is fixed or is the common start."""
         if set(changes) != {'plant.steps'}:
             return super().prepare_change(changes)
         steps = changes['plant.steps']
@@ -99,7 +99,7 @@ class PlantNode(SuiteNode):
         return changes, lambda: None
 
     def set_start(self, stamp: int) -> None:
-        """Release the brake with the state of `stamp` [ns]."""
+        """Release the brake at the state with `stamp` [ns]."""
         if self.run.start(stamp):
             self._publish()
 
@@ -126,7 +126,7 @@ class PlantNode(SuiteNode):
         return values
 
     def handled(self) -> int:
-        """States published."""
+        """Number of states published."""
         return self._published
 
     def tick(self, stamp: int) -> None:
@@ -145,7 +145,7 @@ class PlantNode(SuiteNode):
             self._publish()
 
     def _read(self, data: bytes) -> bool:
-        """Read a command of another layout; False, counted, when it is not one."""
+        """Read a command of another layout; False, and counted, if it is not valid."""
         torque = cdr_reader.read_numbers(data)
         if torque.shape != self._torque.shape or not np.isfinite(torque).all():
             self.counts['commands that are not three finite torques'] += 1
@@ -154,13 +154,13 @@ class PlantNode(SuiteNode):
         return True
 
     def _poll(self) -> None:
-        """Begin once somebody can answer, and repeat a state that nobody answered (lockstep)."""
+        """Start once there is a controller, and repeat a state without an answer (lockstep)."""
         unanswered = time.monotonic_ns() - self._published_at
         if self.run.poll(not self.missing(), unanswered):
             self._publish()
 
     def _publish(self) -> None:
-        """Publish the state that the run has come to."""
+        """Publish the present state of the run."""
         stamp = self.run.stamp
         if self.lockstep:
             self._time.publish(self._time_message.encode(stamp))

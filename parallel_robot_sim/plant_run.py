@@ -1,7 +1,7 @@
 """The course of a plant: held, moving, paused, driven out, finished; one state after the other.
 
-In wall time, :meth:`PlantRun.tick` is called for each stamp of the grid, by a thread of its own
-beside that of the commands. In lockstep, each command leads to the next state.
+In wall time, :meth:`PlantRun.tick` is called for each stamp of the grid, in a thread separate
+from that of the commands. In lockstep, each command leads to the next state.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_sim.simulator import Simulator
 
-ANNOUNCED = NANOSECONDS // 10  # ns, how long the held pose is published before a common start
-REPEAT = NANOSECONDS // 2  # ns, from a state to its repetition when nobody answers (lockstep)
-ENDLESS = -1  # steps that are still allowed: no end
+ANNOUNCED = NANOSECONDS // 10  # ns, for which the held pose is published before a common start
+REPEAT = NANOSECONDS // 2  # ns, after which a state without an answer is repeated (lockstep)
+ENDLESS = -1  # number of steps that are still allowed: unlimited
 
 
 class PlantRun:
     """Decides what the plant does at each tick, command and request, and which state to publish.
 
     State k is published; the torque computed from it acts from k to k + 1. The robot is held at
-    its initial pose until the common start, or else until the first command. Truth values that
-    methods return say whether there is a state to publish, but for `reset`.
+    its initial pose until the common start, or else until the first command. A method that
+    returns a bool tells whether there is a state to publish, except for `reset`.
 
     Attributes:
         simulator: The robot.
@@ -49,7 +49,7 @@ class PlantRun:
         """Hold the robot at its initial pose.
 
         Args:
-            make: Makes the robot at its initial pose.
+            make: Returns a new robot at its initial pose.
             loop: Period, start, end and time mode.
             on_time_out: Called when the motors take their safe action because no command comes.
             on_driven_out: Called when the robot has left its workspace.
@@ -67,7 +67,7 @@ class PlantRun:
         self._by_command = loop.start_stamp == 0  # whether the first command starts the motion
         self._reset_requested = False
         self._steps_left = ENDLESS  # in lockstep; 0: paused
-        self._was_ready = False  # whether all partners were there at an earlier poll
+        self._was_ready = False  # whether all partners were present at an earlier poll
         self.simulator = make()
         self.index: int | None = None
         self.stamp = 0
@@ -89,7 +89,7 @@ class PlantRun:
         return f'{steps} at state {self.index or 0}'
 
     def tick(self, stamp: int) -> bool:
-        """Go on to the state of a stamp [ns] (wall time)."""
+        """Advance to the state of a stamp [ns] (wall time)."""
         if self._reset_requested:
             self._put_back()
         if self.outside or self.finished:
@@ -124,12 +124,12 @@ class PlantRun:
         return self._lockstep and self._steps_left != 0 and self._go_on()
 
     def poll(self, ready: bool, unanswered: int) -> bool:
-        """Begin a motion without a common start, and repeat a state without an answer (lockstep).
+        """Start a motion without a common start, and repeat a state without an answer (lockstep).
 
         Partners may join at any time: the state is repeated for them.
 
         Args:
-            ready: Whether all partners are there.
+            ready: Whether all partners are present.
             unanswered: Time since the last state was published [ns].
         """
         if self._loop.start_stamp != 0 or not ready or self.finished:

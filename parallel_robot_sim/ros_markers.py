@@ -20,9 +20,9 @@ COLORS = {
     'distal': ColorRGBA(r=0.40, g=0.62, b=0.90, a=1.0),
     'platform': ColorRGBA(r=0.95, g=0.60, b=0.15, a=1.0),
 }
-OTHER = ColorRGBA(r=0.50, g=0.50, b=0.50, a=1.0)  # of parts with other names
+OTHER = ColorRGBA(r=0.50, g=0.50, b=0.50, a=1.0)  # colour of parts with other names
 PATH = ColorRGBA(r=0.85, g=0.20, b=0.25, a=1.0)
-WIDTH = 0.012  # m, of the links
+WIDTH = 0.012  # m, width of the links
 
 
 class RobotMarkers:
@@ -37,8 +37,8 @@ class RobotMarkers:
         """Markers of a posture.
 
         Args:
-            stamp: [ns].
-            pose: Shape (m,).
+            stamp: Stamp of the markers [ns].
+            pose: Pose, shape (m,).
             position: Actuated joints [rad], shape (n,).
         """
         segments = self._robot.module.segments(self._robot.parameters, pose, position)

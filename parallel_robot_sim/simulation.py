@@ -15,17 +15,17 @@ from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration
 from trajectory_gen.trajectory import Reference
 
-MOST_SAMPLES = 5_000_000  # of a simulation, which keeps all of them in memory
+MOST_SAMPLES = 5_000_000  # samples of a simulation, which keeps all of them in memory
 ENDLESS = 'duration must be positive: a run needs an end'
 
 
 class Simulation(NamedTuple):
-    """A run with what it was made of.
+    """A run with its experiment.
 
     Attributes:
-        experiment: What ran.
-        reference: Desired motion, one row a state.
-        run: What happened.
+        experiment: The experiment that was run.
+        reference: Desired motion, one row per state.
+        run: Record of the run.
         loop_time: Time spent in the loop [s].
     """
 
@@ -36,7 +36,7 @@ class Simulation(NamedTuple):
 
     @property
     def fault(self) -> tuple[float, Fault] | None:
-        """Time [s] and kind of the fault that the controller fell into, if it did."""
+        """Time [s] and kind of the fault that the controller entered, if any."""
         found = np.flatnonzero(self.run.fault)
         if not found.size:
             return None
@@ -49,7 +49,7 @@ def simulate(configuration: Configuration) -> Simulation:
     """Run the closed loop for its ``duration``.
 
     Raises:
-        InputError: a value is wrong, the duration is zero, or the robot cannot do the motion.
+        InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
         RunError: the robot left its workspace.
     """
     loop = configuration.loop

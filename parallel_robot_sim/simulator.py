@@ -65,24 +65,24 @@ class Simulator:
 
     @property
     def state(self) -> PlantState:
-        """State now."""
+        """The present state."""
         coordinates, rate, torque, time = (values.copy() for values in self._state)
         return PlantState(coordinates, rate, torque, float(time[0]))
 
     @property
     def pose(self) -> np.ndarray:
-        """Pose now, shape (m,)."""
+        """The present pose, shape (m,)."""
         return self.measurement().pose
 
     def warm(self) -> None:
-        """Compile what has not been; the robot moves on by a period without torque."""
+        """Compile the kernels; the robot advances by one period without torque."""
         self.wait(np.zeros(len(self._held)))
 
     def read(self, data: bytes, command: np.ndarray) -> bool:
         """Read a command message into `command` [N m], shape (n,).
 
         Returns:
-            Whether it is one as the suite writes it, of finite torques; else nothing is read.
+            Whether it has the layout of the suite and finite torques; if not, nothing is read.
         """
         understood: bool = self._read(self._wire, data, command)
         return understood
@@ -124,7 +124,7 @@ class Simulator:
         return silent == self._patience
 
     def measurement(self) -> Measurement:
-        """Joints at the state."""
+        """Joints and pose at the present state."""
         coordinates, rate, _, _ = self._state
         joints: Measurement = self._measure(self._setup.robot, coordinates, rate)
         return joints

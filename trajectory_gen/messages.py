@@ -12,9 +12,9 @@ from trajectory_gen.trajectory import Reference
 
 
 def pose_fields(poses: np.ndarray) -> dict[str, Any]:
-    """Fields of geometry_msgs/PoseStamped of poses (x, y, phi) or (x, y), one a row."""
+    """Fields of geometry_msgs/PoseStamped of poses (x, y, phi) or (x, y), one per row."""
     angle = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(poses))
-    # math, not numpy: its result does not depend on where in an array a number stands
+    # math, not numpy: its result does not depend on the position of a number in an array
     sine = [math.sin(0.5 * phi) for phi in angle]
     cosine = [math.cos(0.5 * phi) for phi in angle]
     return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine, 'qw': cosine}

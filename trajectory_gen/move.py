@@ -31,10 +31,10 @@ def motion(parameters: Parameters, t: float) -> PoseMotion:
 
 
 def validate(parameters: Parameters) -> Parameters:
-    """Return the parameters when both poses have as many coordinates.
+    """Return the parameters if both poses have the same number of coordinates.
 
     Raises:
-        InputError: they have not.
+        InputError: they do not.
     """
     if len(parameters.start) != len(parameters.end):
         raise InputError(

@@ -8,13 +8,13 @@ from parallel_robot_base.errors import MotionError
 from parallel_robot_model.feasibility import first_sample
 from trajectory_gen.trajectory import Trajectory
 
-MOST_SAMPLES = 100_000  # of a motion that is checked
+MOST_SAMPLES = 100_000  # samples of a motion that are checked
 
 
 def check(trajectory: Trajectory, period: float) -> None:
     """Refuse a motion that the robot cannot perform.
 
-    Every sample of the motion, of a very long one MOST_SAMPLES, is checked for joint speed and
+    Every sample (of a very long motion, MOST_SAMPLES of them) is checked for joint speed and
     for what the robot itself forbids, e.g. singularities; only the first failure is reported.
 
     Args:
@@ -22,7 +22,7 @@ def check(trajectory: Trajectory, period: float) -> None:
         period: Time between samples [s].
 
     Raises:
-        MotionError: with the time and the part that fail, and the value that would be allowed.
+        MotionError: it names the time, the part that fails and the allowed value.
     """
     count = min(np.ceil(trajectory.span / period), MOST_SAMPLES)
     times = np.linspace(0.0, max(trajectory.span, count * period), int(count) + 1)

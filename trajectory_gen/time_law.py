@@ -7,13 +7,13 @@ from parallel_robot_base.kernel import kernel
 
 @kernel
 def quintic(duration: float, t: float) -> tuple[float, float, float]:
-    """Share of the path s = 10 u^3 - 15 u^4 + 6 u^5, u = t / duration, with two derivatives.
+    """Fraction of the path s = 10 u^3 - 15 u^4 + 6 u^5, u = t / duration, with two derivatives.
 
     Before the start s is 0, after the end 1.
 
     Args:
-        duration: From the start to the end of the path [s].
-        t: Since the start [s].
+        duration: Time from the start to the end of the path [s].
+        t: Time since the start [s].
     """
     T = duration
     u = min(max(t / T, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""A reference motion as the robot's joints see it."""
+"""A reference motion in the joints of the robot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class Shape(Protocol):
-    """A module with a motion: its parameters, the motion, and when it has shown everything."""
+    """A module with a motion: its parameters, the motion, and when it repeats or rests."""
 
     Parameters: Any
 
@@ -44,13 +44,13 @@ class TrajectoryParameters(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Desired motion, one row a sample.
+    """Desired motion, one row per sample.
 
     Attributes:
-        pose: Shape (N, m); then its two derivatives.
+        pose: Pose, shape (N, m); then its two derivatives.
         position: Actuated joints [rad], shape (N, n); then their two derivatives.
-        passive: What else describes the posture, see JointMotion, shape (N, p).
-        out_of_reach: 0-based index of a part that does not reach, -1 where all do, shape (N,).
+        passive: Other angles of the posture, see JointMotion, shape (N, p).
+        out_of_reach: 0-based index of a part that does not reach, -1 if all do, shape (N,).
     """
 
     pose: Array
@@ -69,7 +69,7 @@ class Trajectory:
     Attributes:
         robot: The robot.
         parameters: Which motion, and how it is published.
-        limits: What the motion must spare this robot.
+        limits: Limits of the motion that only this robot has.
         shape: Parameters of the shape.
         span: Time after which nothing new happens [s].
     """
@@ -108,7 +108,7 @@ class Trajectory:
         """Evaluate the motion.
 
         Args:
-            times: Since the start of the motion [s], a number or shape (N,).
+            times: Times since the start of the motion [s], a number or shape (N,).
 
         Returns:
             Pose and joints with two analytic derivatives each; NaN where the robot does not reach.

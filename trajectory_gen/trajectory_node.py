@@ -30,7 +30,7 @@ class TrajectoryNode(SuiteNode):
     priority = realtime.LOOP
 
     def __init__(self) -> None:
-        """Check the whole motion, then begin to publish."""
+        """Check the whole motion, then start to publish."""
         super().__init__('trajectory', resolve)
         self._trajectory = Trajectory(self.values)
         robot = self._trajectory.robot.module
@@ -45,7 +45,7 @@ class TrajectoryNode(SuiteNode):
         self._start_requested = False
         self._asked = 0  # ns, stamp of the last state (lockstep)
         self._sent = -1  # index of the last sample of the motion that was published
-        self._published = 0  # references
+        self._published = 0  # number of references
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
         self.create_service(Trigger, '~/start', self._answer_start)
@@ -66,7 +66,7 @@ class TrajectoryNode(SuiteNode):
         self._start = stamp
 
     def handled(self) -> int:
-        """References published."""
+        """Number of references published."""
         return self._published
 
     def _tick(self, stamp: int) -> None:
@@ -97,7 +97,7 @@ class TrajectoryNode(SuiteNode):
         k = (stamp - (self._start or STEP_START)) // self.period_ns
         if not self._start or stamp <= self._asked:
             self._start = self._start or STEP_START
-            self._sent = k - 1  # begun anew, or the plant asks again: somebody lacks references
+            self._sent = k - 1  # a new run, or the plant repeats a state: references are missing
         self._asked = stamp
         if self._sent < k + BATCH // 2:
             for index in range(self._sent + 1, k + BATCH + 1):

@@ -1,4 +1,4 @@
-"""S-FOTSMC whose switching gain is estimated on line: no bound of the uncertainty is needed."""
+"""S-FOTSMC whose switching gain is estimated online: no bound of the uncertainty is needed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _switched = s_fotsmc.switched
 
 
 class Gains(NamedTuple):
-    """Gains of S-FOTSMC; in place of G and g, the barrier function that estimates G."""
+    """Gains of S-FOTSMC, with the barrier function that estimates G in place of G and g."""
 
     lambda_: Annotated[float, Field('1/s', 'weight of the synchronisation errors', 0.0)]
     slope: Annotated[float, Field('1/s', 'slope of the gain at S = 0', 0.0)]
@@ -55,7 +55,7 @@ def update(
         model: M and Q of the nominal robot at the feedback.
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
-        memory: That of S-FOTSMC.
+        memory: Memory of S-FOTSMC.
         dt: Time since the last update [s].
 
     Returns:

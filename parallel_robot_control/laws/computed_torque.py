@@ -23,7 +23,7 @@ class Gains(NamedTuple):
 
 
 def initial_memory(joints: int) -> Array:
-    """No memory."""
+    """Empty: the law has no memory."""
     return np.zeros(0)
 
 
@@ -43,7 +43,7 @@ def update(
         model: M and Q of the nominal robot at the feedback.
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
-        memory: None is needed.
+        memory: Not used.
         dt: Time since the last update [s].
 
     Returns:

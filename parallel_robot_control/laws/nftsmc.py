@@ -35,7 +35,7 @@ class Gains(NamedTuple):
 def judge(gains: Gains) -> list[str]:
     """Warn of exponents outside the condition under which the surface is proved.
 
-    Table 2's own exponents are outside the condition printed for them, so this is no refusal.
+    The exponents of Table 2 violate the condition printed for them, so this is a warning.
     """
     first, second = ('gamma1', 'gamma2') if gains.form == 'printed' else ('gamma2', 'gamma1')
     low, high = getattr(gains, first), getattr(gains, second)
@@ -48,7 +48,7 @@ def judge(gains: Gains) -> list[str]:
 
 
 def initial_memory(joints: int) -> Array:
-    """No memory."""
+    """Empty: the law has no memory."""
     return np.zeros(0)
 
 
@@ -74,7 +74,7 @@ def update(
         model: M and Q of the nominal robot at the feedback.
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
-        memory: None is needed.
+        memory: Not used.
         dt: Time since the last update [s].
 
     Returns:

@@ -1,4 +1,4 @@
-"""PID control of each joint, without a model: the baseline of the shop floor."""
+"""PID control of each joint, without a model: the industrial baseline."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def judge(gains: Any) -> list[str]:
 
     Raises:
         InputError: p^2 + Gamma2 p + Gamma1 is not Hurwitz, gamma1 is not inside (0, 1), or gamma2
-            is not 2 gamma1 / (1 + gamma1) but for rounding to two digits.
+            differs from 2 gamma1 / (1 + gamma1) by more than rounding to two digits.
     """
     if not (gains.Gamma1 > 0.0 and gains.Gamma2 > 0.0):
         raise InputError(
@@ -95,7 +95,7 @@ def without_switching(
     memory: Memory,
     dt: float,
 ) -> ControlOutput:
-    """The law but for the rate of tau_sw, for any gains that have lambda_, Gamma and gamma."""
+    """The law without the rate of tau_sw, for any gains with lambda_, Gamma and gamma."""
     De = coupling(reference.position - feedback.position)
     De_dot = coupling(reference.velocity - feedback.velocity)
     return with_coupling(gains, De, De_dot, model, reference, feedback, memory, dt)
@@ -112,7 +112,7 @@ def with_coupling(
     memory: Memory,
     dt: float,
 ) -> ControlOutput:
-    """The law but for the rate of tau_sw, with the coupling De [rad] and its rate De_dot [rad/s].
+    """The law without the rate of tau_sw, with the coupling De [rad] and its rate De_dot [rad/s].
 
     Both have shape (n,); all other arguments are those of :func:`update`.
     """
@@ -130,7 +130,7 @@ def with_coupling(
     # 3. The torque, eqs. (15)-(17): equivalent control and tau_sw.
     acceleration = reference.acceleration + gains.lambda_ * De_dot + w + tau_sw
     torque = inverse_dynamics(model, acceleration, feedback.velocity)
-    # 4. Integrals of the next sample; those that would wind up stand still.
+    # 4. Integrals for the next sample; those that would wind up are held.
     after = Memory(
         Integral(integral, unless_any_saturated(De, feedback.excess)),
         Integral(surface, w),

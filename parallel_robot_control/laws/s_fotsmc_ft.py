@@ -98,7 +98,7 @@ def update(
         model: M and Q of the nominal robot at the feedback.
         reference: Desired joint motion [rad, rad/s, rad/s^2].
         feedback: Measured joint motion [rad, rad/s].
-        memory: That of S-FOTSMC.
+        memory: Memory of S-FOTSMC.
         dt: Time since the last update [s].
 
     Returns:

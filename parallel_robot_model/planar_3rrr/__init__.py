@@ -1,7 +1,7 @@
 """The 3-RRR planar parallel robot of Doan, Le and Vo (2019); the attributes of a robot.
 
 Its pose is (x, y, phi) [m, m, rad], which is also what its plant integrates: minimal coordinates,
-in which all is closed form and the loops stay closed to round-off.
+in which everything has a closed form and the loops stay closed to round-off.
 """
 
 from parallel_robot_model.contract import Coordinate
@@ -23,7 +23,7 @@ PLANAR = True
 
 
 def joints(parameters: Parameters) -> int:
-    """Three legs."""
+    """Three, one for each leg."""
     return 3
 
 

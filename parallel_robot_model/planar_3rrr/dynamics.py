@@ -5,7 +5,7 @@ Per leg, coordinates (theta, beta): a = I1 + m1 lc1^2 + m2 l1^2, b = I2 + m2 lc2
     M_leg = [[a, h cos psi], [h cos psi, b]]
     C_leg = [[0, -h sin psi betadot], [h sin psi thetadot, 0]]
 
-and the platform diag(mp, mp, Ip). The pose is the minimal coordinate in which all is closed form;
+and the platform diag(mp, mp, Ip). In the pose, minimal coordinates, everything has a closed form;
 the actuated form of the paper's eq. (1) follows with J = H^-1, Xdot = J thetadot.
 """
 
@@ -106,10 +106,10 @@ def acceleration(
     Args:
         robot: The robot.
         load: Friction and disturbance of the actuated joints.
-        pose: [m, m, rad], shape (3,).
-        rate: [m/s, m/s, rad/s], shape (3,).
-        torque: Of the motors [N m], shape (3,).
-        time: Since the start [s].
+        pose: Pose of the platform [m, m, rad], shape (3,).
+        rate: Rate of the pose [m/s, m/s, rad/s], shape (3,).
+        torque: Torque of the motors [N m], shape (3,).
+        time: Time since the start [s].
     """
     legs = inverse_kinematics(robot, pose)
     M, Q, H, _ = pose_dynamics(robot, pose[2], legs.theta, legs.beta, rate)

@@ -35,10 +35,10 @@ def estimate(
 
     Args:
         robot: The robot.
-        margins: What is a fault.
+        margins: Limits beyond which there is a fault.
         position: Actuated angles [rad], shape (3,).
         velocity: Their rates [rad/s], shape (3,).
-        guess: A pose near it, e.g. the one before [m, m, rad], shape (3,).
+        guess: A pose near it, e.g. the previous one [m, m, rad], shape (3,).
     """
     assembly = forward_kinematics(robot, position, guess)
     if assembly.status != FOUND:

@@ -1,4 +1,4 @@
-"""Forward kinematics: the pose at given joint angles, on one assembly mode."""
+"""Forward kinematics: the pose at given joint angles, in one assembly mode."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GUESS_OUT_OF_REACH = 1
 NOT_CONVERGED = 2
 WRONG_WORKING_MODE = 3
 LONGEST_STEP = 0.05  # rad, of the path that the forward kinematics follows
-SINGULAR = 0.02  # |det Jx| / l3 below which it does not trust the branch
+SINGULAR = 0.02  # |det Jx| / l3 below which the branch is not trusted
 STATUS_TEXT = {
     GUESS_OUT_OF_REACH: 'the guess is out of reach',
     NOT_CONVERGED: 'no pose on the same assembly mode fits the joint angles',
@@ -72,7 +72,7 @@ def _close(
 
 @kernel
 def _newton(robot: RobotParameters, cranks: Array, pose: Array) -> tuple[Array, float]:
-    """Newton's iteration on the loop closure, begun only where it is known to converge.
+    """Newton's iteration on the loop closure, started only where it is known to converge.
 
     The Newton-Kantorovich condition L |J^-1| |step| <= 1/2 at the start guarantees one solution
     near the start and convergence to it. L bounds the second derivative of the residual, with
@@ -87,19 +87,23 @@ def _newton(robot: RobotParameters, cranks: Array, pose: Array) -> tuple[Array, 
     """
     residual = np.empty(3)
     jacobian = np.empty((3, 3))
+    # 1. The first step J^-1 r; size = |step|, with the angle as l3 phi.
     _close(robot, cranks, pose, residual, jacobian)
     inverted = inverse(jacobian)
     step = multiply(inverted, residual)
     size = math.sqrt(step[0] ** 2 + step[1] ** 2 + (robot.l3 * step[2]) ** 2)
+    # 2. Squared Frobenius norm of J^-1 (in the same units), and d, a bound of |C_i - E_i|.
     norm = 0.0
     distance = 0.0
     for i in range(3):
         norm += inverted[0, i] ** 2 + inverted[1, i] ** 2 + (robot.l3 * inverted[2, i]) ** 2
         distance = max(distance, robot.l2 * math.hypot(jacobian[i, 0], jacobian[i, 1]))
     distance += 2.0 * math.sqrt(2.0) * size  # the solution lies within two steps
+    # 3. The condition L |J^-1| |step| <= 1/2; NaN does not meet it.
     bound = math.sqrt(3.0) * (2.0 + distance / robot.l3) / robot.l2
     if not bound * math.sqrt(norm) * size <= 0.5:
         return pose, 0.0
+    # 4. Newton: X <- X - J^-1 r until the step vanishes.
     found = pose - step
     for _ in range(20):
         _close(robot, cranks, found, residual, jacobian)
@@ -112,10 +116,10 @@ def _newton(robot: RobotParameters, cranks: Array, pose: Array) -> tuple[Array, 
 
 @kernel
 def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> Assembly:
-    """Pose at given joint angles, on the assembly mode of the guess.
+    """Pose at given joint angles, in the assembly mode of the guess.
 
     Follows the straight line of joint angles from those of the guess to the given ones, in steps
-    within which Newton's iteration provably converges to the solution next to it; near samples
+    within which Newton's iteration provably converges to the solution near it; close samples
     take one step. A path through a type 2 singularity ends in a failure, never on another branch.
 
     Args:
@@ -126,15 +130,19 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
     Returns:
         Pose, distal angles and status.
     """
+    # 1. Joint angles of the guess.
     start = inverse_kinematics(robot, guess)
     beta = np.full(3, np.nan)
     if start.out_of_reach >= 0:
         return Assembly(guess, beta, GUESS_OUT_OF_REACH)
+    # 2. Change of each angle to the given one, in [-pi, pi).
     change = np.empty(3)
     for i in range(3):
         turn = theta[i] - start.theta[i]
         change[i] = turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
     largest = max(abs(change[0]), abs(change[1]), abs(change[2]))
+    # 3. Path theta_guess + s change, s = 0 ... 1: a step that fails or changes the sign of
+    #    det Jx is halved; the path ends at a type 2 singularity.
     pose = guess
     side = determinant(jacobian_x(robot, guess[2], start.beta)) / robot.l3
     done = 0.0
@@ -156,6 +164,8 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
             part *= 0.5
     if not abs(side) > SINGULAR:
         return Assembly(guess, beta, NOT_CONVERGED)
+    # 4. Distal links C_i - E_i: angles beta_i, and the side of each elbow by the sign of
+    #    l1 u(theta_i) x (C_i - E_i).
     for i in range(3):
         angle = pose[2] + robot.platform_angle[i]
         dx = pose[0] + robot.l3 * math.cos(angle) - (robot.base_x[i] + cranks[i, 0])

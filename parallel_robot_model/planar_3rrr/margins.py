@@ -1,4 +1,4 @@
-"""How near to its singularities the robot may come, and what a fault of it is."""
+"""How close the robot may come to its singularities, and its faults."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FAULTS = {
 
 
 class SafetyMargins(NamedTuple):
-    """What the controller takes for a fault."""
+    """Limits beyond which the controller enters a fault."""
 
     min_sin_psi: Annotated[
         float, Field('', '|sin psi| that is a fault (type 1 singularity)', 0.0, 1.0)
@@ -44,7 +44,7 @@ class SafetyMargins(NamedTuple):
 
 
 class MotionLimits(NamedTuple):
-    """What a reference motion must spare the robot."""
+    """Limits of a reference motion."""
 
     min_sin_psi: Annotated[float, Field('', 'smallest |sin psi| allowed (type 1)', 0.0, 1.0)]
     max_condition: Annotated[float, Field('', 'largest cond(Jx) allowed (type 2)', 1.0)]
@@ -55,7 +55,7 @@ def infeasible(robot: RobotParameters, limits: MotionLimits, reference: Any) -> 
 
     Args:
         robot: The robot.
-        limits: What it must be spared.
+        limits: Limits of the motion.
         reference: The motion, see trajectory_gen.trajectory.Reference.
     """
     unreached = np.flatnonzero(reference.out_of_reach >= 0)

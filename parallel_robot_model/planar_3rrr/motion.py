@@ -1,4 +1,4 @@
-"""Joints of a platform that moves."""
+"""Motion of the joints for a motion of the platform."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def measure(robot: RobotParameters, pose: Array, rate: Array) -> Measurement:
 
 
 def start(robot: RobotParameters, pose: Array) -> Array:
-    """The pose itself, shape (3,), when all legs reach it.
+    """The pose itself, shape (3,), if all legs reach it.
 
     Raises:
-        InputError: one does not.
+        InputError: a leg does not reach it.
     """
     leg = inverse_kinematics(robot, pose).out_of_reach
     if leg >= 0:

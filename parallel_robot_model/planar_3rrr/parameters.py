@@ -1,4 +1,4 @@
-"""Parameters of the robot, and the reasons why a set of them is no robot."""
+"""Parameters of the robot, and the conditions that they must meet."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class RobotParameters(NamedTuple):
 
 
 def validate(robot: RobotParameters, name: str = 'robot') -> RobotParameters:
-    """Return `robot` when it can be built.
+    """Return `robot` if it can be built.
 
     Raises:
         RobotError: a length, mass or inertia is not positive; a centre of mass lies outside its

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Singularity(NamedTuple):
-    """Distance measures, both without unit, both zero in the singularity.
+    """Distance measures, dimensionless and zero at the singularity.
 
     Attributes:
         type_1: Smallest |sin psi_i|: a leg stretched or folded.
@@ -52,7 +52,7 @@ def measures(robot: RobotParameters, phi: float, theta: Array, beta: Array) -> S
 
 
 def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
-    """Condition number of Jx, its angle column divided by l3 so that it has no unit.
+    """Condition number of Jx, its angle column divided by l3, so dimensionless.
 
     Args:
         robot: The robot.
@@ -60,7 +60,7 @@ def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
         beta: Distal angles [rad], shape (N, 3).
 
     Returns:
-        Shape (N,); infinite in a type 2 singularity.
+        Shape (N,); infinite at a type 2 singularity.
     """
     scale = np.array([1.0, 1.0, robot.l3])
     return np.linalg.cond(_jacobians(robot, np.ascontiguousarray(phi), beta) / scale)

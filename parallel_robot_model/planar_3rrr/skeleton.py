@@ -15,7 +15,7 @@ def segments(robot: RobotParameters, pose: Array, theta: Array) -> dict[str, Arr
 
     Args:
         robot: The robot.
-        pose: Of the platform [m, m, rad], shape (..., 3).
+        pose: Pose of the platform [m, m, rad], shape (..., 3).
         theta: Actuated angles [rad], shape (..., 3).
 
     Returns:
