@@ -186,7 +186,9 @@ class PlantNode(SuiteNode):
     def _answer_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self.run.reset()
         if not response.success:
-            response.message = 'not in lockstep with a common start: others would not begin again'
+            response.message = (
+                'not in lockstep with a common start: the other nodes would not start again'
+            )
         elif self.lockstep:
             response.message = 'the motion begins again'
             self._poll()
