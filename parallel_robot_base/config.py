@@ -64,8 +64,8 @@ def resolve(
     Args:
         scenario: Name of a file in ``config/scenarios``.
         overrides: Dotted key to value; NumPy's numbers and arrays are accepted, too.
-        extend: Returns the defaults of the custom modules that a configuration names. Without it,
-            their keys are taken as they are, without defaults.
+        extend: Returns the defaults of the custom modules that a configuration names. Gains of
+            custom laws for which it has none are taken as they are.
 
     Returns:
         Every key of the suite with its value, plain numbers, texts and lists.
@@ -90,7 +90,7 @@ def resolve(
         raise InputError(f'custom_laws: {min(taken)} is a group of parameters; rename the file')
     config |= of_robot | gains
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
-    opaque = set() if extend else custom_laws
+    opaque = custom_laws - {key.partition('.')[0] for key in gains}  # not loaded on this floor
     for values in (of_scenario, {'scenario': scenario}, changed):
         for key in values:
             if key not in known and key.partition('.')[0] not in opaque:

@@ -10,8 +10,10 @@ import yaml
 from parallel_robot_bags import experiment
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model import robots
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import robot_of
 from parallel_robot_sim.plant import PlantParameters
@@ -224,6 +226,19 @@ def test_the_key_of_older_versions_is_taken_with_a_hint(key, caplog):
     assert Path(values['custom_laws'][0]).name == 'example_law.py' and 'own_laws' not in values
     hints = ['own_laws is called custom_laws now'] if key == 'own_laws' else []
     assert caplog.messages == hints
+
+
+@pytest.mark.parametrize(
+    'resolve',
+    [config.resolve, robots.resolve, configuration.resolve],
+    ids=['base', 'model', 'control'],
+)
+def test_every_floor_takes_the_gains_of_a_custom_law(resolve):
+    """Trajectory and plant are given them, too, and do not load the law."""
+    law = {'custom_laws': [str(Path(__file__).parents[1] / 'docs' / 'example_law.py')]}
+    assert resolve('paper_circle', law | {'example_law.Kp': 700.0})['example_law.Kp'] == 700.0
+    with pytest.raises(UnknownNameError, match=r"'exemple_law\.Kp'"):
+        resolve('paper_circle', law | {'exemple_law.Kp': 700.0})
 
 
 @pytest.mark.parametrize('path', ['docs/example_law.py', '~/docs/example_law.py'])
