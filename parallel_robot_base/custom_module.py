@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import functools
 import hashlib
 import importlib.util
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
 from parallel_robot_base.cache_directory import PREFIX
-from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_base.errors import InputError, ParallelRobotError, first_line
+from parallel_robot_base.fields import parameters
 
 MOVED = {  # names that files for older versions import, and where they are now
     ('parallel_robot_control.coupling', 'sig'): 'parallel_robot_control.switching_functions',
@@ -29,19 +31,23 @@ MOVED = {  # names that files for older versions import, and where they are now
 _loaded: dict[tuple[str, bytes], ModuleType] = {}  # by name and source
 
 
-def load(path: str, key: str, needed: Sequence[str]) -> tuple[str, ModuleType]:
+def load(
+    path: str, key: str, needed: Sequence[str], groups: Sequence[str]
+) -> tuple[str, ModuleType]:
     """Import a file once.
 
     Args:
         path: The file; its stem is the name of the law or robot.
         key: Key of the configuration that names it, for messages.
         needed: Attributes that it must have.
+        groups: Those of them that must be NamedTuples of parameters.
 
     Returns:
         Name and module.
 
     Raises:
-        InputError: the file does not exist, cannot be imported or lacks an attribute.
+        InputError: the file does not exist, cannot be imported, or an attribute is missing
+            or wrong.
     """
     try:
         file = Path(path).expanduser().resolve()
@@ -59,7 +65,23 @@ def load(path: str, key: str, needed: Sequence[str]) -> tuple[str, ModuleType]:
     for attribute in needed:
         if not hasattr(module, attribute):
             raise InputError(f'{key}: {file} has no {attribute}')
+    for name in groups:
+        if not hasattr(getattr(module, name), '_fields'):
+            raise InputError(f'{key}: {path}: {name} is not a NamedTuple')
+        with blaming(f'{key}: {path}'):  # its annotations
+            parameters(getattr(module, name))
     return file.stem, module
+
+
+@contextlib.contextmanager
+def blaming(what: str) -> Iterator[None]:
+    """Turn errors of custom code into an InputError that names its origin."""
+    try:
+        yield
+    except ParallelRobotError:
+        raise
+    except Exception as error:
+        raise InputError(f'{what}: {first_line(error)}') from error
 
 
 def source_of(module: ModuleType) -> bytes:

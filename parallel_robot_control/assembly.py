@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_base.function_value import distinguish
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
@@ -42,10 +42,8 @@ def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
     gains, robot = configuration.gains[name], configuration.robot
     prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
     row, guess = np.zeros(configuration.joints), configuration.guess
-    distinguish(robot.parameters, configuration.margins)
-    estimate = FirstClass(
-        robot.module.estimate, robot.parameters, configuration.margins, row, row, guess
-    )
+    distinguish(configuration.margins)
+    estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
     limits = limits_of(configuration.safety, configuration.margins)
     return Control(
         prepared,

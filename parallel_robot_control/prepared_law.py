@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import warnings
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import typeof
 
+from parallel_robot_base.compile_error import reason
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.function_value import FirstClass, distinguish
 from parallel_robot_control import law_trial
@@ -79,8 +78,8 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     try:
         update = _compiled(law, gains, memory, joints)
     except Exception as error:  # Numba raises many kinds
-        reason = _reason(error, law.update.py_func)
-        raise InputError(f'{name}: update does not compile: {reason}') from error
+        cause = reason(error, law.update.py_func)
+        raise InputError(f'{name}: update does not compile: {cause}') from error
     row = np.zeros(joints)
     if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
         raise InputError(
@@ -107,18 +106,3 @@ def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
     for each in said:
         warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
     return update
-
-
-def _reason(error: Exception, update: Any) -> str:
-    """The cause and the line that Numba reports; failing that, the line of the function."""
-    lines = [line.strip() for line in str(error).splitlines()]
-    said = [line for line in lines if line and not line.startswith('Failed in ')]
-    cause = said[0] if said else type(error).__name__
-    if cause.endswith(':'):
-        cause = ' '.join(said[:2])
-    cause, _, raised = cause.partition('. Raised from ')
-    place = re.search(r'^File "(.*)", line (\d+):$', str(error), re.MULTILINE)
-    place = place or re.fullmatch(r'(.*) \((\d+)\)', raised or str(getattr(error, 'loc', '')))
-    code = update.__code__
-    file, line = place.groups() if place else (code.co_filename, code.co_firstlineno)
-    return f'{cause} ({Path(file).name}:{line})'

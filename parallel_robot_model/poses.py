@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.errors import KinematicsError
-from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import kernel
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.robots import RobotModel
@@ -32,7 +31,7 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
     """
     joints = np.ascontiguousarray(position, dtype=np.float64)
     start = np.array(guess, dtype=np.float64)
-    locate = FirstClass(robot.module.locate, robot.parameters, np.zeros(joints.shape[1]), start)
+    locate = robot.kernel('locate', np.zeros(joints.shape[1]), start)
     poses, failed, fault = _poses(locate, robot.parameters, joints, start)
     if fault != FOUND:
         raise KinematicsError(

@@ -5,16 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from parallel_robot_base import config, custom_module
-from parallel_robot_base.errors import InputError, UnknownNameError, first_line
-from parallel_robot_base.fields import defaults, parameters
+from parallel_robot_base.compile_error import reason
+from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.fields import defaults
+from parallel_robot_base.function_value import FirstClass, distinguish
 from parallel_robot_model import axes, planar_3rrr, serial_2r
-from parallel_robot_model.contract import Robot
+from parallel_robot_model.contract import Estimate, JointMotion, Location, Measurement, Robot
 
 ROBOTS: dict[str, Robot] = {
     'planar_3rrr': planar_3rrr,
     'axes': axes,
     'serial_2r': serial_2r,
+}
+KERNELS: dict[str, type] = {  # and what they return
+    'joint_motion': JointMotion,
+    'locate': Location,
+    'estimate': Estimate,
+    'acceleration': np.ndarray,
+    'measure': Measurement,
 }
 GROUPS = ('Parameters', 'SafetyMargins', 'MotionLimits')
 NEEDED = tuple(name for name in [*Robot.__annotations__, *vars(Robot)] if name[0] != '_')
@@ -37,6 +48,30 @@ class RobotModel(NamedTuple):
     def pose_size(self) -> int:
         """Number of the coordinates of its pose, m."""
         return len(self.module.coordinates(self.parameters))
+
+    def kernel(self, name: str, *example: Any) -> FirstClass:
+        """A kernel of the robot as a value.
+
+        Args:
+            name: Key of KERNELS.
+            example: Its arguments after the parameters, for their types.
+
+        Raises:
+            InputError: the kernel of a custom robot does not compile or returns something else.
+        """
+        function: Any = getattr(self.module, name)
+        if not hasattr(function, 'py_func'):
+            raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
+        distinguish(self.parameters)
+        try:
+            value = FirstClass(function, self.parameters, *example)
+        except Exception as error:  # Numba has many
+            cause = reason(error, function.py_func)
+            raise InputError(f'{self.name}: {name} does not compile: {cause}') from error
+        returned = value.signature().return_type
+        if getattr(returned, 'instance_class', np.ndarray) is not KERNELS[name]:
+            raise InputError(f'{self.name}: {name} must return {KERNELS[name].__name__}')
+        return value
 
 
 def module_of(values: Mapping[str, Any]) -> Robot:
@@ -65,11 +100,14 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
         InputError: a parameter is wrong, or the number of joints differs from that of their names.
     """
     module = module_of(values)
-    robot = module.validate(config.group(values, module.Parameters, prefix), prefix)
-    count, names = module.joints(robot), list(values['joints'])
+    group, name = config.group(values, module.Parameters, prefix), str(values['robot_model'])
+    with custom_module.blaming(name):
+        robot = module.validate(group, prefix)
+        count, names = module.joints(robot), list(values['joints'])
+        module.coordinates(robot)
     if count != len(names):
         raise InputError(f'joints must be {count} names, one for each joint, not {names}')
-    return RobotModel(str(values['robot_model']), module, robot)
+    return RobotModel(name, module, robot)
 
 
 def custom_robots(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -78,16 +116,8 @@ def custom_robots(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         InputError: a file cannot be imported or is not a robot.
     """
-    found = {}
-    for path in values['custom_robots']:
-        name, module = custom_module.load(path, 'custom_robots', NEEDED)
-        try:
-            for group in GROUPS:
-                parameters(getattr(module, group))
-        except Exception as error:  # raised by its annotations
-            raise InputError(f'custom_robots: {path}: {first_line(error)}') from error
-        found[name] = module
-    return found
+    paths = values['custom_robots']
+    return dict(custom_module.load(path, 'custom_robots', NEEDED, GROUPS) for path in paths)
 
 
 def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -99,7 +129,10 @@ def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
     robot = custom_robots(values).get(str(values['robot_model']))
     if robot is None:
         return {}
-    given = config.flat(getattr(robot, 'DEFAULTS', {}))
+    given = getattr(robot, 'DEFAULTS', {})
+    if not isinstance(given, Mapping):
+        raise InputError(f'{values["robot_model"]}: DEFAULTS must be a dictionary, not {given!r}')
+    given = config.flat(given)
     known = getattr(robot.Parameters, '_field_defaults', {})
     if len(known) == len(robot.Parameters._fields):
         given = defaults(robot.Parameters, 'robot.') | given

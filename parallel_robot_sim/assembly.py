@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.custom_module import blaming
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.function_value import FirstClass, distinguish
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
@@ -59,17 +59,18 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     Raises:
         InputError: the robot does not reach that pose.
     """
-    module, parameters = configuration.robot.module, configuration.robot.parameters
+    robot = configuration.robot
+    module, parameters = robot.module, robot.parameters
     load, pose = configuration.load, np.array(configuration.parameters.initial_pose)
-    if len(pose) != configuration.robot.pose_size:
+    if len(pose) != robot.pose_size:
         names = ', '.join(axis.name for axis in module.coordinates(parameters))
         raise InputError(f'plant.initial_pose must be [{names}], not {pose.tolist()}')
-    distinguish(parameters)
-    start = module.start(parameters, pose)
+    with blaming(robot.name):
+        start = module.start(parameters, pose)
     still, torque = np.zeros(len(start)), np.zeros(len(configuration.loop.joints))
     setup = PlantSetup(
-        FirstClass(module.acceleration, parameters, load, start, still, torque, 0.0),
-        FirstClass(module.measure, parameters, start, still),
+        robot.kernel('acceleration', load, start, still, torque, 0.0),
+        robot.kernel('measure', start, still),
         stepping(configuration.parameters),
         parameters,
         load,

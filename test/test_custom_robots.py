@@ -20,6 +20,8 @@ WORDS = [
     '--set', 'robot_model=example_robot',
 ]  # fmt: skip
 
+POSE = ['--set', 'plant.initial_pose=[0.231, 0.2]', '--set', 'circle.center=[0.2, 0.2]']
+
 
 def test_its_defaults_stand_beneath_the_scenario():
     values = resolve('paper_circle', CHANGES | {'robot.tool': 3.0})
@@ -31,8 +33,7 @@ def test_its_defaults_stand_beneath_the_scenario():
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     directory = tmp_path_factory.mktemp('table') / 'bag'
-    pose = ['--set', 'plant.initial_pose=[0.231, 0.2]', '--set', 'circle.center=[0.2, 0.2]']
-    assert main(['simulate', *WORDS, *pose, '--out', str(directory)]) == 0
+    assert main(['simulate', *WORDS, *POSE, '--out', str(directory)]) == 0
     return directory
 
 
@@ -79,6 +80,22 @@ def test_what_does_not_suit_it_costs_one_line(words, reason, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('change', 'reason'),
     [
+        (('class Parameters(NamedTuple)', 'class Parameters'), 'Parameters is not a NamedTuple'),
+        (('DEFAULTS = {', 'DEFAULTS = 5\nOTHERS = {'), 'DEFAULTS must be a dictionary, not 5'),
+        (('    return 2\n', '    return 1 // 0\n'), 'wrong: ZeroDivisionError'),
+        (('return pose / robot.radius', 'return pose / robot.radios'), 'wrong: AttributeError'),
+        (
+            ('    pose = robot.radius', '    pose = robot.radios'),
+            "wrong: estimate does not compile: Unknown attribute 'radios'",
+        ),
+        (
+            ('return Estimate(fault, pose, model)', 'return pose'),
+            'must return Estimate',
+        ),
+        (
+            ('@kernel\ndef measure', 'def measure'),
+            'wrong: measure is not compiled: put @kernel before it',
+        ),
         (('def locate', 'def find'), 'has no locate'),
         (('import numpy as np', 'import numpy as np\nraise ValueError("no")'), 'ValueError: no'),
         (
@@ -90,7 +107,7 @@ def test_what_does_not_suit_it_costs_one_line(words, reason, tmp_path, capsys):
 def test_a_wrong_file_costs_one_line(change, reason, tmp_path, capsys):
     file = tmp_path / 'wrong.py'
     file.write_text(EXAMPLE.read_text().replace(*change))
-    words = ['--set', f'custom_robots=[{file}]', '--set', 'robot_model=wrong']
+    words = ['--set', f'custom_robots=[{file}]', '--set', 'robot_model=wrong', *POSE]
     assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 2
     err = capsys.readouterr().err
     assert err.count('\n') == 1 and reason in err
@@ -100,9 +117,8 @@ def test_a_wrong_file_costs_one_line(change, reason, tmp_path, capsys):
 def test_a_file_that_a_bag_only_names_is_not_loaded(command, tmp_path):
     robot, mark = tmp_path / 'mine.py', tmp_path / 'ran'
     robot.write_text(EXAMPLE.read_text())
-    pose = ['--set', 'plant.initial_pose=[0.231, 0.2]', '--set', 'circle.center=[0.2, 0.2]']
     named = ['--set', f'custom_robots=[{robot}]', '--set', 'robot_model=mine']
-    words = ['paper_circle', '--duration', '0.1', *named, *pose]
+    words = ['paper_circle', '--duration', '0.1', *named, *POSE]
     assert main(['simulate', *words, '--out', str(tmp_path / 'bag')]) == 0
     robot.write_text(f'open({str(mark)!r}, "w")\n' + robot.read_text())
     module = 'parallel_robot_analysis.command_line'

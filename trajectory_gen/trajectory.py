@@ -102,7 +102,7 @@ class Trajectory:
                 f'{self.robot.name} has {self._size}: {names}'
             )
         still = PoseMotion(*np.zeros((3, self._size)))
-        self._joints = FirstClass(self.robot.module.joint_motion, self.robot.parameters, still)
+        self._joints = self.robot.kernel('joint_motion', still)
 
     def sample(self, times: Any) -> Reference:
         """Evaluate the motion.
