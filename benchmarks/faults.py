@@ -28,7 +28,7 @@ from reliability.judging import Outcome, judge
 from reliability.rows import ROWS, Row
 
 from parallel_robot_analysis.processes import domain_lock
-from parallel_robot_base import config
+from parallel_robot_base import assignments, config
 from parallel_robot_base.errors import ParallelRobotError, RunError
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
@@ -105,7 +105,7 @@ def main() -> int:
     """Run what is wanted; write the page when that is everything."""
     arguments = parse()
     try:
-        changed = config.parse_overrides(arguments.assignments)
+        changed = assignments.parse(arguments.assignments)
         compile_kernels(config.resolve('paper_circle', changed))
     except ParallelRobotError as error:
         print(f'faults: {error}', file=sys.stderr)

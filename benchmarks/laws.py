@@ -17,6 +17,7 @@ from rclpy.context import Context
 
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
@@ -61,7 +62,7 @@ def kernel_cost(law: str, count: int) -> list[float]:
     """Time of one cycle without Python around it [us], one figure a batch."""
     parts = experiment(law)
     motion = parts.trajectory.sample(0.0)
-    theta, still = motion.position[0], np.zeros(3)
+    theta, still = vector(motion.position[0]), vector(np.zeros(3))
     arguments = (
         parts.control.setup, JointReference(theta, still, still), theta + 1e-4, still + 1e-2,
         parts.control.state, parts.control.law.memory, 1e-3,

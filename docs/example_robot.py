@@ -7,6 +7,8 @@ import numpy as np
 from parallel_robot_base.errors import RobotError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import every, select
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import (
     FOUND,
     REACHED,
@@ -78,15 +80,14 @@ def start(robot, pose):
 @kernel
 def _inertia(robot):
     tool = robot.inertia + robot.tool * robot.radius**2
-    return np.array([tool + robot.bridge * robot.radius**2, tool])
+    return vector((tool + robot.bridge * robot.radius**2, tool))
 
 
 @kernel
 def joint_motion(robot, motion):
     r = robot.radius
-    return JointMotion(
-        motion.pose / r, motion.rate / r, motion.acceleration / r, np.empty(0), REACHED
-    )
+    none = vector(())  # no passive joints
+    return JointMotion(motion.pose / r, motion.rate / r, motion.acceleration / r, none, REACHED)
 
 
 @kernel
@@ -97,12 +98,10 @@ def locate(robot, position, guess):
 @kernel
 def estimate(robot, margins, position, velocity, guess):
     pose = robot.radius * position
-    fault = FOUND
-    for i in range(2):
-        if not margins.margin < pose[i] < robot.width - margins.margin:
-            fault = 1
-    model = Model(np.diag(_inertia(robot)), np.zeros((2, 2)), np.zeros(2))
-    return Estimate(fault, pose, model)
+    inside = (pose > margins.margin) & (pose < robot.width - margins.margin)
+    M = np.diag(_inertia(robot))
+    model = Model(M, np.zeros_like(M), np.zeros_like(pose))
+    return Estimate(select(every(inside), FOUND, 1), pose, model)
 
 
 @kernel
@@ -112,8 +111,8 @@ def acceleration(robot, load, position, velocity, torque, time):
 
 @kernel
 def measure(robot, position, velocity):
-    none = np.empty(0)
-    return Measurement(position.copy(), velocity.copy(), none, none, robot.radius * position)
+    none = vector(())
+    return Measurement(position, velocity, none, none, robot.radius * position)
 
 
 def infeasible(robot, limits, reference):

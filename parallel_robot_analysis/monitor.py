@@ -34,8 +34,8 @@ class MonitorParameters(NamedTuple):
 class WindowMetrics(NamedTuple):
     """Metrics over a window; the names are those of the topics, the units are SI.
 
-    A robot that does not move in a plane has no platform error: its topics do not exist. That of
-    a robot that does is NaN while a sample of the window has no pose.
+    A robot that does not move in a plane has no end-effector error: its topics do not exist. That
+    of a robot that does is NaN while a sample of the window has no pose.
 
     Attributes:
         platform_error_rms: Root mean square distance of the end effector from its reference [m].

@@ -11,13 +11,13 @@ import numpy as np
 import zstandard
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from parallel_robot_bags import limits, plain_data
+from parallel_robot_bags import custom_sources, plain_data
 from parallel_robot_bags.bag_files import custom_data, files, open_file
-from parallel_robot_bags.limits import CHANNELS, LAW, LENGTHS, MEMORY, NAME, Allowance
+from parallel_robot_bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
 from parallel_robot_bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot_bags.mcap_chunk import unpacked_payload
 from parallel_robot_bags.mcap_records import Damage, Record, scan
-from parallel_robot_bags.record_names import LAWS, METADATA, OLD_LAWS
+from parallel_robot_bags.record_names import METADATA
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import Topic
 
@@ -47,14 +47,15 @@ class Bag(Generic[Part]):
         metadata: What the suite wrote about the experiment; empty when another recorded it.
         warnings: What is wrong with the bag, one line each.
         notes: Other metadata records, by their name.
-        laws: Name to source of the custom laws; bad names and long sources are left out.
+        sources: Source of each custom law and robot by key, as ``custom_laws``, and by name; bad
+            names and long sources are left out.
     """
 
     streams: dict[str, list[Part]]
     metadata: dict[str, str]
     warnings: tuple[str, ...]
     notes: dict[str, list[dict[str, str]]]
-    laws: dict[str, bytes]
+    sources: dict[str, dict[str, bytes]]
 
 
 def read(
@@ -78,7 +79,7 @@ def read(
     streams: dict[str, list[Part]] = {}
     facts: dict[str, str] = {}
     notes: dict[str, list[dict[str, str]]] = {}
-    laws: dict[str, bytes] = {}
+    sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
     damage: list[Damage] = []
     understood = False
     held = Allowance(bag, 0, memory)
@@ -103,13 +104,14 @@ def read(
             elif isinstance(record, Metadata) and record.name.startswith(METADATA):
                 held.hold(sum(len(text) for pair in record.metadata.items() for text in pair))
                 notes.setdefault(record.name, []).append(record.metadata)
-            elif isinstance(record, Attachment) and record.name.startswith((LAWS, OLD_LAWS)):
-                law = record.name.partition('/')[2]
-                if law.isidentifier() and len(law.encode()) <= NAME and len(record.data) <= LAW:
+            elif isinstance(record, Attachment) and len(record.data) <= SOURCE:
+                named = custom_sources.parse(record.name)
+                if named:
+                    key, name = named
                     held.hold(len(record.data))
-                    laws[law] = record.data
-                if len(laws) > limits.LAWS:
-                    raise BagError(f'{file} holds more than {limits.LAWS} laws')
+                    sources[key][name] = record.data
+                if sum(map(len, sources.values())) > SOURCES:
+                    raise BagError(f'{file} holds more than {SOURCES} custom laws and robots')
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):
@@ -124,7 +126,7 @@ def read(
     if plain_data.whole_number(facts.get('start_stamp', '0')) is None:
         raise BagError(f'{bag}: its start_stamp must be a whole number of nanoseconds')
     warnings = (warning(bag, damage),) if damage else ()
-    return Bag(streams, facts, warnings, notes, laws)
+    return Bag(streams, facts, warnings, notes, sources)
 
 
 def warning(bag: Path, damage: Iterable[Damage]) -> str:

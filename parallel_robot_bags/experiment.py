@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_bags import plain_data
-from parallel_robot_bags.limits import LAW, is_name
+from parallel_robot_bags.custom_sources import named
+from parallel_robot_bags.limits import is_name
 from parallel_robot_base import config
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
@@ -32,6 +33,7 @@ OWNERS = {  # nodes whose parameters count, the later overriding; and common key
     'plant': ('robot_model', 'joints', 'period', 'duration', 'time_mode'),
     'controller': ('law', 'preset'),
 }
+OF_ROBOT = {'robot', 'true_robot', 'safety', 'trajectory'}  # groups with keys of a robot
 GIT = ('git', 'describe', '--always', '--dirty')
 GIT_PATIENCE = 2.0  # s
 
@@ -115,14 +117,18 @@ def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
     if not isinstance(stored, dict):
         raise ValueError('no keys and values')
     stored = {config.RENAMED.get(key, key): value for key, value in stored.items()}
-    per_joint = _per_joint()
     for key, value in stored.items():
-        example = known.get(key, value)
-        if key in per_joint and isinstance(value, list) != isinstance(example, list):
-            example = [1.0] if isinstance(value, list) else 1.0  # a single one is for all joints
-        if not (plain_data.flat(value) and is_like(example, value)):
+        if not (plain_data.flat(value) and suits(known, key, value)):
             raise ValueError(f'{key} cannot be {value!r}')
     return stored
+
+
+def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
+    """Whether a plain value has the type of the known value of its key, if there is one."""
+    example = known.get(key, value)
+    if key in _per_joint() and isinstance(value, list) != isinstance(example, list):
+        example = [1.0] if isinstance(value, list) else 1.0  # a single one is for all joints
+    return _is_like(example, value)
 
 
 @functools.cache
@@ -144,11 +150,11 @@ def _per_joint() -> frozenset[str]:
     )
 
 
-def is_like(example: Any, value: Any) -> bool:
+def _is_like(example: Any, value: Any) -> bool:
     """Whether a plain value has the type of another; lists may have other lengths."""
     if isinstance(example, list):
         item = example[0] if example else ''
-        return isinstance(value, list) and all(is_like(item, other) for other in value)
+        return isinstance(value, list) and all(_is_like(item, other) for other in value)
     if isinstance(example, str):
         return isinstance(value, str) or value is False  # YAML takes an unquoted off for false
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -174,43 +180,20 @@ def command_line() -> str:
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
-def law_source(path: str) -> tuple[str, bytes]:
-    """Name and source of a custom law, from its file as it is now; the code is not run.
-
-    Args:
-        path: The file, absolute: a node may have another current directory.
-
-    Raises:
-        InputError: there is no such file, it cannot be read, or it is too large.
-    """
-    file = Path(path)
-    try:
-        if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
-            raise InputError(f'the law file {path} is not on this machine')
-        with file.open('rb') as stream:
-            source = stream.read(LAW + 1)
-    except (OSError, ValueError) as error:
-        raise InputError(f'the law file {path} cannot be read: {error}') from None
-    if len(source) > LAW:
-        raise InputError(f'the law file {path} has more than {LAW} bytes')
-    return file.stem, source
-
-
 def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Configuration of a run by the parameters of its nodes, without the places of law files."""
+    """Configuration of a run by the parameters of its nodes, without the places of files."""
     merged: dict[str, Any] = {}
     for name, common in OWNERS.items():
         for node, found in nodes.items():
             if node.rpartition('/')[2] == name:
-                laws = {
-                    Path(str(path)).stem
-                    for path in found.get('custom_laws') or found.get('own_laws') or ()
-                }
+                custom = {Path(file).stem for _, file in named(found)}
+                if found.get('robot_model') in custom:
+                    custom |= OF_ROBOT
                 merged |= {
                     key: value
                     for key, value in found.items()
                     if key in common
-                    or ('.' in key and (key in values or key.partition('.')[0] in laws))
+                    or ('.' in key and (key in values or key.partition('.')[0] in custom))
                 }
     return merged
 

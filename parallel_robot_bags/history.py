@@ -1,4 +1,4 @@
-"""What a bag says of its experiment beside the motion: statuses, changes, laws, losses."""
+"""What a bag says of its experiment beside the motion: statuses, changes, code, losses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot_bags import bag_reader, certificate, plain_data, statuses
-from parallel_robot_bags.experiment import is_like
+from parallel_robot_bags.experiment import suits
 from parallel_robot_bags.limits import MEMORY, is_name
 from parallel_robot_bags.record_names import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot_bags.statuses import LIMIT_TEXT, ControllerStatus
@@ -41,7 +41,7 @@ class History(NamedTuple):
         statuses: What the controller published of itself, in order; empty in bags of others.
         parameters: Node to its parameters at the start of the recording, where they were asked.
         changes: Later changes of parameters.
-        laws: Name to source of the custom laws.
+        sources: Source of each custom law and robot by key, as ``custom_laws``, and by name.
         lost: Topic to number of messages that the recorder knows to be missing.
     """
 
@@ -49,7 +49,7 @@ class History(NamedTuple):
     statuses: tuple[ControllerStatus, ...]
     parameters: dict[str, dict[str, Any]]
     changes: tuple[Change, ...]
-    laws: dict[str, bytes]
+    sources: dict[str, dict[str, bytes]]
     lost: dict[str, int]
 
 
@@ -78,7 +78,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> History:
         tuple(status for _, status in dated),
         parameters_in(found.notes),
         tuple(changes),
-        found.laws,
+        found.sources,
         {topic: certificate.lost(text) for topic, text in certificates},
     )
 
@@ -138,7 +138,5 @@ def remark_lines(limits: str, fault: tuple[float, str] | None) -> list[str]:
 def _values(text: str, known: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters of a node, without values of the wrong type for their keys."""
     return {
-        key: value
-        for key, value in plain_data.mapping(text).items()
-        if is_like(known.get(key, value), value)
+        key: value for key, value in plain_data.mapping(text).items() if suits(known, key, value)
     }

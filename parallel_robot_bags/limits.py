@@ -22,8 +22,8 @@ KINDS = 100  # kinds of messages that a topic may have: joints and their order
 LENGTHS = 1000  # different lengths of the messages of a channel, among a few megabytes of them
 CHANNELS = 1000  # channels that are read of a file
 STATUSES = 10_000  # statuses of the controller, which it sends when something changes
-LAW = 1 << 20  # bytes of the source of a law
-LAWS = 100  # custom laws
+SOURCE = 1 << 20  # bytes of the source of a law or robot
+SOURCES = 100  # custom laws and robots
 YAML = 4 << 20  # bytes of metadata.yaml
 NAME = 200  # characters of the name of a joint, a law, a scenario or a node
 

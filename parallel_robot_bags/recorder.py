@@ -11,12 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_bags import limits, plain_data
+from parallel_robot_bags import custom_sources, plain_data
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.channels import Channel, channel_of
-from parallel_robot_bags.experiment import describe, law_source, software
-from parallel_robot_bags.record_names import CHANGES, LAWS, MISSING_LAWS, PARAMETERS
+from parallel_robot_bags.experiment import describe, software
+from parallel_robot_bags.record_names import CHANGES, MISSING, PARAMETERS
 from parallel_robot_bags.switch_times import SwitchTimes
 from parallel_robot_bags.topic_stream import TopicStream
 from parallel_robot_base.errors import InputError, RunError
@@ -76,7 +76,7 @@ class Recorder:
         self._lockstep = loop.lockstep
         self._suite = suite
         self._streams = {topic: TopicStream(topic, channel_of(topic)) for topic in self._suite}
-        self._laws: dict[str, bytes] = {}  # sources that are attached, or will be
+        self._sources: dict[str, bytes] = {}  # attachments, made or to be made, by name
         self._newest = 0  # ns, largest stamp of the suite
         self._switches = SwitchTimes(0)
         self._queue: queue.SimpleQueue[tuple[TopicStream, int, bytes]] = queue.SimpleQueue()
@@ -85,8 +85,8 @@ class Recorder:
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         software()  # looked up now, not at the start of the motion
-        for path in values['custom_laws']:
-            self._attach(path)
+        for file in custom_sources.named(values):
+            self._attach(*file)
 
     def open(self, start_stamp: int = 0) -> None:
         """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
@@ -123,20 +123,19 @@ class Recorder:
         return sum(stream.gaps or 0 for stream in self._streams.values())
 
     def found(self, node: str, parameters: Mapping[str, Any]) -> list[str]:
-        """Note the parameters of a node at the start; the laws of a controller are attached.
+        """Note the parameters of a node at the start; the code of a controller is attached.
 
         Returns:
-            Why laws cannot be attached, one line each.
+            Why laws or robots cannot be attached, one line each.
         """
         self._note(PARAMETERS, {node: plain_data.dump(parameters)})
-        laws = parameters.get('custom_laws') if node.endswith('/controller') else None
         troubles = []
-        for path in laws[: limits.LAWS] if isinstance(laws, list) else ():
+        for key, path in custom_sources.named(parameters) if node.endswith('/controller') else ():
             try:
-                self._attach(str(path))
+                self._attach(key, path)
             except InputError as error:
                 troubles.append(str(error))
-                self._note(MISSING_LAWS, {str(path): str(error)})
+                self._note(MISSING[key], {path: str(error)})
         return troubles
 
     def changed(self, node: str, parameters: Mapping[str, Any]) -> None:
@@ -148,16 +147,16 @@ class Recorder:
     def _note(self, name: str, facts: dict[str, str]) -> None:
         self._notes.put(lambda writer: writer.note(name, facts))
 
-    def _attach(self, path: str) -> None:
-        """Attach a law file as it is now, once.
+    def _attach(self, key: str, path: str) -> None:
+        """Attach the file of a custom law or robot as it is now, once.
 
         Raises:
             InputError: it cannot be read.
         """
-        name, source = law_source(path)
-        if self._laws.get(name) != source:
-            self._laws[name] = source
-            self._notes.put(lambda writer: writer.attach(LAWS + name, source))
+        name, source = custom_sources.attachment(key, path)
+        if self._sources.get(name) != source:
+            self._sources[name] = source
+            self._notes.put(lambda writer: writer.attach(name, source))
 
     def take(self, topic: Topic, data: bytes, received: int = 0, number: int = 0) -> None:
         """Take one serialised message.

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_bags.bag_reader import Messages
 from parallel_robot_bags.limits import KINDS, MESSAGE, is_name
 from parallel_robot_base import cdr, layouts, topics
+from parallel_robot_base.cdr_reader import Reader
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.joint_layouts import OWN, joint_message
 from parallel_robot_base.topics import Topic
 
 Kind = tuple[cdr.Layout, tuple[str, ...]]  # and the joints
-LayoutOf = Callable[[Any], Kind]  # from a decoded message
 FIELDS = {
     topics.JOINT_STATES: ('position', 'velocity', 'effort'),
     topics.REFERENCE: ('position', 'velocity', 'acceleration'),
     topics.COMMANDS: ('data',),
 }
 LARGEST = 1e12  # rad, rad/s, rad/s^2, N m; squares of it are still numbers
-STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
+ARRAYS: dict[str, Callable[[int], cdr.Layout]] = {  # both have numbers of eight bytes
+    'std_msgs/msg/Float64MultiArray': layouts.float64_multi_array,
+    'std_msgs/msg/Int64MultiArray': layouts.int64_multi_array,
+}
+LOG = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS, topics.ANSWERED)
 
 
 class Samples(NamedTuple):
@@ -43,22 +47,20 @@ class Samples(NamedTuple):
 
 
 def decoder(
-    bag: Path, chosen: Mapping[Topic, LayoutOf] | None = None
+    bag: Path, chosen: Collection[Topic] = LOG
 ) -> Callable[[Topic, Messages], list[Samples]]:
     """Function that decodes messages of a topic, by kind of message.
 
-    Of topics without a layout, it decodes the stamps. It raises BagError when messages are not
-    those of their topic.
+    It raises BagError when messages are not those of their topic.
 
     Args:
         bag: The bag, for error messages.
-        chosen: How to find the layout of a topic's messages from one of them; None: LAYOUTS.
+        chosen: Topics with numbers that are wanted; of others, it decodes the stamps.
     """
-    layout_of = LAYOUTS if chosen is None else chosen
     kinds: dict[Topic, list[Kind]] = {}  # known so far, the last used first
 
     def decode(topic: Topic, messages: Messages) -> list[Samples]:
-        if topic not in layout_of:
+        if topic not in chosen:
             return [Samples((), messages.log_times, _header_stamps(topic, messages.payloads), {})]
         decoded: list[Samples] = []
         known = kinds.setdefault(topic, [])
@@ -69,7 +71,7 @@ def decoder(
                     break
             else:
                 first = messages.payloads[0, : MESSAGE + 1].tobytes()
-                kind = _kind(bag, topic, first, layout_of[topic])
+                kind = _kind(bag, topic, first)
                 same = _has_layout(messages.payloads, kind[0])
                 known.append(kind)
             if not same.any() or len(known) > KINDS:
@@ -124,16 +126,19 @@ def physical(samples: Samples) -> np.ndarray:
     return kept
 
 
-def _kind(bag: Path, topic: Topic, message: bytes, layout_of: LayoutOf) -> Kind:
+def _kind(bag: Path, topic: Topic, message: bytes) -> Kind:
+    """Layout of messages like this one, and its joints."""
     try:
         if len(message) > MESSAGE:
             raise ValueError(f'a message of more than {MESSAGE} bytes')
-        layout, joints = layout_of(STORE.deserialize_cdr(message, topic.type))
+        if topic.type not in OWN:
+            return ARRAYS[topic.type](len(Reader(message).array())), ()  # in the order of joints
+        joints, _, layout = joint_message(topic.type, message)
         if not all(map(is_name, joints)):
             raise ValueError('the name of a joint is too long or cannot be printed')
-    except Exception as error:  # in broken bytes, any length or string can be wrong
+    except ValueError as error:
         raise BagError(f'{bag}: {topic.name} is not understood: {error}') from None
-    return layout, joints
+    return layout(), joints
 
 
 def _has_layout(payloads: np.ndarray, layout: cdr.Layout) -> np.ndarray:
@@ -156,39 +161,6 @@ def _samples(messages: Messages, layout: cdr.Layout, joints: tuple[str, ...]) ->
     names = [name for name in layout.dtype.names or () if name not in ('sec', 'nanosec')]
     numbers = {name: np.ascontiguousarray(records[name]) for name in names}
     return Samples(joints, messages.log_times, stamps, numbers)
-
-
-def _state_layout(message: Any) -> Kind:
-    names = tuple(message.name)
-    return layouts.joint_state(names, frame=message.header.frame_id), names
-
-
-def _reference_layout(message: Any) -> Kind:
-    names = tuple(message.joint_names)
-    return layouts.joint_trajectory(names, message.header.frame_id), names
-
-
-def _numbers_layout(message: Any) -> Kind:
-    return layouts.float64_multi_array(len(message.data)), ()  # in the order of the joints
-
-
-def _stamps_layout(message: Any) -> Kind:
-    return layouts.int64_multi_array(len(message.data)), ()
-
-
-def error_layout(message: Any) -> Kind:
-    """Layout of telemetry: a position for each joint, and any other fields."""
-    fields = tuple(name for name in FIELDS[topics.JOINT_STATES] if len(getattr(message, name)))
-    names = tuple(message.name)
-    return layouts.joint_state(names, fields, message.header.frame_id), names
-
-
-LAYOUTS: dict[Topic, LayoutOf] = {
-    topics.JOINT_STATES: _state_layout,
-    topics.REFERENCE: _reference_layout,
-    topics.COMMANDS: _numbers_layout,
-    topics.ANSWERED: _stamps_layout,
-}
 
 
 def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:

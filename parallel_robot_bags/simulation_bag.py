@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_bags import custom_sources
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.certificate import Certificate
-from parallel_robot_bags.experiment import SIMULATION, describe, law_source
+from parallel_robot_bags.experiment import SIMULATION, describe
 from parallel_robot_bags.progress import tracked
-from parallel_robot_bags.record_names import LAWS
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.loop import STEP_START
 from parallel_robot_control import faults
@@ -67,10 +67,10 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         records[topics.POSE_REFERENCE] = pose_messages(stamps[slow], desired)
     known, suite = faults.of(robot), topics.recorded(robot.PLANAR)
     facts = describe(loop, values, STEP_START, SIMULATION)
-    laws = dict(map(law_source, values['custom_laws']))
+    sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
     with BagWriter(directory, suite, facts) as writer:
-        for name, source in laws.items():
-            writer.attach(LAWS + name, source)
+        for name, source in sources:
+            writer.attach(name, source)
         writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
         status = None
         acted = np.bitwise_or.accumulate(run.acted)

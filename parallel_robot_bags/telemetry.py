@@ -6,7 +6,7 @@ from pathlib import Path
 
 from parallel_robot_bags import bag_reader, run_log
 from parallel_robot_bags.limits import MEMORY
-from parallel_robot_bags.samples import Samples, decoder, error_layout, whole
+from parallel_robot_bags.samples import Samples, decoder, whole
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import Topic
 
@@ -24,7 +24,7 @@ def read(bag: Path, log: run_log.RunLog, topic: Topic, memory: int = MEMORY) -> 
         Its messages; None when the bag has none for these joints.
     """
     try:
-        found = bag_reader.read(bag, (topic,), decoder(bag, {topic: error_layout}), memory)
+        found = bag_reader.read(bag, (topic,), decoder(bag, (topic,)), memory)
         return whole(bag, topic, run_log.streams_of(bag, found.streams, topic)[topic], log.joints)
     except (BagError, KeyError):  # a topic of that name that is not the suite's
         return None

@@ -7,8 +7,10 @@ import hashlib
 import os
 import sys
 from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 
+from parallel_robot_bags.custom_sources import KINDS, Sources
 from parallel_robot_base.errors import BagError
 
 TRUSTED = Path('parallel_robot', 'trusted_laws')  # in the user's configuration
@@ -19,54 +21,82 @@ def add_trust_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--trust',
         action='store_true',
-        help='run the laws whose code the bag holds; on a terminal it is shown first',
+        help='run the laws and the robot whose code the bag holds; on a terminal, show it first',
     )
 
 
-def custom_laws(bag: Path, laws: Mapping[str, bytes], directory: Path, trust: bool) -> list[str]:
-    """Write the laws that a bag holds to files, if they may run.
+def custom_files(
+    bag: Path, sources: Sources, robot: str, directory: Path, trust: bool
+) -> dict[str, list[str]]:
+    """Write the custom laws and the custom robot that a bag holds to files, if they may run.
 
     They may run when the user says so or has noted their digests: the first words of the lines of
     ``~/.config/parallel_robot/trusted_laws``, as ``sha256sum`` writes them.
 
     Args:
         bag: The bag, for error messages.
-        laws: Name to source of each.
+        sources: What it holds; all laws are written, since any may become active.
+        robot: Name of its robot; others are left out.
         directory: Where to write them.
         trust: Whether the user allowed it; on a terminal, they are asked once more.
 
     Returns:
-        The files.
+        The files by key of the configuration.
 
     Raises:
         BagError: they may not run.
     """
+    used = {
+        key: {
+            name: source
+            for name, source in sources.get(key, {}).items()
+            if key != 'custom_robots' or name == robot
+        }
+        for key in KINDS
+    }
     noted = _noted()
     strange = {
-        name: source
-        for name, source in laws.items()
-        if hashlib.sha256(source).hexdigest() not in noted
+        key: {
+            name: source
+            for name, source in found.items()
+            if hashlib.sha256(source).hexdigest() not in noted
+        }
+        for key, found in used.items()
     }
-    if strange and not trust:
-        one, it = ('the law', 'it') if len(strange) == 1 else ('the laws', 'them')
+    count = sum(map(len, strange.values()))
+    if count and not trust:
         raise BagError(
-            f'{bag} holds the code of {one} {", ".join(strange)}, which would run with all your '
-            f'rights; --trust runs {it}'
+            f'{bag} holds the code of {_words(strange)}, which would run with all your '
+            f'rights; --trust runs {"it" if count == 1 else "them"}'
         )
-    if strange and sys.stdin.isatty() and sys.stderr.isatty():
+    if count and sys.stdin.isatty() and sys.stderr.isatty():
         _ask(strange)
-    if laws:
-        print(f'runs the code of {", ".join(laws)}, which the bag holds', file=sys.stderr)
-    files = []
-    for name, source in laws.items():
-        file = directory / f'{name}.py'
+    names = [name for found in used.values() for name in found]
+    if names:
+        print(f'runs the code of {", ".join(names)}, which the bag holds', file=sys.stderr)
+    return {key: _write(found, directory / key) for key, found in used.items()}
+
+
+def _words(sources: Sources) -> str:
+    groups = [
+        f'the {KINDS[key]}{"s" if len(found) > 1 else ""} {", ".join(found)}'
+        for key, found in sources.items()
+        if found
+    ]
+    return ' and '.join(groups)
+
+
+def _write(sources: Mapping[str, bytes], directory: Path) -> list[str]:
+    """Write sources by name into a new directory and return the files."""
+    directory.mkdir()
+    files = {directory / f'{name}.py': source for name, source in sources.items()}
+    for file, source in files.items():
         file.write_bytes(source)
-        files.append(str(file))
-    return files
+    return list(map(str, files))
 
 
 def _noted() -> set[str]:
-    """Digests of the laws that the user trusts."""
+    """Digests of the files that the user trusts."""
     home = os.environ.get('XDG_CONFIG_HOME') or os.path.expanduser('~/.config')
     try:
         lines = (Path(home) / TRUSTED).read_text(errors='replace').splitlines()
@@ -75,13 +105,13 @@ def _noted() -> set[str]:
     return {line.split()[0].lower() for line in lines if line.strip()}
 
 
-def _ask(laws: Mapping[str, bytes]) -> None:
-    """Show laws on the terminal and ask whether to run them.
+def _ask(sources: Sources) -> None:
+    """Show code on the terminal and ask whether to run it.
 
     Raises:
         BagError: the user refuses.
     """
-    for name, source in laws.items():
+    for name, source in chain.from_iterable(found.items() for found in sources.values()):
         print(f'---- {name}.py, sha256 {hashlib.sha256(source).hexdigest()}', file=sys.stderr)
         print(source.decode(errors='replace'), file=sys.stderr)
     print('---- run this code? [y/N] ', end='', file=sys.stderr, flush=True)

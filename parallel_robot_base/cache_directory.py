@@ -26,7 +26,9 @@ COMPLETE = 'complete'  # file that says that all kernels of the suite have been 
 KEPT = 5  # versions, this one included
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 119  # approximate number of pieces of machine code after `make setup`
-SOURCES = (b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)')  # what kernels are made of
+SOURCES = (  # what kernels are made of
+    b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)', b'@lower_builtin', b'@register_model',
+)  # fmt: skip
 PREFIX = 'parallel_robot_custom_'  # prefix of the names of custom modules
 ROOM = re.compile('parallel_robot_[a-z]+|trajectory_gen')  # packages of the suite
 

@@ -54,6 +54,13 @@ class Reader:
         count = self.number('I')
         return np.frombuffer(self._take(8, count) if count else b'', '<f8')
 
+    def array(self) -> np.ndarray:
+        """Read a std_msgs/Float64MultiArray of any dimensions, shape (n,)."""
+        for _ in range(self.number('I')):  # dimensions: label, size, stride
+            self.text(), self.number('I'), self.number('I')
+        self.number('I')  # offset of the data
+        return self.numbers()
+
     def header(self) -> str:
         """Read a std_msgs/Header; returns its frame."""
         self.number('i')
@@ -83,11 +90,7 @@ def read_numbers(data: bytes) -> np.ndarray:
     Empty, shape (0,), if the data is not such a message.
     """
     try:
-        message = Reader(data)
-        for _ in range(message.number('I')):  # dimensions: label, size, stride
-            message.text(), message.number('I'), message.number('I')
-        message.number('I')  # offset of the data
-        return message.numbers()
+        return Reader(data).array()
     except ValueError:
         return np.empty(0)
 

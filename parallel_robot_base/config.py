@@ -234,36 +234,8 @@ def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
     return build(kind, values, start, len(config['joints']) if 'joints' in config else None)
 
 
-def parse_overrides(assignments: list[str]) -> dict[str, Any]:
-    """Read ``key=value`` words of a command line; values as in YAML.
-
-    Raises:
-        InputError: a word without '=' or with a value that YAML cannot read.
-    """
-    overrides = {}
-    for word in assignments:
-        key, equals, value = word.partition('=')
-        if not equals or not key:
-            raise InputError(f'--set takes KEY=VALUE, not {word!r}')
-        try:
-            overrides[key.strip()] = _number(yaml.safe_load(value))
-        except yaml.YAMLError:
-            raise InputError(f'--set {key}: {value!r} is not a YAML value') from None
-    return overrides
-
-
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: plain(value) for key, value in values.items()}
-
-
-def _number(value: Any) -> Any:
-    """A number that YAML reads as text, such as 1e6, because it expects a decimal point."""
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
 
 
 def _scenario(name: str) -> dict[str, Any]:

@@ -6,10 +6,29 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.registry import CPUDispatcher
 
+import parallel_robot_base.vector_operators  # noqa: F401 so that every kernel knows them
 from parallel_robot_base.kernel_cache import cache_of
+from parallel_robot_base.vector_types import holds_vectors
 
 Function = TypeVar('Function', bound=Callable[..., Any])
+
+
+class _Kernel(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function that Python may call with vectors.
+
+    Numba takes all subclasses of arrays with as many dimensions for one type, whichever came
+    first, so vectors of another size would be read with the wrong one.
+    """
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        if named or not holds_vectors(arguments):
+            return super().__call__(*arguments, **named)
+        kinds = tuple(map(numba.typeof, arguments))
+        if kinds not in self.overloads:
+            self.compile(kinds)
+        return self.overloads[kinds].entry_point(*arguments)
 
 
 def kernel(function: Function) -> Function:
@@ -29,6 +48,7 @@ def inner(function: Function) -> Function:
 def _cached(function: Function, **options: bool) -> Function:
     compiled = numba.njit(error_model='numpy', **options)(function)
     compiled._cache = cache_of(function)
+    compiled.__class__ = _Kernel
     return cast(Function, compiled)
 
 
@@ -37,7 +57,9 @@ def inlined(function: Function) -> Function:
 
     For functions that take others, and where handing over many arrays costs more than the work.
     """
-    return cast(Function, numba.njit(inline='always', error_model='numpy')(function))
+    compiled = numba.njit(inline='always', error_model='numpy')(function)
+    compiled.__class__ = _Kernel
+    return cast(Function, compiled)
 
 
 def entry_point(function: Callable[..., Any], *example: Any) -> Callable[..., Any]:

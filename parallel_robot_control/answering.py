@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_base.vector_select import read_row, select, write_row
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
@@ -50,7 +51,7 @@ from parallel_robot_control.shared_arrays import (
     TORQUE,
     VELOCITY,
 )
-from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector
+from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message
 
 Array = NDArray[np.float64]
 
@@ -87,7 +88,8 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     """
     common = core.common
     acted = common.numbers[ACTED]
-    question = _open(common, wire, data, now, monotonic)
+    row = core.setup.limits.torque
+    question = _open(common, wire, data, now, monotonic, row, core.pose)
     if question.code != ANSWERED:
         return question.code
     done = core.cycle(
@@ -135,11 +137,19 @@ class Question(NamedTuple):
 
 
 @inner
-def _open(common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Question:
-    """Read a state, check whether it can be answered, and find its reference."""
+def _open(
+    common: Any, wire: Any, data: bytes, now: int, monotonic: int, row: Array, pose: Array
+) -> Question:
+    """Read a state, check whether it can be answered, and find its reference.
+
+    `row` is any vector of shape (n,), `pose` any of shape (m,).
+    """
     timing, numbers, vectors = common.timing, common.numbers, common.vectors
     stamp = open_message(wire, data)
-    position, velocity, effort = vector(wire, 0), vector(wire, 1), vector(wire, 2)
+    position = read_row(joint_row(wire, 0), 0, row)
+    velocity = read_row(joint_row(wire, 1), 0, row)
+    effort = read_row(joint_row(wire, 2), 0, row)
+    effort = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not finite
     before, fault = numbers[LAST], numbers[FAULT]
     code, known, dt = ANSWERED, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
@@ -159,39 +169,40 @@ def _open(common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Ques
         code = OUT_OF_ORDER
     else:
         found, known, reference = reference_at(
-            common.references, stamp, timing.reference_timeout, timing.lockstep
+            common.references, stamp, timing.reference_timeout, timing.lockstep, row
         )
         if found == MISSING:
             code = NO_REFERENCE
         if found == TOO_OLD and fault == faults.NONE:
             numbers[FAULT] = faults.REFERENCE_STALE
-            vectors[HELD] = vectors[POSITION]
+            write_row(vectors, HELD, read_row(vectors, POSITION, row))
     if code == ANSWERED:
-        for i in range(len(effort)):
-            if not np.isfinite(effort[i]):
-                effort[i] = 0.0
-            vectors[VELOCITY, i] = velocity[i]
-            vectors[EFFORT, i] = effort[i]
-            common.telemetry[ERROR, i] = reference.position[i] - position[i]
-            common.telemetry[ERROR_RATE, i] = reference.velocity[i] - velocity[i]
+        write_row(vectors, VELOCITY, velocity)
+        write_row(vectors, EFFORT, effort)
+        write_row(common.telemetry, ERROR, reference.position - position)
+        write_row(common.telemetry, ERROR_RATE, reference.velocity - velocity)
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
             numbers[SKIPPED] += (stamp - before) // timing.period - 1
         elif stamp != numbers[START]:  # continue from the torque that acts
-            vectors[TORQUE] = effort
-            vectors[EXCESS] = 0.0
+            write_row(vectors, TORQUE, effort)
+            write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
         numbers[LAST] = stamp
-    last = Last(  # copies: a law may keep its arguments
-        vectors[POSITION].copy(),
-        vectors[REFERENCE].copy(),
-        vectors[TORQUE].copy(),
-        vectors[OFFSET].copy(),
+    last = Last(
+        read_row(vectors, POSITION, row),
+        read_row(vectors, REFERENCE, row),
+        read_row(vectors, TORQUE, row),
+        read_row(vectors, OFFSET, row),
         numbers[TAKES_OVER] != 0,
         numbers[KNOWN] != 0,
     )
     state = CycleState(
-        common.pose.copy(), last, vectors[EXCESS].copy(), vectors[HELD].copy(), numbers[FAULT]
+        read_row(common.pose, 0, pose),
+        last,
+        read_row(vectors, EXCESS, row),
+        read_row(vectors, HELD, row),
+        numbers[FAULT],
     )
     return Question(code, stamp, known, before, fault, reference, position, velocity, state, dt)
 
@@ -206,18 +217,16 @@ def _close(
     numbers[TAKES_OVER] = after.last.takes_over
     numbers[KNOWN] = after.last.known
     numbers[ACTED] |= done.acted
-    for i in range(len(done.torque)):
-        v[POSITION, i] = after.last.position[i]
-        v[REFERENCE, i] = after.last.reference[i]
-        v[TORQUE, i] = after.last.torque[i]
-        v[OFFSET, i] = after.last.offset[i]
-        v[EXCESS, i] = after.excess[i]
-        v[HELD, i] = after.held[i]
-        common.telemetry[COUPLED, i] = done.coupled_error[i]
-        common.telemetry[SLIDING, i] = done.sliding_variable[i]
-        common.torques[i] = done.torque[i]
-    for i in range(len(after.pose)):
-        common.pose[i] = after.pose[i]
+    write_row(v, POSITION, after.last.position)
+    write_row(v, REFERENCE, after.last.reference)
+    write_row(v, TORQUE, after.last.torque)
+    write_row(v, OFFSET, after.last.offset)
+    write_row(v, EXCESS, after.excess)
+    write_row(v, HELD, after.held)
+    write_row(common.telemetry, COUPLED, done.coupled_error)
+    write_row(common.telemetry, SLIDING, done.sliding_variable)
+    write_row(common.torques, 0, done.torque)
+    write_row(common.pose, 0, after.pose)
     stamp, before, period = question.stamp, question.before, common.timing.period
     common.log[numbers[LOGGED] % AGES, 0] = stamp
     common.log[numbers[LOGGED] % AGES, 1] = question.known

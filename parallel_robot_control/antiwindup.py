@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import select, some
 
 Array = NDArray[np.float64]
 
@@ -21,10 +22,7 @@ def unless_saturated(increment: Array, excess: Array) -> Array:
     Source:
         Astrom, Haegglund (1995), PID Controllers, section 3.5, conditional integration.
     """
-    result = np.empty(len(increment))
-    for i in range(len(increment)):
-        result[i] = 0.0 if increment[i] * excess[i] > 0.0 else increment[i]
-    return result
+    return select(increment * excess > 0.0, 0.0, increment)
 
 
 @kernel
@@ -33,7 +31,4 @@ def unless_any_saturated(increment: Array, excess: Array) -> Array:
 
     For integrals of differences between joints: their sum remains zero.
     """
-    for i in range(len(excess)):
-        if excess[i] != 0.0:
-            return np.zeros(len(increment))
-    return increment
+    return select(some(excess != 0.0), np.zeros_like(increment), increment)

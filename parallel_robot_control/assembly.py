@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.function_value import distinguish
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
@@ -41,12 +43,12 @@ def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
     name = law or configuration.loop.law
     gains, robot = configuration.gains[name], configuration.robot
     prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
-    row, guess = np.zeros(configuration.joints), configuration.guess
+    row, guess = vector(np.zeros(configuration.joints)), vector(configuration.guess)
     distinguish(configuration.margins)
     estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
-    limits = limits_of(configuration.safety, configuration.margins)
+    limits = Boxed(limits_of(configuration.safety, configuration.margins))
     return Control(
         prepared,
-        ControlSetup(prepared.update, estimate, gains, robot.parameters, limits),
+        ControlSetup(prepared.update, estimate, prepared.constants, robot.constants, limits),
         initial_state(guess, configuration.joints),
     )

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import read_row, write_row
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
 
@@ -79,22 +80,17 @@ def answers(
 ) -> Batch:
     """The answers of :func:`answer`, with the cycle as FirstClass."""
     count = len(states.dt)
-    torque = np.empty((count, expected.shape[1]))
+    torque, row = np.empty((count, expected.shape[1])), state.held
     for k in range(count):
         reference = JointReference(
-            references.position[k], references.velocity[k], references.acceleration[k]
+            read_row(references.position, k, row),
+            read_row(references.velocity, k, row),
+            read_row(references.acceleration, k, row),
         )
-        cycle = run_cycle(
-            control,
-            reference,
-            states.position[k],
-            states.velocity[k],
-            state,
-            memory,
-            states.dt[k],
-        )
+        position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)
+        cycle = run_cycle(control, reference, position, velocity, state, memory, states.dt[k])
+        write_row(torque, k, cycle.torque)
         for i in range(expected.shape[1]):
-            torque[k, i] = cycle.torque[i]
             if torque[k, i] != expected[k, i] and not np.isnan(expected[k, i]):
                 return Batch(torque[:k].copy(), k, state, memory)
         state = cycle.state

@@ -1,5 +1,9 @@
 """What a control law receives and returns: the interface between the laws and the rest.
 
+Joint vectors and matrices come as the vectors of :mod:`parallel_robot_base.vector_types`: they are
+used as arrays are, element by element, but cannot be changed. A custom law that changes or slices
+them, or makes arrays of its own, gets arrays instead.
+
 A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
 n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
 warnings or raises InputError where its theory forbids a set of gains. See

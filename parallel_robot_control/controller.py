@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -11,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import cdr, layouts
-from parallel_robot_base.loop import STEP_START, WAIT
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults, law_core, transitions
 from parallel_robot_control.answer_log import AnswerLog
@@ -23,10 +21,10 @@ from parallel_robot_control.answering import (
 )
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.exchange import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.law_cores import LawCores
-from parallel_robot_control.messages import Status, Telemetry
+from parallel_robot_control.messages import Status
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
     BACK,
@@ -36,37 +34,21 @@ from parallel_robot_control.reference_buffer import (
     ReferenceBuffer,
 )
 from parallel_robot_control.safety import Limits
-from parallel_robot_control.shared_arrays import (
-    ACTED,
-    END,
-    FAULT,
-    FROM,
-    HEARD,
-    LAST,
-    MEASURED,
-    NEVER,
-    START,
-    shared,
-    store,
-    stored,
-)
+from parallel_robot_control.shared_arrays import ACTED, HEARD, LAST, MEASURED, NEVER
 from parallel_robot_control.wire import wire_of
 
 Array = NDArray[np.float64]
 
 LOST = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
-FOREVER = 2**63 - 1  # ns
 
 
-class Controller:
+class Controller(ControllerState):
     """Computes the torque of each state from the reference at the state's own stamp.
 
     :meth:`answer` is for messages of a known layout, :meth:`add_state` for numbers; both end
     in the same kernel.
 
     Attributes:
-        configuration: The present configuration.
-        counts: Number of unusual events by their description.
         command: The command message of the last answer.
         code: What :func:`answering.answer` returned for the last state.
         log: Log of the states that were answered.
@@ -83,40 +65,24 @@ class Controller:
         Raises:
             InputError: a law cannot be used.
         """
-        self.configuration = configuration
-        self._loop = loop = configuration.loop
-        self._faults = faults.of(configuration.robot.module)
-        safety = configuration.safety
+        super().__init__(configuration)
+        loop, joints = configuration.loop, configuration.loop.joints
         timing = law_core.Timing(
             loop.period_ns,
-            round(safety.reference_timeout * NANOSECONDS),
-            round(safety.state_timeout * NANOSECONDS),
+            round(configuration.safety.reference_timeout * NANOSECONDS),
+            self._state_timeout,
             loop.lockstep,
         )
-        self._state_timeout = timing.state_timeout
-        self.counts: Counter[str] = Counter()
-        joints = loop.joints
         self._references = ReferenceBuffer(joints)
         self._state_layout = layouts.joint_state(joints)
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
-        self._arrays = shared(initial_state(configuration.guess, len(joints)))
-        self._numbers = self._arrays.numbers
         common = law_core.common(self._references.compiled, timing, self._arrays)
         self.log = AnswerLog(self._arrays)
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
-        self._lost = False  # whether the joint states went stale and none has come since
-        self._fault_seen = faults.NONE  # the last fault counted
-        self._changed = False  # whether law or fault changed since the last answer
         self.command = b''
         self.code = 0
-        if loop.start_stamp == WAIT:
-            self._numbers[FROM] = FOREVER
-        elif loop.start_stamp > 0:
-            self.begin(loop.start_stamp)
-        elif loop.lockstep:
-            self.begin(STEP_START)
         self._cores = LawCores(configuration, common, self._own, lazy)
         self.load = self._cores.load
         self._core = self._cores.make(configuration)
@@ -128,33 +94,13 @@ class Controller:
 
     @property
     def limits(self) -> Limits:
-        """The limits, in the arrays that the kernels use."""
+        """Limits that the kernels apply."""
         return self._core.limits
-
-    @property
-    def fault(self) -> int:
-        """NONE or the number of the present fault, see faults.py."""
-        return int(self._numbers[FAULT])
-
-    @property
-    def state(self) -> CycleState:
-        """State of the controller after the last cycle."""
-        return stored(self._arrays)
 
     @property
     def memory(self) -> Any:
         """Memory of the law."""
         return self._core.memory
-
-    @property
-    def stamp(self) -> int:
-        """Stamp of the state answered last [ns]; 0 if there is none."""
-        return max(0, int(self._numbers[LAST]))
-
-    @property
-    def telemetry(self) -> Telemetry:
-        """Telemetry of the last answer, one row."""
-        return Telemetry(*self._arrays.telemetry[:, np.newaxis].copy())
 
     @property
     def pending(self) -> bool:
@@ -165,13 +111,6 @@ class Controller:
     def status(self) -> Status:
         """What the controller is doing."""
         return Status(self.law.name, self._faults.get(self.fault), int(self._numbers[ACTED]))
-
-    def begin(self, stamp: int) -> None:
-        """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""
-        self._numbers[START] = stamp
-        self._numbers[FROM] = stamp if self._loop.start_stamp == WAIT else 0
-        if self._loop.last_index is not None:
-            self._numbers[END] = stamp + self._loop.last_index * self._loop.period_ns
 
     def expect(self, layout: cdr.Layout, order: list[int]) -> None:
         """Let :meth:`answer` read messages of a layout; `order`: index of each joint in it."""
@@ -197,20 +136,14 @@ class Controller:
         """
         self.configuration = change.configuration
         before, after = self._core, change.core
-        if (after.law.name, after.law.gains) == (before.law.name, before.law.gains):
+        if transitions.same(before.law, after.law):
             return
-        state, memory = transitions.switched(self.state, before.memory, before.law, after.law)
-        after.memory = memory
+        state, after.memory = transitions.switched(
+            self.state, before.memory, before.law, after.law
+        )
         self._core = after
         self._changed = True
         self._store(state)
-
-    def trip(self, fault: int) -> None:
-        """Enter a fault: the safe action begins with the next state."""
-        if self.fault == faults.NONE:
-            self._store(transitions.tripped(self.state, fault))
-            self._count_fault()
-            self._changed = True
 
     def clear_fault(self) -> str:
         """Leave the fault if its cause is gone, with empty memory and ramped torque.
@@ -225,34 +158,6 @@ class Controller:
             self._fault_seen = faults.NONE
             self._core.memory = self.law.memory
         return ''
-
-    def stale(self) -> bool:
-        """Whether joint states were received but have stopped coming (wall time)."""
-        heard = int(self._numbers[HEARD])
-        if not heard or self._loop.lockstep:
-            return False
-        return time.monotonic_ns() - heard > self._state_timeout
-
-    def watch(self) -> bool:
-        """Enter a fault if the joint states are stale.
-
-        Returns:
-            Whether they have become stale since the last call: then the torque must be zero.
-        """
-        return self.stale() and self.lose(faults.STATES_STALE)
-
-    def lose(self, fault: int) -> bool:
-        """Enter a fault because there are no joint states that can be trusted.
-
-        Returns:
-            Whether they were lost since the last call: then the torque must be zero.
-        """
-        if self._lost:
-            return False
-        self._lost = True
-        self.trip(fault)
-        self._store(transitions.without_torque(self.state))
-        return True
 
     def read_reference(self, data: bytes) -> bool:
         """Take a reference message; False if it must go through :meth:`add_reference`."""
@@ -336,14 +241,6 @@ class Controller:
 
     def _answer(self) -> Answer:
         return Answer(self._arrays.torques.copy(), self.telemetry, self.status)
-
-    def _store(self, state: CycleState) -> None:
-        store(self._arrays, state)
-
-    def _count_fault(self) -> None:
-        if self.fault != self._fault_seen:
-            self._fault_seen = self.fault
-            self.counts[self._faults[self.fault].text] += 1
 
     def _reset(self) -> None:
         self._store(transitions.restarted(self.state, self.configuration.guess))

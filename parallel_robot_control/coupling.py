@@ -18,8 +18,4 @@ def synchronisation_error(error: Array) -> Array:
 @kernel
 def coupling(error: Array) -> Array:
     """De_i = e_s,i - e_s,(i-1) = 2 e_i - e_(i-1) - e_(i+1), shape (n,)."""
-    n = len(error)
-    result = np.empty(n)
-    for i in range(n):
-        result[i] = 2.0 * error[i] - error[i - 1] - error[(i + 1) % n]
-    return result
+    return 2.0 * error - np.roll(error, 1) - np.roll(error, -1)

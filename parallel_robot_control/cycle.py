@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.vector_select import every, in_a_lane, select
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
@@ -41,16 +43,16 @@ class ControlSetup(NamedTuple):
     Attributes:
         update: Update of the law, as FirstClass.
         estimate: Estimate of the robot module, as FirstClass.
-        gains: Gains of the law.
-        robot: Parameters of the nominal robot.
-        limits: Limits, safe action and margins.
+        gains: Gains of the law, boxed.
+        robot: Constants of the nominal robot, boxed.
+        limits: Limits, boxed.
     """
 
     update: Any
     estimate: Any
     gains: Any
     robot: Any
-    limits: Limits
+    limits: Any
 
 
 class Asked(NamedTuple):
@@ -98,17 +100,15 @@ def initial_state(pose: Array, joints: int) -> CycleState:
         pose: Pose from which the forward kinematics starts, shape (m,).
         joints: Number of the actuated joints, n.
     """
-    zero = np.zeros(joints)
-    return CycleState(pose, Last(zero, zero, zero, zero, False, False), zero, zero, faults.NONE)
+    zero = vector(np.zeros(joints))
+    last = Last(zero, zero, zero, zero, False, False)
+    return CycleState(vector(pose), last, zero, zero, faults.NONE)
 
 
 @inner
 def is_finite(x: Array) -> bool:
     """Whether all elements of a vector are finite."""
-    finite = True
-    for i in range(len(x)):
-        finite = finite and np.isfinite(x[i])
-    return finite
+    return every(x - x == 0.0)
 
 
 @inner
@@ -129,11 +129,9 @@ def sense(
         motion of the joints, then in the robot.
     """
     found = estimate(robot, limits.margins, position, velocity, state.pose)
-    fault = state.fault
-    if fault == faults.NONE:
-        fault = find_fault(limits, reference, position, velocity, state.last, dt)
-    if fault == faults.NONE:
-        fault = found.fault
+    seen = find_fault(limits, reference, position, velocity, state.last, dt)
+    fault = select(state.fault == faults.NONE, seen, state.fault)
+    fault = select(fault == faults.NONE, found.fault, fault)
     return Estimate(fault, found.pose, found.model)
 
 
@@ -163,21 +161,25 @@ def act(
     fault, last, held = sensed.fault, state.last, state.held
     demand, sliding_variable, coupled_error = asked
     # 1. A demand that is not finite is a fault, too.
-    if fault == faults.NONE and not is_finite(demand):
-        fault = faults.TORQUE_NOT_FINITE
+    finite = is_finite(demand)
+    fault = select((fault == faults.NONE) & (finite == False), faults.TORQUE_NOT_FINITE, fault)  # noqa: E712
     # 2. In a fault, the safe action replaces the demand; a ramp that is not over is dropped.
-    if fault != faults.NONE:
-        if state.fault == faults.NONE or not last.known:
-            held = position
-        demand = safe_torque(limits.safe, held, position, velocity)
-        sliding_variable = np.zeros(len(position))
-        coupled_error = reference.position - position
-        last = Last(
-            last.position, last.reference, last.torque, np.zeros(len(demand)), False, last.known
-        )
+    failed = fault != faults.NONE
+    new = failed & ((state.fault == faults.NONE) | (last.known == False))  # noqa: E712
+    held = select(new, position, held)
+    safe = safe_torque(limits.safe, held, position, velocity)
+    zero = np.zeros_like(position)
+    demand = select(failed, safe, demand)
+    sliding_variable = select(failed, zero, sliding_variable)
+    coupled_error = select(failed, reference.position - position, coupled_error)
+    offset = select(failed, zero, last.offset)
+    takes_over = last.takes_over & (fault == faults.NONE)
+    last = Last(last.position, last.reference, last.torque, offset, takes_over, last.known)
     # 3. The limits; the next cycle continues from what they let through.
     torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
-    last = Last(position, reference.position, torque, offset, False, True)
+    over, known = fault != fault, fault == fault  # False and True, in all lanes
+    led = select(known, reference.position, last.reference)  # in lanes, if these share it
+    last = Last(position, led, torque, offset, over, known)
     after = CycleState(sensed.pose, last, excess, held, fault)
     return Acted(torque, sliding_variable, coupled_error, acted, after)
 
@@ -211,33 +213,34 @@ def run_cycle(
     # 2. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
     advanced = memory
-    if sensed.fault == faults.NONE:
+    if in_a_lane(sensed.fault == faults.NONE):
         feedback = Feedback(position, velocity, state.excess)
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
         asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
-        advanced = output.memory
+        advanced = select(sensed.fault == faults.NONE, output.memory, memory)
     # 3. The same within the limits, or the safe action. In a fault the memory is kept.
     done = act(limits, reference, position, velocity, state, sensed, asked, dt)
-    if done.state.fault == faults.NONE:
-        memory = advanced
     return Cycle(
         done.torque,
         done.sliding_variable,
         done.coupled_error,
         done.acted,
         done.state,
-        memory,
+        select(done.state.fault == faults.NONE, advanced, memory),
     )
 
 
-def cycle_of(setup: ControlSetup, state: CycleState, memory: Any) -> FirstClass:
+def cycle_of(
+    setup: ControlSetup, state: CycleState, memory: Any, reference: JointReference | None = None
+) -> FirstClass:
     """The cycle with a law as a value, so that loops are not compiled with all of it inside.
 
     Args:
         setup: Law, robot and limits.
         state: State of the controller.
         memory: Memory of the law.
+        reference: Any reference, if it has another type than the state: lanes may share one.
     """
-    row = np.zeros(len(state.held))
-    reference = JointReference(row, row, row)
+    row = state.held
+    reference = reference or JointReference(row, row, row)
     return FirstClass(run_cycle, setup, reference, row, row, state, memory, 1e-3)

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_base.vector_select import read_row, write_row
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.contract import JointReference
 
 Array = NDArray[np.float64]
@@ -18,22 +20,20 @@ def extrapolate(age: int, position: Array, velocity: Array, acceleration: Array)
 
     Args:
         age: Time since its stamp [ns].
-        position: Desired angles at its stamp [rad], shape (n,).
+        position: Desired angles at its stamp [rad], shape (n,), a vector as the others.
         velocity: Their rates [rad/s], shape (n,).
         acceleration: Their accelerations [rad/s^2], shape (n,).
     """
-    n = len(position)
-    later = JointReference(np.empty(n), np.empty(n), np.empty(n))
+    if age == 0:
+        return JointReference(position, velocity, acceleration)
     dt = age / NANOSECONDS
-    for i in range(n):
-        p, v, a = position[i], velocity[i], acceleration[i]
-        later.position[i] = p + dt * v + 0.5 * dt * dt * a if age else p
-        later.velocity[i] = v + dt * a if age else v
-        later.acceleration[i] = a
-    return later
+    return JointReference(
+        position + dt * velocity + 0.5 * dt * dt * acceleration,
+        velocity + dt * acceleration,
+        acceleration,
+    )
 
 
-@kernel
 def extrapolate_rows(
     ages: NDArray[np.int64], position: Array, velocity: Array, acceleration: Array
 ) -> JointReference:
@@ -45,12 +45,26 @@ def extrapolate_rows(
         velocity: Their rates [rad/s], shape (N, n).
         acceleration: Their accelerations [rad/s^2], shape (N, n).
     """
+    row = vector(np.zeros(position.shape[1]))
+    p, v, a = map(np.ascontiguousarray, (position, velocity, acceleration))
+    return _extrapolate_rows(ages, p, v, a, row)
+
+
+@kernel
+def _extrapolate_rows(
+    ages: NDArray[np.int64], position: Array, velocity: Array, acceleration: Array, like: Array
+) -> JointReference:
+    """See :func:`extrapolate_rows`; `like` is a vector of shape (n,)."""
     shape = position.shape
     later = JointReference(np.empty(shape), np.empty(shape), np.empty(shape))
     for k in range(len(ages)):
-        row = extrapolate(ages[k], position[k], velocity[k], acceleration[k])
-        for i in range(shape[1]):
-            later.position[k, i] = row.position[i]
-            later.velocity[k, i] = row.velocity[i]
-            later.acceleration[k, i] = row.acceleration[i]
+        row = extrapolate(
+            ages[k],
+            read_row(position, k, like),
+            read_row(velocity, k, like),
+            read_row(acceleration, k, like),
+        )
+        write_row(later.position, k, row.position)
+        write_row(later.velocity, k, row.velocity)
+        write_row(later.acceleration, k, row.acceleration)
     return later

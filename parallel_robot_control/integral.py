@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_types import vector
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,8 @@ class Integral(NamedTuple):
 
 def zero_integral(joints: int) -> Integral:
     """An integral that starts at zero."""
-    return Integral(np.zeros(joints), np.zeros(joints))
+    zero = vector(np.zeros(joints))
+    return Integral(zero, zero)
 
 
 @kernel

@@ -49,7 +49,7 @@ class Core(structref.StructRefProxy):  # type: ignore[misc]
 structref.define_boxing(CommonType, Common)
 structref.define_constructor(Common, CommonType, ('references', 'timing', *Shared._fields))
 structref.define_boxing(CoreType, Core)
-structref.define_constructor(Core, CoreType, ('cycle', 'setup', 'memory', 'common'))
+structref.define_constructor(Core, CoreType, ('cycle', 'setup', 'memory', 'common', 'pose'))
 
 
 @kernel
@@ -80,8 +80,8 @@ def common(references: Any, timing: Timing, arrays: Shared) -> Any:
 
 
 @kernel
-def _core(cycle: Any, setup: ControlSetup, memory: Any, common: Any) -> Any:
-    return Core(cycle, setup, memory, common)
+def _core(cycle: Any, setup: ControlSetup, memory: Any, common: Any, pose: Any) -> Any:
+    return Core(cycle, setup, memory, common, pose)
 
 
 @kernel
@@ -106,6 +106,7 @@ class LawCore:
         """
         self.law = control.law
         self._setup, self._common = control.setup, common
+        self._pose = control.state.pose  # any: for the size of a pose
         self._cycle = cycle_of(control.setup, control.state, control.law.memory)
         self._core = self._made(control.law.memory)
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
@@ -119,7 +120,7 @@ class LawCore:
     @property
     def limits(self) -> Limits:
         """Limits that the kernels apply."""
-        limits: Limits = self._setup.limits
+        limits: Limits = self._setup.limits.value
         return limits
 
     @property
@@ -132,4 +133,4 @@ class LawCore:
         self._core = self._made(memory)
 
     def _made(self, memory: Any) -> Any:
-        return _core(self._cycle, self._setup, memory, self._common)
+        return _core(self._cycle, self._setup, memory, self._common, self._pose)

@@ -26,6 +26,7 @@ from numba import typeof
 from parallel_robot_base import cache_directory, custom_module, fields
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.module_process import command
+from parallel_robot_base.vector_types import as_arrays, as_vectors
 from parallel_robot_control import law_loader
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model
@@ -127,16 +128,21 @@ def main() -> int:
 def _run(law: Any, gains: Any, joints: int) -> None:
     """Update a law several times with a number of joints."""
     with _limited('initial_memory'):
-        memory = first = law.initial_memory(joints)
+        memory = first = as_arrays(law.initial_memory(joints))
     random = np.random.default_rng(joints)
+    given = as_arrays
     for k in range(UPDATES * len(SIZES)):
         rows = random.normal(scale=SIZES[k % len(SIZES)], size=(6, joints))
         model = Model(np.eye(joints), np.eye(joints), np.zeros(joints))
         words = (gains, model, JointReference(*rows[:3]), Feedback(*rows[3:]), memory, 1e-3)
         if k == 0:
-            law.update.compile(tuple(map(typeof, words)))
+            try:
+                law.update.compile(tuple(map(typeof, words)))
+            except Exception:  # it may need vectors, which cannot be read beyond their end
+                law.update.compile(tuple(map(typeof, as_vectors(words))))
+                given = as_vectors
         with _limited('update'):
-            output = law.update(*words)
+            output = law.update(*given(words))
         _check(output, joints, first)
         memory = output.memory
 

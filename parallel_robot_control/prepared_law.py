@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import typeof
+from numpy.typing import NDArray
 
+from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.compile_error import reason
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_base.vector_types import as_arrays, as_vectors, vector
 from parallel_robot_control import law_trial
+from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.contract import Model
+
+Array = NDArray[np.float64]
 
 
 class PreparedLaw(NamedTuple):
@@ -25,6 +31,7 @@ class PreparedLaw(NamedTuple):
         gains: Its gains.
         memory: Its memory before the first update.
         update: Its compiled update.
+        constants: What its update takes as gains.
         warnings: Objections of the theory to gains that are accepted all the same.
     """
 
@@ -32,6 +39,7 @@ class PreparedLaw(NamedTuple):
     gains: Any
     memory: Any
     update: FirstClass
+    constants: Any
     warnings: tuple[str, ...]
 
 
@@ -75,27 +83,58 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         typeof(memory)
     except Exception as error:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
+    made = _with_vectors(law, gains, memory, joints)
+    if made is None:
+        made = _with_arrays(name, law, gains, memory, joints)
+    if name not in LAWS:
+        warnings += law_trial.warnings_of(name, law, gains, joints)
+    return PreparedLaw(name, gains, *made, warnings)
+
+
+def _with_vectors(
+    law: Law, gains: Any, memory: Any, joints: int
+) -> tuple[Any, FirstClass, Any] | None:
+    """Memory, update and its gains, for vectors; None if the update needs arrays."""
+    memory = as_vectors(memory)
+    row, matrix = vector(np.zeros(joints)), vector(np.eye(joints))
+    constants = Boxed(gains)
     try:
-        update = _compiled(law, gains, memory, joints)
+        update = _compiled(law.update, constants, row, matrix, memory)
+    except Exception:  # if it is wrong with arrays, too, that is said of it
+        return None
+    wanted = ControlOutput(row, row, row, memory)
+    fits = update.signature().return_type == typeof(wanted)
+    return (memory, update, constants) if fits else None
+
+
+def _with_arrays(
+    name: str, law: Law, gains: Any, memory: Any, joints: int
+) -> tuple[Any, FirstClass, Any]:
+    """Memory, update and its gains, for arrays.
+
+    Raises:
+        InputError: the update does not compile or returns something else.
+    """
+    row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(memory)
+    try:
+        update = _compiled(law.update, Boxed(gains), row, matrix, memory)
     except Exception as error:  # Numba raises many kinds
-        cause = reason(error, law.update.py_func)
+        cause = reason(error, cast(Any, law.update).py_func)
         raise InputError(f'{name}: update does not compile: {cause}') from error
-    row = np.zeros(joints)
     if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
         raise InputError(
             f'{name}: update must return ControlOutput(torque, sliding_variable, coupled_error, '
             'memory), three float arrays and a memory of the type of initial_memory'
         )
-    if name not in LAWS:
-        warnings += law_trial.warnings_of(name, law, gains, joints)
-    return PreparedLaw(name, gains, memory, update, warnings)
+    constants = Boxed(ArrayLaw(update, Boxed(gains)))
+    converted = _compiled(update_of_arrays, constants, vector(row), vector(matrix), memory)
+    return memory, converted, constants
 
 
-def _compiled(law: Law, gains: Any, memory: Any, joints: int) -> FirstClass:
-    row, matrix = np.zeros(joints), np.eye(joints)
+def _compiled(function: Any, gains: Any, row: Array, matrix: Array, memory: Any) -> FirstClass:
     with warnings.catch_warnings(record=True) as said:  # none of code that does not compile
         update = FirstClass(
-            law.update,
+            function,
             gains,
             Model(matrix, matrix, row),
             JointReference(row, row, row),

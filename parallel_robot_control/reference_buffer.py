@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from parallel_robot_base import layouts
 from parallel_robot_base.kernel import entry_point, inner, kernel
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_base.vector_select import read_row
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate
-from parallel_robot_control.wire import NOT_UNDERSTOOD, open_message, vector, wire_of
+from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message, wire_of
 
 Array = NDArray[np.float64]
 
@@ -136,7 +138,7 @@ def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
         return False
     at = (window[FIRST] + count) % SIZE
     for field in range(3):
-        values = vector(wire, field)
+        values = joint_row(wire, field)
         for i in range(len(values)):
             if not np.isfinite(values[i]):
                 return False
@@ -148,7 +150,7 @@ def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
 
 @inner
 def reference_at(
-    buffer: Any, stamp: int, timeout: int, needs_newer: bool
+    buffer: Any, stamp: int, timeout: int, needs_newer: bool, row: Array
 ) -> tuple[int, int, JointReference]:
     """Newest reference not after `stamp`, extrapolated to it with its own derivatives.
 
@@ -160,13 +162,14 @@ def reference_at(
         timeout: Age above which it is not extrapolated but held at rest [ns].
         needs_newer: Whether the answer is MISSING until one with this stamp or a later one is here
             (lockstep), so that it does not depend on which message arrives first.
+        row: Any vector of shape (n,).
 
     Returns:
         FOUND, TOO_OLD or MISSING; the stamp of the reference used [ns]; the reference.
     """
     window, stamps, rows = buffer.window, buffer.stamps, buffer.rows
-    n = rows.shape[2]
-    nothing = JointReference(np.zeros(n), np.zeros(n), np.zeros(n))
+    zero = np.zeros_like(row)
+    nothing = JointReference(zero, zero, zero)
     first, count = window[FIRST], window[COUNT]
     if count == 0 or (needs_newer and stamps[(first + count - 1) % SIZE] < stamp):
         return MISSING, 0, nothing
@@ -178,7 +181,7 @@ def reference_at(
     if known > stamp:
         return MISSING, 0, nothing
     age = stamp - known
+    newest = read_row(rows, first, vector((row, row, row)))
     if age > timeout:  # at rest where it was
-        return TOO_OLD, known, JointReference(rows[first, 0].copy(), np.zeros(n), np.zeros(n))
-    newest = extrapolate(age, rows[first, 0], rows[first, 1], rows[first, 2])
-    return FOUND, known, newest
+        return TOO_OLD, known, JointReference(newest[0], zero, zero)
+    return FOUND, known, extrapolate(age, newest[0], newest[1], newest[2])

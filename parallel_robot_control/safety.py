@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import inlined, kernel
+from parallel_robot_base.vector_select import clip, select, some
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 
@@ -55,7 +57,7 @@ class SafeAction(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The parameters as the kernels take them: arrays of shape (n,), margins of the robot."""
+    """The parameters as the kernels take them: vectors of shape (n,), margins of the robot."""
 
     safe: SafeAction
     torque: Array
@@ -67,19 +69,17 @@ class Limits(NamedTuple):
 
 def safe_action(action: str, parameters: SafetyParameters) -> SafeAction:
     """The safe action with this name, with the gains of the parameters."""
-    return SafeAction(
-        ACTIONS[action], np.array(parameters.damping), np.array(parameters.stiffness)
-    )
+    return SafeAction(ACTIONS[action], vector(parameters.damping), vector(parameters.stiffness))
 
 
 def limits_of(parameters: SafetyParameters, margins: Any) -> Limits:
     """Make the limits from the parameters; `margins` are SafetyMargins of the robot."""
     return Limits(
         safe_action(parameters.action, parameters),
-        np.array(parameters.torque_limit),
-        np.array(parameters.torque_rate),
-        np.array(parameters.ramp_rate),
-        np.array(parameters.speed_limit),
+        vector(parameters.torque_limit),
+        vector(parameters.torque_rate),
+        vector(parameters.ramp_rate),
+        vector(parameters.speed_limit),
         margins,
     )
 
@@ -107,15 +107,11 @@ class Last(NamedTuple):
 @kernel
 def safe_torque(safe: SafeAction, held: Array, position: Array, velocity: Array) -> Array:
     """Torque of the safe action: zero, damping, or also stiffness to `held` [N m], shape (n,)."""
-    torque = np.zeros(len(position))
-    for i in range(len(position)):
-        if safe.action != ZERO:
-            torque[i] = -safe.damping[i] * velocity[i]
-        if safe.action == HOLD:
-            torque[i] += safe.stiffness[i] * (held[i] - position[i])
-        if not np.isfinite(torque[i]):
-            torque[i] = 0.0
-    return torque
+    damping = -safe.damping * velocity
+    torque = select(safe.action == ZERO, np.zeros_like(velocity), damping)
+    sprung = torque + safe.stiffness * (held - position)
+    torque = select(safe.action == HOLD, sprung, torque)
+    return select(torque - torque == 0.0, torque, 0.0)  # zero where it is not finite
 
 
 @inlined
@@ -137,15 +133,16 @@ def find_fault(
         last: The cycle before.
         dt: Time since the cycle before [s].
     """
-    for i in range(len(position)):
-        if abs(velocity[i]) > limits.speed[i]:
-            return faults.SPEED
-        reach = limits.speed[i] * dt
-        if last.known and abs(position[i] - last.position[i]) > reach:
-            return faults.POSITION_JUMP
-        if last.known and abs(reference.position[i] - last.reference[i]) > reach:
-            return faults.REFERENCE_JUMP
-    return faults.NONE
+    reach = limits.speed * dt
+    jumped = last.known & (np.abs(position - last.position) > reach)
+    led = last.known & (np.abs(reference.position - last.reference) > reach)
+    fault = select(led, faults.REFERENCE_JUMP, faults.NONE)
+    fault = select(jumped, faults.POSITION_JUMP, fault)
+    fault = select(np.abs(velocity) > limits.speed, faults.SPEED, fault)
+    first = fault[0]
+    for i in range(1, len(fault)):
+        first = select(first == faults.NONE, fault[i], first)
+    return first
 
 
 @inlined
@@ -168,29 +165,23 @@ def limit_torque(
         Torque [N m]; excess that the limits cut off [N m]; offset that is still to be faded out
         [N m]; each shape (n,); bits of the limits that acted.
     """
-    n = len(demand)
-    torque, excess, offset = np.empty(n), np.empty(n), np.empty(n)
-    acted = 0
-    for i in range(n):
-        start = min(max(last.torque[i], -limits.torque[i]), limits.torque[i])
-        # 1. Take-over: offset = demand - start, faded at the ramp rate.
-        offset[i] = last.offset[i]
-        if last.takes_over:
-            offset[i] = demand[i] - start
-        fade = limits.ramp[i] * dt
-        if offset[i] != 0.0:
-            acted |= RAMP
-        offset[i] = np.copysign(max(abs(offset[i]) - fade, 0.0), offset[i])
-        wanted = demand[i] - offset[i]
-        # 2. Torque limit: |torque| <= limit.
-        torque[i] = min(max(wanted, -limits.torque[i]), limits.torque[i])
-        if torque[i] != wanted:
-            acted |= TORQUE
-        # 3. Rate limit: |torque - start| <= rate dt.
-        step = torque[i] - start
-        fastest = limits.rate[i] * dt
-        if abs(step) > fastest:
-            torque[i] = start + np.copysign(fastest, step)
-            acted |= RATE
-        excess[i] = wanted - torque[i]
-    return torque, excess, offset, acted
+    start = clip(last.torque, -limits.torque, limits.torque)
+    # 1. Take-over: offset = demand - start, faded at the ramp rate.
+    offset = select(last.takes_over, demand - start, last.offset)
+    ramped = some(offset != 0.0)
+    left = np.abs(offset) - limits.ramp * dt
+    offset = np.copysign(select(left > 0.0, left, 0.0), offset)
+    wanted = demand - offset
+    # 2. Torque limit: |torque| <= limit.
+    limited = clip(wanted, -limits.torque, limits.torque)
+    # 3. Rate limit: |torque - start| <= rate dt.
+    step = limited - start
+    fastest = limits.rate * dt
+    fast = np.abs(step) > fastest
+    torque = select(fast, start + np.copysign(fastest, step), limited)
+    acted = (
+        select(ramped, RAMP, 0)
+        + select(some(limited != wanted), TORQUE, 0)
+        + select(some(fast), RATE, 0)
+    )
+    return torque, wanted - torque, offset, acted

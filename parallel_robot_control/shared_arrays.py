@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import layouts
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.safety import Last
 
@@ -59,7 +60,7 @@ def shared(state: CycleState) -> Shared:
     joints = len(state.held)
     command = layouts.float64_multi_array(joints).draft()
     made = Shared(
-        state.pose.copy(),
+        np.array(state.pose),
         np.zeros((8, joints)),
         np.zeros((4, joints)),
         np.zeros(12, np.int64),
@@ -75,7 +76,7 @@ def shared(state: CycleState) -> Shared:
 
 def stored(arrays: Shared) -> CycleState:
     """The state of the cycle."""
-    v, numbers = arrays.vectors.copy(), arrays.numbers
+    v, numbers = [vector(row) for row in arrays.vectors], arrays.numbers
     last = Last(
         v[POSITION],
         v[REFERENCE],
@@ -84,7 +85,7 @@ def stored(arrays: Shared) -> CycleState:
         bool(numbers[TAKES_OVER]),
         bool(numbers[KNOWN]),
     )
-    return CycleState(arrays.pose.copy(), last, v[EXCESS], v[HELD], int(numbers[FAULT]))
+    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], int(numbers[FAULT]))
 
 
 def store(arrays: Shared, state: CycleState) -> None:

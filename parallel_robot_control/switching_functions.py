@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import clip
 
 Array = NDArray[np.float64]
 
@@ -15,16 +14,10 @@ Array = NDArray[np.float64]
 @kernel
 def sig(x: Array, exponent: float) -> Array:
     """|x|^exponent sgn(x), element-wise, shape (n,)."""
-    result = np.empty(len(x))
-    for i in range(len(x)):
-        result[i] = math.copysign(abs(x[i]) ** exponent, x[i])
-    return result
+    return np.copysign(np.abs(x) ** exponent, x)
 
 
 @kernel
 def saturate(x: Array) -> Array:
     """Each element of `x` clipped to -1 ... 1, shape (n,)."""
-    result = np.empty(len(x))
-    for i in range(len(x)):
-        result[i] = min(max(x[i], -1.0), 1.0)
-    return result
+    return clip(x, -1.0, 1.0)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control import faults
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
@@ -19,9 +20,9 @@ Array = NDArray[np.float64]
 
 def taking_over(state: CycleState, torque: Array) -> CycleState:
     """Let the next torque continue from `torque` [N m], shape (n,); from 0 if not finite."""
-    known = np.where(np.isfinite(torque), torque, 0.0)
+    known = vector(np.where(np.isfinite(torque), torque, 0.0))
     return state._replace(
-        last=state.last._replace(torque=known, takes_over=True), excess=np.zeros(len(torque))
+        last=state.last._replace(torque=known, takes_over=True), excess=vector(0.0 * known)
     )
 
 
@@ -34,7 +35,7 @@ def tripped(state: CycleState, fault: int) -> CycleState:
 
 def without_torque(state: CycleState) -> CycleState:
     """The state after zero torque was sent because no joint states can be trusted."""
-    return state._replace(last=state.last._replace(torque=np.zeros(len(state.held))))
+    return state._replace(last=state.last._replace(torque=vector(np.zeros(len(state.held)))))
 
 
 def cleared(state: CycleState) -> CycleState:
@@ -42,6 +43,11 @@ def cleared(state: CycleState) -> CycleState:
     if state.fault == faults.NONE:
         return state
     return taking_over(state, state.last.torque)._replace(fault=faults.NONE)
+
+
+def same(before: PreparedLaw, after: PreparedLaw) -> bool:
+    """Whether a change of law and gains changes nothing."""
+    return bool((after.name, after.gains) == (before.name, before.gains))
 
 
 def switched(
@@ -61,7 +67,7 @@ def switched(
     Returns:
         State and memory from now on.
     """
-    if (after.name, after.gains) == (before.name, before.gains):
+    if same(before, after):
         return state, memory
     if state.last.known:
         state = taking_over(state, state.last.torque)

@@ -29,7 +29,7 @@ class Wire(structref.StructRefProxy):  # type: ignore[misc]
     """Where the numbers of one kind of message lie. Made by :func:`wire_of`."""
 
 
-FIELDS = ('template', 'constants', 'stamp', 'starts', 'order', 'body', 'words', 'numbers')
+FIELDS = ('template', 'constants', 'stamp', 'starts', 'order', 'body', 'words', 'numbers', 'row')
 structref.define_boxing(WireType, Wire)
 structref.define_constructor(Wire, WireType, FIELDS)
 
@@ -44,8 +44,9 @@ def _wire(
     body: Any,
     words: Any,
     numbers: Any,
+    row: Any,
 ) -> Any:
-    return Wire(template, constants, stamp, starts, order, body, words, numbers)
+    return Wire(template, constants, stamp, starts, order, body, words, numbers, row)
 
 
 def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Any:
@@ -70,12 +71,13 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
         body,
         body.view(np.int32),
         body.view(np.float64),
+        np.zeros(len(order)),
     )
 
 
 @inner
 def lay_open(wire: Any, data: bytes) -> bool:
-    """Open a message for :func:`vector`; False if it has another layout."""
+    """Open a message for :func:`joint_row`; False if it has another layout."""
     template = wire.template
     if not len(template) <= len(data) < len(template) + SPARE:
         return False
@@ -90,7 +92,7 @@ def lay_open(wire: Any, data: bytes) -> bool:
 
 @inner
 def open_message(wire: Any, data: bytes) -> int:
-    """Open a message with a stamp for :func:`vector`.
+    """Open a message with a stamp for :func:`joint_row`.
 
     Returns:
         Its stamp [ns]; NOT_UNDERSTOOD if it has another layout or its stamp is invalid.
@@ -105,11 +107,14 @@ def open_message(wire: Any, data: bytes) -> int:
 
 
 @inner
-def vector(wire: Any, field: int) -> Array:
-    """A joint vector of the message that was opened last, shape (n,); `field` counts from 0."""
-    order, start = wire.order, wire.starts[field]
-    result = np.zeros(len(order))
-    if start >= 0:
-        for i in range(len(order)):
-            result[i] = wire.numbers[start + order[i]]
-    return result
+def joint_row(wire: Any, field: int) -> Array:
+    """A joint vector of the message that was opened last, shape (n,), valid until the next one.
+
+    Args:
+        wire: See Wire.
+        field: Which one, from 0.
+    """
+    order, start, row = wire.order, wire.starts[field], wire.row
+    for i in range(len(order)):
+        row[i] = wire.numbers[start + order[i]] if start >= 0 else 0.0
+    return row

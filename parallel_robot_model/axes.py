@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import every, select
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import (
     FOUND,
     REACHED,
@@ -32,6 +34,7 @@ from parallel_robot_model.contract import (
     Measurement,
     Model,
     PoseMotion,
+    no_model,
 )
 from parallel_robot_model.feasibility import Infeasible, first_sample
 from parallel_robot_model.joint_load import JointLoad, net_torque
@@ -120,19 +123,14 @@ def start(robot: Parameters, pose: Array) -> Array:
 @kernel
 def joint_motion(robot: Parameters, motion: PoseMotion) -> JointMotion:
     """The motion of the pose itself, also beyond the travel, which :func:`infeasible` checks."""
-    return JointMotion(
-        motion.pose.copy(),
-        motion.rate.copy(),
-        motion.acceleration.copy(),
-        np.empty(0),  # no passive joints
-        REACHED,
-    )
+    none = vector(())  # no passive joints
+    return JointMotion(motion.pose, motion.rate, motion.acceleration, none, REACHED)
 
 
 @kernel
 def locate(robot: Parameters, position: Array, guess: Array) -> Location:
     """The joint positions themselves [rad], shape (n,); the guess does not matter."""
-    return Location(position.copy(), FOUND)
+    return Location(position, FOUND)
 
 
 @kernel
@@ -140,20 +138,14 @@ def estimate(
     robot: Parameters, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
 ) -> Estimate:
     """Pose, margin and model at a joint state."""
-    count = len(position)
-    pose = position.copy()
-    M = np.zeros((count, count))
-    Q = np.zeros((count, count))
-    gravity = np.zeros(count)
-    # Travel left: min(q_i - lower_i, upper_i - q_i) >= min_travel, which NaN does not meet.
-    for i in range(count):
-        left = min(position[i] - robot.lower[i], robot.upper[i] - position[i])
-        if not left >= margins.min_travel:
-            return Estimate(END_OF_TRAVEL, pose, Model(M, Q, gravity))
+    # Travel left: q_i - lower_i and upper_i - q_i >= min_travel, which NaN does not meet.
+    below, above = position - vector(robot.lower), vector(robot.upper) - position
+    left = (below >= margins.min_travel) & (above >= margins.min_travel)
+    fault = select(every(left), FOUND, END_OF_TRAVEL)
     # M = diag(I_1 ... I_n); nothing couples the axes and nothing pulls at them.
-    for i in range(count):
-        M[i, i] = robot.inertia[i]
-    return Estimate(FOUND, pose, Model(M, Q, gravity))
+    M = np.diag(vector(robot.inertia))
+    model = Model(M, np.zeros_like(M), np.zeros_like(position))
+    return Estimate(fault, position, select(fault == FOUND, model, no_model(model)))
 
 
 @kernel
@@ -161,17 +153,14 @@ def acceleration(
     robot: Parameters, load: JointLoad, position: Array, rate: Array, torque: Array, time: float
 ) -> Array:
     """Second derivative of the joint positions: qdd_i = (tau_i - friction_i - delta_i) / I_i."""
-    drive = net_torque(load, torque, rate, time)
-    result = np.empty(len(rate))
-    for i in range(len(rate)):
-        result[i] = drive[i] / robot.inertia[i]
-    return result
+    return net_torque(load, torque, rate, time) / vector(robot.inertia)
 
 
 @kernel
 def measure(robot: Parameters, position: Array, rate: Array) -> Measurement:
     """The plant's coordinates are the joints and the pose, each shape (n,)."""
-    return Measurement(position.copy(), rate.copy(), np.empty(0), np.empty(0), position.copy())
+    none = vector(())
+    return Measurement(position, rate, none, none, position)
 
 
 def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[Infeasible]:

@@ -1,8 +1,13 @@
 """What a robot provides to the rest of the suite: the interface between machine and suite.
 
 A robot is a module, or a package, with the attributes of :class:`Robot`. Its kernels take its
-``Parameters`` and small arrays; n is the number of its actuated joints, m that of the coordinates
-of its pose. Of all this, the laws see only the :class:`Model`.
+``constants`` and vectors (see :mod:`parallel_robot_base.vector_types`), whose size is known when
+they are compiled; n is the number of its actuated joints, m that of the coordinates of its pose.
+Of all this, the laws see only the :class:`Model`.
+
+The kernels of the robots of the suite also run side by side, for many robots at once: they decide
+by ``select`` instead of branches, see :mod:`parallel_robot_base.vector_select`. A custom robot
+need not.
 
 The plant integrates coordinates that the robot chooses: minimal ones, in which its equations
 of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
@@ -47,9 +52,9 @@ def inverse_dynamics(model: Model, acceleration: Array, velocity: Array) -> Arra
 
 
 @kernel
-def no_model(n: int) -> Model:
+def no_model(like: Model) -> Model:
     """The placeholder for a model in a fault: zeros."""
-    return Model(np.zeros((n, n)), np.zeros((n, n)), np.zeros(n))
+    return Model(np.zeros_like(like.M), np.zeros_like(like.Q), np.zeros_like(like.gravity))
 
 
 class PoseMotion(NamedTuple):
@@ -133,6 +138,9 @@ class Coordinate(NamedTuple):
 
 class Robot(Protocol):
     """A robot module.
+
+    It may have ``constants(parameters)``: what its kernels take in place of the parameters, i.e.
+    all that follows from these alone.
 
     Attributes:
         Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import in_a_lane, some
+from parallel_robot_base.vector_types import vector
 
 Array = NDArray[np.float64]
 
@@ -28,9 +30,8 @@ class DisturbanceParameters(NamedTuple):
 @kernel
 def disturbance_torque(disturbance: DisturbanceParameters, time: float) -> Array:
     """Torque that opposes the motors [N m], shape (n,), at `time` since the start [s]."""
-    count = len(disturbance.amplitude)
-    torque = np.empty(count)
-    for i in range(count):
-        angle = 2.0 * math.pi * disturbance.frequency * time + disturbance.phase[i]
-        torque[i] = disturbance.amplitude[i] * math.sin(angle)
-    return torque
+    amplitude, angle = vector(disturbance.amplitude), vector(disturbance.phase)
+    if in_a_lane(some(amplitude != 0.0)):
+        angle = angle + 2.0 * math.pi * disturbance.frequency * time
+        return amplitude * np.sin(angle)
+    return np.zeros_like(amplitude)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import clip, select
+from parallel_robot_base.vector_types import vector
 
 Array = NDArray[np.float64]
 
@@ -28,11 +30,6 @@ class FrictionParameters(NamedTuple):
 @kernel
 def friction_torque(friction: FrictionParameters, velocity: Array) -> Array:
     """Torque against the motion [N m], shape (n,); `velocity` [rad/s], shape (n,)."""
-    torque = np.empty(len(velocity))
-    for i in range(len(velocity)):
-        if friction.smoothing > 0.0:
-            sign = min(max(velocity[i] / friction.smoothing, -1.0), 1.0)
-        else:
-            sign = np.sign(velocity[i])
-        torque[i] = friction.viscous[i] * velocity[i] + friction.coulomb[i] * sign
-    return torque
+    smooth = clip(velocity / friction.smoothing, -1.0, 1.0)
+    sign = select(friction.smoothing > 0.0, smooth, np.sign(velocity))
+    return vector(friction.viscous) * velocity + vector(friction.coulomb) * sign

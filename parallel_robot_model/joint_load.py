@@ -31,6 +31,5 @@ def net_torque(load: JointLoad, torque: Array, velocity: Array, time: float) -> 
         velocity: Rates of the actuated joints [rad/s], shape (n,).
         time: Time since the start [s].
     """
-    left = torque - friction_torque(load.friction, velocity)
-    left -= disturbance_torque(load.disturbance, time)
-    return left
+    friction = friction_torque(load.friction, velocity)
+    return torque - friction - disturbance_torque(load.disturbance, time)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import read_row, write_row
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.robots import RobotModel
 
@@ -30,9 +32,9 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
         KinematicsError: no pose fits.
     """
     joints = np.ascontiguousarray(position, dtype=np.float64)
-    start = np.array(guess, dtype=np.float64)
-    locate = robot.kernel('locate', np.zeros(joints.shape[1]), start)
-    poses, failed, fault = _poses(locate, robot.parameters, joints, start)
+    row, start = vector(np.zeros(joints.shape[1])), vector(guess)
+    locate = robot.kernel('locate', row, start)
+    poses, failed, fault = _poses(locate, robot.constants, joints, row, start)
     if fault != FOUND:
         raise KinematicsError(
             f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {failed}, '
@@ -42,13 +44,15 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
 
 
 @kernel
-def _poses(locate: Any, robot: Any, position: Array, guess: Array) -> tuple[Array, int, int]:
+def _poses(
+    locate: Any, robot: Any, position: Array, row: Array, guess: Array
+) -> tuple[Array, int, int]:
     """Poses, and the first sample without a pose with its fault."""
     poses = np.empty((len(position), len(guess)))
     for k in range(len(position)):
-        found = locate(robot, position[k], guess)
+        found = locate(robot, read_row(position, k, row), guess)
         if found.fault != FOUND:
             return poses, k, found.fault
-        poses[k] = found.pose
+        write_row(poses, k, found.pose)
         guess = found.pose
     return poses, -1, FOUND

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
+from numba import types
 
 from parallel_robot_base import config, custom_module
+from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.compile_error import reason
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import defaults
 from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_base.vector_types import VectorType, shape_of
 from parallel_robot_model import axes, planar_3rrr, serial_2r
 from parallel_robot_model.contract import Estimate, JointMotion, Location, Measurement, Robot
 
@@ -24,9 +26,11 @@ KERNELS: dict[str, type] = {  # and what they return
     'joint_motion': JointMotion,
     'locate': Location,
     'estimate': Estimate,
-    'acceleration': np.ndarray,
+    'acceleration': VectorType,
     'measure': Measurement,
 }
+OF_JOINTS = ('position', 'velocity', 'acceleration', 'M', 'Q', 'gravity')  # what has their size
+SEE = ' (docs/robots.md, vectors)'
 GROUPS = ('Parameters', 'SafetyMargins', 'MotionLimits')
 NEEDED = tuple(name for name in [*Robot.__annotations__, *vars(Robot)] if name[0] != '_')
 
@@ -45,6 +49,15 @@ class RobotModel(NamedTuple):
     parameters: Any
 
     @property
+    def constants(self) -> Any:
+        """What its kernels take, boxed: the constants of its module, or else the parameters."""
+        made = getattr(self.module, 'constants', None)  # optional in the contract
+        with custom_module.blaming(self.name):
+            values = made(self.parameters) if made else self.parameters
+        distinguish(values)
+        return Boxed(values)
+
+    @property
     def pose_size(self) -> int:
         """Number of the coordinates of its pose, m."""
         return len(self.module.coordinates(self.parameters))
@@ -54,7 +67,7 @@ class RobotModel(NamedTuple):
 
         Args:
             name: Key of KERNELS.
-            example: Its arguments after the parameters, for their types.
+            example: Its arguments after the constants, for their types.
 
         Raises:
             InputError: the kernel of a custom robot does not compile or returns something else.
@@ -62,16 +75,41 @@ class RobotModel(NamedTuple):
         function: Any = getattr(self.module, name)
         if not hasattr(function, 'py_func'):
             raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
-        distinguish(self.parameters)
         try:
-            value = FirstClass(function, self.parameters, *example)
+            value = FirstClass(function, self.constants, *example)
         except Exception as error:  # Numba has many
             cause = reason(error, function.py_func)
-            raise InputError(f'{self.name}: {name} does not compile: {cause}') from error
+            see = SEE if 'Vector(' in cause else ''
+            raise InputError(f'{self.name}: {name} does not compile: {cause}{see}') from error
         returned = value.signature().return_type
-        if getattr(returned, 'instance_class', np.ndarray) is not KERNELS[name]:
-            raise InputError(f'{self.name}: {name} must return {KERNELS[name].__name__}')
+        if getattr(returned, 'instance_class', type(returned)) is not KERNELS[name]:
+            raise InputError(f'{self.name}: {name} must return {_named(name)}')
+        sizes = dict.fromkeys(OF_JOINTS, self.module.joints(self.parameters))
+        sizes |= {'pose': self.pose_size}
+        if name == 'acceleration':
+            sizes = {name: len(example[1])}  # that of the coordinates
+        wrong = _wrong(name, returned, sizes)
+        if wrong:
+            raise InputError(f'{self.name}: {name} returns {wrong}{SEE}')
         return value
+
+
+def _named(kernel: str) -> str:
+    kind = KERNELS[kernel]
+    return f'a vector{SEE}' if kind is VectorType else kind.__name__
+
+
+def _wrong(name: str, kind: Any, sizes: Mapping[str, int]) -> str:
+    """What is wrong in a result of a kernel: arrays, or vectors of wrong sizes."""
+    if isinstance(kind, types.BaseTuple):
+        fields = zip(getattr(kind, 'fields', ()), kind.types, strict=False)
+        return next(filter(None, (_wrong(*field, sizes) for field in fields)), '')
+    if isinstance(kind, types.Array):
+        return f'{name} as an array, not as a vector'
+    shape, _ = shape_of(kind)
+    if name in sizes and set(shape) != {sizes[name]}:
+        return f'{name} of shape {shape}, not of size {sizes[name]}'
+    return ''
 
 
 def module_of(values: Mapping[str, Any]) -> Robot:

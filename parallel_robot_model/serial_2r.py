@@ -27,6 +27,8 @@ from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.linear_algebra import multiply
+from parallel_robot_base.vector_select import select
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import (
     FOUND,
     REACHED,
@@ -42,6 +44,7 @@ from parallel_robot_model.contract import (
 )
 from parallel_robot_model.feasibility import Infeasible, first_sample
 from parallel_robot_model.joint_load import JointLoad, net_torque
+from parallel_robot_model.link_checks import check_links
 
 Array = NDArray[np.float64]
 
@@ -90,16 +93,7 @@ def validate(robot: Parameters, name: str = 'robot') -> Parameters:
         RobotError: a length, a mass of a link or an inertia is not positive; a centre of mass lies
             outside its link; the working mode is neither +1 nor -1.
     """
-    for key in ('l1', 'l2', 'm1', 'm2', 'I1', 'I2'):
-        if not getattr(robot, key) > 0.0:
-            raise RobotError(f'{name}.{key} must be positive, not {getattr(robot, key):g}')
-    for key, link in (('lc1', 'l1'), ('lc2', 'l2')):
-        centre, length = getattr(robot, key), getattr(robot, link)
-        if not 0.0 <= centre <= length:
-            raise RobotError(
-                f'{name}.{key} must lie on its link, from 0 to {link} = {length:g} m, '
-                f'not {centre:g}'
-            )
+    check_links(robot, ('l1', 'l2', 'm1', 'm2', 'I1', 'I2'), name)
     if robot.elbow not in (-1.0, 1.0):
         raise RobotError(f'{name}.elbow must be +1 or -1, not {robot.elbow:g}')
     return robot
@@ -125,8 +119,8 @@ def start(robot: Parameters, pose: Array) -> Array:
     Raises:
         InputError: the tip does not reach it.
     """
-    still = np.zeros(2)
-    motion = joint_motion(robot, PoseMotion(np.asarray(pose, dtype=np.float64), still, still))
+    still = vector(np.zeros(2))
+    motion = joint_motion(robot, PoseMotion(vector(pose), still, still))
     if motion.out_of_reach != REACHED:
         raise InputError(f'plant.initial_pose {pose.tolist()} is out of reach ({_reach(robot)})')
     return motion.position
@@ -135,10 +129,13 @@ def start(robot: Parameters, pose: Array) -> Array:
 @kernel
 def _tip(robot: Parameters, position: Array) -> Array:
     """x = l1 c1 + l2 c12, y = l1 s1 + l2 s12 [m], shape (2,)."""
-    pose = np.empty(2)
-    pose[0] = robot.l1 * math.cos(position[0]) + robot.l2 * math.cos(position[0] + position[1])
-    pose[1] = robot.l1 * math.sin(position[0]) + robot.l2 * math.sin(position[0] + position[1])
-    return pose
+    q1, q12 = position[0], position[0] + position[1]
+    return vector(
+        (
+            robot.l1 * math.cos(q1) + robot.l2 * math.cos(q12),
+            robot.l1 * math.sin(q1) + robot.l2 * math.sin(q12),
+        )
+    )
 
 
 @kernel
@@ -148,43 +145,43 @@ def joint_motion(robot: Parameters, motion: PoseMotion) -> JointMotion:
     q1 lies in a range of one turn and is continuous, except for a jump by a whole turn where the
     tip passes straight below the shoulder. Stretched or folded, the arm counts as out of reach.
     """
-    position = np.full(2, np.nan)
-    velocity = np.full(2, np.nan)
-    acceleration = np.full(2, np.nan)
-    passive = np.empty(0)
     x, y = motion.pose[0], motion.pose[1]
 
     # Law of cosines: r^2 = l1^2 + l2^2 + 2 l1 l2 cos q2, and sin q2 on the elbow's side.
     cosine = (x * x + y * y - robot.l1 * robot.l1 - robot.l2 * robot.l2) / (
         2.0 * robot.l1 * robot.l2
     )
-    if not abs(cosine) < 1.0:
-        return JointMotion(position, velocity, acceleration, passive, 0)
+    reached = abs(cosine) < 1.0
+    cosine = select(reached, cosine, np.nan)
     sine = robot.elbow * math.sqrt((1.0 - cosine) * (1.0 + cosine))
-    position[1] = math.atan2(sine, cosine)
+    q2 = math.atan2(sine, cosine)
 
     # Direction of the tip minus the angle from the proximal link to it,
     # q1 = atan2(y, x) - atan2(l2 s2, l1 + l2 c2). The direction is counted from straight up, so
     # that its jump lies below. The second angle does not jump: s2 has one sign.
     direction = 0.5 * math.pi + math.atan2(-x, y)
-    position[0] = direction - math.atan2(robot.l2 * sine, robot.l1 + robot.l2 * cosine)
+    q1 = direction - math.atan2(robot.l2 * sine, robot.l1 + robot.l2 * cosine)
 
     # Rates: J qd = v with J = [[-y, -l2 s12], [x, l2 c12]] and det J = l1 l2 s2.
-    j12 = -robot.l2 * math.sin(position[0] + position[1])
-    j22 = robot.l2 * math.cos(position[0] + position[1])
+    j12 = -robot.l2 * math.sin(q1 + q2)
+    j22 = robot.l2 * math.cos(q1 + q2)
     determinant = robot.l1 * robot.l2 * sine
     vx, vy = motion.rate[0], motion.rate[1]
-    velocity[0] = (j22 * vx - j12 * vy) / determinant
-    velocity[1] = (-y * vy - x * vx) / determinant
+    q1_dot = (j22 * vx - j12 * vy) / determinant
+    q2_dot = (-y * vy - x * vx) / determinant
 
     # Accelerations: J qdd = a - Jdot qd, and with w = q1d + q2d
     # Jdot qd = -[l1 c1 q1d^2 + l2 c12 w^2, l1 s1 q1d^2 + l2 s12 w^2].
-    first, second = velocity[0] ** 2, (velocity[0] + velocity[1]) ** 2
-    ax = motion.acceleration[0] + robot.l1 * math.cos(position[0]) * first + j22 * second
-    ay = motion.acceleration[1] + robot.l1 * math.sin(position[0]) * first - j12 * second
-    acceleration[0] = (j22 * ax - j12 * ay) / determinant
-    acceleration[1] = (-y * ay - x * ax) / determinant
-    return JointMotion(position, velocity, acceleration, passive, REACHED)
+    first, second = q1_dot * q1_dot, (q1_dot + q2_dot) * (q1_dot + q2_dot)
+    ax = motion.acceleration[0] + robot.l1 * math.cos(q1) * first + j22 * second
+    ay = motion.acceleration[1] + robot.l1 * math.sin(q1) * first - j12 * second
+    return JointMotion(
+        vector((q1, q2)),
+        vector((q1_dot, q2_dot)),
+        vector(((j22 * ax - j12 * ay) / determinant, (-y * ay - x * ax) / determinant)),
+        vector(()),  # no passive joints
+        select(reached, REACHED, 0),
+    )
 
 
 @kernel
@@ -194,7 +191,7 @@ def locate(robot: Parameters, position: Array, guess: Array) -> Location:
     The tip is correct in that fault, too; the guess, shape (2,), does not matter.
     """
     wrong = robot.elbow * math.sin(position[1]) < 0.0
-    return Location(_tip(robot, position), WRONG_WORKING_MODE if wrong else FOUND)
+    return Location(_tip(robot, position), select(wrong, WRONG_WORKING_MODE, FOUND))
 
 
 @kernel
@@ -206,29 +203,24 @@ def _model(robot: Parameters, position: Array, velocity: Array) -> Model:
 
     # Constants a, b and h; `moment` is the first moment of mass about the elbow [kg m].
     moment = robot.m2 * robot.lc2 + robot.mp * robot.l2
-    a = robot.I1 + robot.m1 * robot.lc1**2 + (robot.m2 + robot.mp) * robot.l1**2
-    b = robot.I2 + robot.m2 * robot.lc2**2 + robot.mp * robot.l2**2
+    l1, l2, lc1, lc2 = robot.l1, robot.l2, robot.lc1, robot.lc2
+    a = robot.I1 + robot.m1 * (lc1 * lc1) + (robot.m2 + robot.mp) * (l1 * l1)
+    b = robot.I2 + robot.m2 * (lc2 * lc2) + robot.mp * (l2 * l2)
     h = robot.l1 * moment
 
     # M = [[a + b + 2 h c2, b + h c2], [b + h c2, b]].
-    M = np.empty((2, 2))
-    M[0, 0] = a + b + 2.0 * h * c2
-    M[0, 1] = b + h * c2
-    M[1, 0] = M[0, 1]
-    M[1, 1] = b
+    m12 = b + h * c2
+    M = vector((vector((a + b + 2.0 * h * c2, m12)), vector((m12, b))))
 
     # Q = [[-h s2 q2d, -h s2 (q1d + q2d)], [h s2 q1d, 0]], from the Christoffel symbols
     # c_121 = c_221 = -h s2, c_112 = h s2.
-    Q = np.zeros((2, 2))
-    Q[0, 0] = -h * s2 * velocity[1]
-    Q[0, 1] = -h * s2 * (velocity[0] + velocity[1])
-    Q[1, 0] = h * s2 * velocity[0]
+    w1, w2 = velocity[0], velocity[1]
+    Q = vector((vector((-h * s2 * w2, -h * s2 * (w1 + w2))), vector((h * s2 * w1, 0.0))))
 
     # Gradient of the potential energy g (m1 y1 + m2 y2 + mp y).
     proximal = robot.m1 * robot.lc1 + (robot.m2 + robot.mp) * robot.l1
-    gravity = np.empty(2)
-    gravity[1] = robot.gravity * moment * c12
-    gravity[0] = robot.gravity * proximal * c1 + gravity[1]
+    distal = robot.gravity * moment * c12
+    gravity = vector((robot.gravity * proximal * c1 + distal, distal))
     return Model(M, Q, gravity)
 
 
@@ -238,12 +230,11 @@ def estimate(
 ) -> Estimate:
     """Pose, margin and model at a joint state."""
     location = locate(robot, position, guess)
-    if location.fault != FOUND:
-        return Estimate(location.fault, location.pose, no_model(2))
     # Distance to the singularity: det J = l1 l2 sin q2. NaN is a fault, too.
-    if not abs(math.sin(position[1])) >= margins.min_sin_elbow:
-        return Estimate(SINGULARITY, location.pose, no_model(2))
-    return Estimate(FOUND, location.pose, _model(robot, position, velocity))
+    bent = abs(math.sin(position[1])) >= margins.min_sin_elbow
+    fault = select(location.fault == FOUND, select(bent, FOUND, SINGULARITY), location.fault)
+    model = _model(robot, position, velocity)
+    return Estimate(fault, location.pose, select(fault == FOUND, model, no_model(model)))
 
 
 @kernel
@@ -256,17 +247,19 @@ def acceleration(
     force = net_torque(load, torque, rate, time) - multiply(model.Q, rate) - model.gravity
     # Cramer's rule; M is positive definite, so det M > 0.
     determinant = M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0]
-    result = np.empty(2)
-    result[0] = (M[1, 1] * force[0] - M[0, 1] * force[1]) / determinant
-    result[1] = (M[0, 0] * force[1] - M[1, 0] * force[0]) / determinant
-    return result
+    return vector(
+        (
+            (M[1, 1] * force[0] - M[0, 1] * force[1]) / determinant,
+            (M[0, 0] * force[1] - M[1, 0] * force[0]) / determinant,
+        )
+    )
 
 
 @kernel
 def measure(robot: Parameters, position: Array, rate: Array) -> Measurement:
     """Joints, which are the plant's coordinates, and tip; each shape (2,), no passive joints."""
-    empty = np.empty(0)
-    return Measurement(position.copy(), rate.copy(), empty, empty, _tip(robot, position))
+    none = vector(())
+    return Measurement(position, rate, none, none, _tip(robot, position))
 
 
 def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[Infeasible]:

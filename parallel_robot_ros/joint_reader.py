@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_base import cdr, cdr_reader, layouts
+from parallel_robot_base import cdr
+from parallel_robot_base.joint_layouts import OWN, joint_message
 from parallel_robot_base.topics import Topic
 from parallel_robot_base.units import NANOSECONDS
 
@@ -92,7 +91,7 @@ class JointReader:
         if len(data) > LONGEST:
             return f'longer than {LONGEST} bytes'
         try:
-            names, fields, make = KINDS[self._topic.type](cdr_reader.Reader(data))
+            names, fields, layout = joint_message(self._topic.type, data)
         except ValueError:
             return 'not a message of its type'
         for joint in self._joints:
@@ -102,36 +101,5 @@ class JointReader:
             if name not in fields:
                 return f'{name} is missing or short'
         self.order = [names.index(joint) for joint in self._joints]
-        self.layout = make()
+        self.layout = layout()
         return ''
-
-
-class Kind(NamedTuple):
-    """Kind of a message: its joints, the fields with a number for each, how to make its layout."""
-
-    names: tuple[str, ...]
-    fields: tuple[str, ...]
-    make: Callable[[], cdr.Layout]
-
-
-def _joint_state(message: cdr_reader.Reader) -> Kind:
-    frame, names = message.header(), message.texts()
-    found = {name: len(message.numbers()) for name in ('position', 'velocity', 'effort')}
-    fields = tuple(name for name, count in found.items() if count == len(names))
-    return Kind(names, fields, functools.partial(layouts.joint_state, names, fields, frame))
-
-
-def _joint_trajectory(message: cdr_reader.Reader) -> Kind:
-    frame, names = message.header(), message.texts()
-    make = functools.partial(layouts.joint_trajectory, names, frame)
-    return Kind(names, ('position', 'velocity', 'acceleration'), make)
-
-
-OWN: dict[str, Callable[[tuple[str, ...]], cdr.Layout]] = {
-    'sensor_msgs/msg/JointState': layouts.joint_state,
-    'trajectory_msgs/msg/JointTrajectory': layouts.joint_trajectory,
-}
-KINDS: dict[str, Callable[[cdr_reader.Reader], Kind]] = {
-    'sensor_msgs/msg/JointState': _joint_state,
-    'trajectory_msgs/msg/JointTrajectory': _joint_trajectory,
-}

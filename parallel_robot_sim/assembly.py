@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.custom_module import blaming
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
@@ -61,18 +63,18 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     """
     robot = configuration.robot
     module, parameters = robot.module, robot.parameters
-    load, pose = configuration.load, np.array(configuration.parameters.initial_pose)
+    load, pose = Boxed(configuration.load), np.array(configuration.parameters.initial_pose)
     if len(pose) != robot.pose_size:
         names = ', '.join(axis.name for axis in module.coordinates(parameters))
         raise InputError(f'plant.initial_pose must be [{names}], not {pose.tolist()}')
     with blaming(robot.name):
-        start = module.start(parameters, pose)
-    still, torque = np.zeros(len(start)), np.zeros(len(configuration.loop.joints))
+        start = vector(module.start(parameters, pose))
+    still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(configuration.loop.joints)))
     setup = PlantSetup(
         robot.kernel('acceleration', load, start, still, torque, 0.0),
         robot.kernel('measure', start, still),
         stepping(configuration.parameters),
-        parameters,
+        robot.constants,
         load,
     )
     return Plant(setup, PlantState(start, still, torque, 0.0))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import in_a_lane, read_row, rows_for, select, write_row
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of, is_finite
@@ -75,14 +76,15 @@ def run(control: Control, plant: Plant, reference: Reference, period: float) -> 
         period: Time between samples [s].
     """
     begin = LoopState(plant.state, control.state, control.law.memory)
-    row = np.zeros(reference.position.shape[1])
     result: ClosedLoopRun = compiled_loop(
         cycle_of(control.setup, begin.cycle, begin.memory),
-        FirstClass(step, plant.setup, begin.plant, row, period),
+        FirstClass(step, plant.setup, begin.plant, begin.plant.torque, period),
         control.setup,
         plant.setup,
         reference,
         begin,
+        begin.plant.torque,
+        True,
         period,
     )
     return result
@@ -96,53 +98,63 @@ def compiled_loop(
     plant: PlantSetup,
     reference: Reference,
     begin: LoopState,
+    reference_row: Array,
+    complete: bool,
     period: float,
 ) -> ClosedLoopRun:
-    """The loop of :func:`run`, with the kernels that it calls as FirstClass."""
+    """The loop of :func:`run`, with the kernels that it calls as FirstClass.
+
+    Unless the record is to be `complete`, it has only what metrics are computed from.
+
+    With lanes, all runs side by side have one reference, whose rows are of the type of
+    `reference_row`.
+    """
     state, cycle_state, memory = begin
+    row, failed = state.torque, cycle_state.fault
     # 1. Arrays for all rows; the robot gives the number of passive joints.
     first = plant.measure(plant.robot, state.coordinates, state.rate)
-    count, n = reference.position.shape
-    m, p = len(first.pose), len(first.passive_position)
-    pose = np.empty((count, m))
-    position = np.empty((count, n))
-    velocity = np.empty((count, n))
-    passive_position = np.empty((count, p))
-    passive_velocity = np.empty((count, p))
-    effort = np.empty((count, n))
-    command = np.empty((count, n))
-    sliding_variable = np.empty((count, n))
-    coupled_error = np.empty((count, n))
-    fault = np.empty(count, dtype=np.int64)
-    acted = np.empty(count, dtype=np.int64)
-    steps = count
+    count = len(reference.position)
+    more = count if complete else 0
+    position = rows_for(row, count)
+    effort = rows_for(row, count)
+    pose = rows_for(first.pose, more)
+    velocity = rows_for(row, more)
+    passive_position = rows_for(first.passive_position, more)
+    passive_velocity = rows_for(first.passive_velocity, more)
+    command = rows_for(row, more)
+    sliding_variable = rows_for(row, more)
+    coupled_error = rows_for(row, more)
+    fault = rows_for(failed, count)
+    acted = rows_for(failed, count)
+    steps = select(failed == failed, count, count)
     for k in range(count):
-        # 2. Measurement of state k; stop once the robot has left its workspace.
+        # 2. Measurement of state k; a robot that has left its workspace ends there.
         joints = plant.measure(plant.robot, state.coordinates, state.rate)
-        if not is_finite(joints.velocity):
-            steps = k
+        gone = is_finite(joints.velocity) == False  # noqa: E712 `not` would branch
+        steps = select(gone & (steps == count), k, steps)
+        if not in_a_lane(steps == count):
             break
         # 3. The torque computed from it.
         desired = JointReference(
-            reference.position[k], reference.velocity[k], reference.acceleration[k]
+            read_row(reference.position, k, reference_row),
+            read_row(reference.velocity, k, reference_row),
+            read_row(reference.acceleration, k, reference_row),
         )
         cycle = run_cycle(
             control, desired, joints.position, joints.velocity, cycle_state, memory, period
         )
-        for i in range(m):  # element by element: rows as a whole compile to far more code
-            pose[k, i] = joints.pose[i]
-        for i in range(n):
-            position[k, i] = joints.position[i]
-            velocity[k, i] = joints.velocity[i]
-            effort[k, i] = state.torque[i]
-            command[k, i] = cycle.torque[i]
-            sliding_variable[k, i] = cycle.sliding_variable[i]
-            coupled_error[k, i] = cycle.coupled_error[i]
-        for i in range(p):
-            passive_position[k, i] = joints.passive_position[i]
-            passive_velocity[k, i] = joints.passive_velocity[i]
-        fault[k] = cycle.state.fault
-        acted[k] = cycle.acted
+        write_row(position, k, joints.position)
+        write_row(effort, k, state.torque)
+        write_row(fault, k, cycle.state.fault)
+        write_row(acted, k, cycle.acted)
+        if complete:
+            write_row(pose, k, joints.pose)
+            write_row(velocity, k, joints.velocity)
+            write_row(command, k, cycle.torque)
+            write_row(sliding_variable, k, cycle.sliding_variable)
+            write_row(coupled_error, k, cycle.coupled_error)
+            write_row(passive_position, k, joints.passive_position)
+            write_row(passive_velocity, k, joints.passive_velocity)
         cycle_state = cycle.state
         memory = cycle.memory
         # 4. It acts until state k + 1.

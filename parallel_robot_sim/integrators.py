@@ -1,4 +1,4 @@
-"""Fixed-step integrators: each takes the derivative, so the plant is independent of the choice."""
+"""Fixed-step integrators of second-order motion: each takes the acceleration as a function."""
 
 from __future__ import annotations
 
@@ -13,23 +13,49 @@ Array = NDArray[np.float64]
 
 
 @inlined
-def ode3(derivative: Any, y: Array, h: float, arguments: Any) -> Array:
+def ode3(
+    acceleration: Any, q: Array, v: Array, t: float, h: float, arguments: Any
+) -> tuple[Array, Array]:
     """One step of Bogacki-Shampine 3(2) without its error estimate, as Simulink's ode3.
+
+    Args:
+        acceleration: Second derivative of q, called with q, v, t and the arguments.
+        q: Coordinates at the start of the step, shape (c,).
+        v: Their derivative, shape (c,).
+        t: Time at the start of the step [s].
+        h: Length of the step [s].
+        arguments: Further arguments of the acceleration.
+
+    Returns:
+        Both at the end of the step.
 
     Source:
         Bogacki, Shampine (1989), Appl. Math. Lett. 2(4).
     """
-    k1 = derivative(y, arguments)
-    k2 = derivative(y + 0.5 * h * k1, arguments)
-    k3 = derivative(y + 0.75 * h * k2, arguments)
-    return y + h / 9.0 * (2.0 * k1 + 3.0 * k2 + 4.0 * k3)
+    a1 = acceleration(q, v, t, arguments)
+    v2 = v + 0.5 * h * a1
+    a2 = acceleration(q + 0.5 * h * v, v2, t + 0.5 * h, arguments)
+    v3 = v + 0.75 * h * a2
+    a3 = acceleration(q + 0.75 * h * v2, v3, t + 0.75 * h, arguments)
+    return (
+        q + h / 9.0 * (2.0 * v + 3.0 * v2 + 4.0 * v3),
+        v + h / 9.0 * (2.0 * a1 + 3.0 * a2 + 4.0 * a3),
+    )
 
 
 @inlined
-def rk4(derivative: Any, y: Array, h: float, arguments: Any) -> Array:
-    """One step of the classical Runge-Kutta method of order 4."""
-    k1 = derivative(y, arguments)
-    k2 = derivative(y + 0.5 * h * k1, arguments)
-    k3 = derivative(y + 0.5 * h * k2, arguments)
-    k4 = derivative(y + h * k3, arguments)
-    return y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+def rk4(
+    acceleration: Any, q: Array, v: Array, t: float, h: float, arguments: Any
+) -> tuple[Array, Array]:
+    """One step of the classical Runge-Kutta method of order 4; arguments as of :func:`ode3`."""
+    a1 = acceleration(q, v, t, arguments)
+    v2 = v + 0.5 * h * a1
+    a2 = acceleration(q + 0.5 * h * v, v2, t + 0.5 * h, arguments)
+    v3 = v + 0.5 * h * a2
+    a3 = acceleration(q + 0.5 * h * v2, v3, t + 0.5 * h, arguments)
+    v4 = v + h * a3
+    a4 = acceleration(q + h * v3, v4, t + h, arguments)
+    return (
+        q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4),
+        v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4),
+    )

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
-from parallel_robot_model.joint_load import JointLoad
+from parallel_robot_base.vector_select import clip
+from parallel_robot_base.vector_types import vector
 from parallel_robot_sim.integrators import ode3, rk4
 
 Array = NDArray[np.float64]
@@ -56,15 +57,15 @@ class PlantSetup(NamedTuple):
         acceleration: Acceleration of the robot module, as FirstClass.
         measure: Measure of the robot module, as FirstClass.
         stepping: Integrator, substeps, torque limit.
-        robot: Parameters of the true robot.
-        load: Friction and disturbance of its actuated joints.
+        robot: Constants of the true robot, boxed.
+        load: JointLoad, boxed.
     """
 
     acceleration: Any
     measure: Any
     stepping: Stepping
     robot: Any
-    load: JointLoad
+    load: Any
 
 
 class PlantState(NamedTuple):
@@ -84,16 +85,12 @@ class PlantState(NamedTuple):
 
 
 @kernel
-def _derivative(y: Array, arguments: tuple[PlantSetup, Array]) -> Array:
-    """d/dt (coordinates, rate, time) under motor torques."""
+def _acceleration(
+    coordinates: Array, rate: Array, time: float, arguments: tuple[PlantSetup, Array]
+) -> Array:
+    """Second derivative of the coordinates under motor torques."""
     setup, torque = arguments
-    c = len(y) // 2
-    rate = y[c : 2 * c]
-    result = np.empty(len(y))
-    result[:c] = rate
-    result[c : 2 * c] = setup.acceleration(setup.robot, setup.load, y[:c], rate, torque, y[2 * c])
-    result[2 * c] = 1.0
-    return result
+    return setup.acceleration(setup.robot, setup.load, coordinates, rate, torque, time)
 
 
 @kernel
@@ -110,21 +107,17 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
         State at the end; not finite if the robot was driven out of its workspace.
     """
     # 1. The motors saturate.
-    stepping, n, c = setup.stepping, len(command), len(state.coordinates)
-    torque = np.empty(n)
-    for i in range(n):
-        limit = stepping.torque_limit[i]
-        torque[i] = min(max(command[i], -limit), limit)
+    stepping = setup.stepping
+    limit = vector(stepping.torque_limit)
+    torque = clip(command, -limit, limit)
     # 2. The equations of motion are integrated, with the torque held constant.
-    y: Array = np.empty(2 * c + 1)
-    y[:c] = state.coordinates
-    y[c : 2 * c] = state.rate
-    y[2 * c] = state.time
+    q, v, t = state.coordinates, state.rate, state.time
     h = period / stepping.substeps
     arguments = (setup, torque)
     for _ in range(stepping.substeps):
         if stepping.order == 3:
-            y = ode3(_derivative, y, h, arguments)
+            q, v = ode3(_acceleration, q, v, t, h, arguments)
         else:
-            y = rk4(_derivative, y, h, arguments)
-    return PlantState(y[:c].copy(), y[c : 2 * c].copy(), torque, state.time + period)
+            q, v = rk4(_acceleration, q, v, t, h, arguments)
+        t += h
+    return PlantState(q, v, torque, state.time + period)

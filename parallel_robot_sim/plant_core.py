@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_base.vector_select import read_row, write_row
 from parallel_robot_control.cycle import is_finite
-from parallel_robot_control.wire import lay_open, vector
+from parallel_robot_control.wire import joint_row, lay_open
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class PlantCore(structref.StructRefProxy):  # type: ignore[misc]
 
 
 FIELDS = (
-    'setup', 'period', 'coordinates', 'rate', 'torque', 'time',
+    'setup', 'period', 'start', 'coordinates', 'rate', 'torque', 'time',
     'stamp', 'position', 'velocity', 'effort',
 )  # fmt: skip
 structref.define_boxing(PlantCoreType, PlantCore)
@@ -39,6 +40,7 @@ structref.define_constructor(PlantCore, PlantCoreType, FIELDS)
 def plant_core(
     setup: PlantSetup,
     period: float,
+    start: PlantState,
     coordinates: Array,
     rate: Array,
     torque: Array,
@@ -53,6 +55,7 @@ def plant_core(
     Args:
         setup: The robot, its load, its integrator.
         period: Length of a step [s].
+        start: The first state; the arrays hold the present one.
         coordinates: Coordinates of the state, see PlantState, shape (c,).
         rate: Their derivative, shape (c,).
         torque: Torque of the step that ended at the state [N m], shape (n,).
@@ -63,7 +66,7 @@ def plant_core(
         effort: Torques in the message [N m], same shape.
     """
     return PlantCore(
-        setup, period, coordinates, rate, torque, time, stamp, position, velocity, effort
+        setup, period, start, coordinates, rate, torque, time, stamp, position, velocity, effort
     )
 
 
@@ -74,13 +77,19 @@ def advance(core: Any, command: Array) -> bool:
     Returns:
         Whether the robot is still in its workspace; if not, the state is left unchanged.
     """
-    state = PlantState(core.coordinates.copy(), core.rate.copy(), core.torque.copy(), core.time[0])
-    after = step(core.setup, state, command, core.period)
+    start = core.start
+    state = PlantState(
+        read_row(core.coordinates, 0, start.coordinates),
+        read_row(core.rate, 0, start.rate),
+        start.torque,
+        core.time[0],
+    )
+    after = step(core.setup, state, read_row(command, 0, start.torque), core.period)
     if not (is_finite(after.coordinates) and is_finite(after.rate)):
         return False
-    core.coordinates[:] = after.coordinates
-    core.rate[:] = after.rate
-    core.torque[:] = after.torque
+    write_row(core.coordinates, 0, after.coordinates)
+    write_row(core.rate, 0, after.rate)
+    write_row(core.torque, 0, after.torque)
     core.time[0] = after.time
     return True
 
@@ -92,18 +101,19 @@ def tell(core: Any, stamp: int) -> bool:
     Returns:
         Whether the state has joint positions, i.e. the robot is in its workspace.
     """
-    setup = core.setup
-    joints = setup.measure(setup.robot, core.coordinates, core.rate)
+    setup, start = core.setup, core.start
+    coordinates = read_row(core.coordinates, 0, start.coordinates)
+    rate = read_row(core.rate, 0, start.rate)
+    joints = setup.measure(setup.robot, coordinates, rate)
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS
     n = len(joints.position)
-    for i in range(n):
-        core.position[i] = joints.position[i]
-        core.velocity[i] = joints.velocity[i]
-        core.effort[i] = core.torque[i]
-    for i in range(n, len(core.position)):
-        core.position[i] = joints.passive_position[i - n]
-        core.velocity[i] = joints.passive_velocity[i - n]
+    write_row(core.position, 0, joints.position)
+    write_row(core.velocity, 0, joints.velocity)
+    write_row(core.effort, 0, read_row(core.torque, 0, start.torque))
+    if len(core.position) > n:
+        write_row(core.position, n, joints.passive_position)
+        write_row(core.velocity, n, joints.passive_velocity)
     return bool(is_finite(joints.velocity))
 
 
@@ -112,8 +122,9 @@ def read_command(wire: Any, data: bytes, command: Array) -> bool:
     """Read a command message; False, with nothing read, if it has no finite torques."""
     if not lay_open(wire, data):
         return False
-    torques = vector(wire, 0)
-    if not is_finite(torques):
-        return False
+    torques = joint_row(wire, 0)
+    for i in range(len(torques)):
+        if not np.isfinite(torques[i]):
+            return False
     command[:] = torques
     return True

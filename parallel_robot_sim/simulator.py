@@ -7,6 +7,7 @@ import numpy as np
 from parallel_robot_base import layouts
 from parallel_robot_base.errors import DRIVEN_OUT, RunError
 from parallel_robot_base.kernel import entry_point
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.safety import safe_action, safe_torque
 from parallel_robot_control.wire import wire_of
 from parallel_robot_model.contract import Measurement
@@ -41,19 +42,22 @@ class Simulator:
         n = len(loop.joints)
         self._held: np.ndarray = np.zeros(n)
         self._state = (
-            start.coordinates.copy(),
-            start.rate.copy(),
-            start.torque.copy(),
+            np.array(start.coordinates),
+            np.array(start.rate),
+            np.array(start.torque),
             np.array([start.time]),
         )
+        torque = start.torque
+        self._safe_torque = entry_point(safe_torque, self._safe, torque, torque, torque)
         measure = robot.module.measure
-        self._measure = entry_point(measure, robot.parameters, start.coordinates, start.rate)
+        self._measure = entry_point(measure, robot.constants, start.coordinates, start.rate)
         passive = len(self.measurement().passive_position) if parameters.publish_passive else 0
         draft = state_layout(loop.joints, passive).draft()
         self._message = draft.bytes
         self._core = plant_core(
             self._setup,
             loop.period,
+            start,
             *self._state,
             self._message[4:12].view(np.int32),
             *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
@@ -66,8 +70,8 @@ class Simulator:
     @property
     def state(self) -> PlantState:
         """The present state."""
-        coordinates, rate, torque, time = (values.copy() for values in self._state)
-        return PlantState(coordinates, rate, torque, float(time[0]))
+        coordinates, rate, torque, time = self._state
+        return PlantState(vector(coordinates), vector(rate), vector(torque), float(time[0]))
 
     @property
     def pose(self) -> np.ndarray:
@@ -115,7 +119,7 @@ class Simulator:
         joints = self.measurement()
         if self._silent == self._patience:
             self._held = joints.position
-        safe = safe_torque(self._safe, self._held, joints.position, joints.velocity)
+        safe = self._safe_torque(self._safe, vector(self._held), joints.position, joints.velocity)
         if self._silent >= self._patience:
             command = safe
         silent = self._silent
@@ -126,7 +130,7 @@ class Simulator:
     def measurement(self) -> Measurement:
         """Joints and pose at the present state."""
         coordinates, rate, _, _ = self._state
-        joints: Measurement = self._measure(self._setup.robot, coordinates, rate)
+        joints: Measurement = self._measure(self._setup.robot, vector(coordinates), vector(rate))
         return joints
 
     def message(self, stamp: int) -> bytes:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from vectors import on_vectors
 
 from parallel_robot_control import assembly as control
 from parallel_robot_control import faults
@@ -73,6 +74,6 @@ def open_loop(values: Mapping[str, Any], torques: Any) -> list[PlantState]:
     setup, state = make_plant(values)
     states = [state]
     for torque in torques:
-        state = step(setup, state, torque, values['period'])
+        state = on_vectors(step)(setup, state, torque, values['period'])
         states.append(state)
     return states

@@ -376,6 +376,9 @@ ATTACHMENTS = {
     'escape': 'custom_laws/' + ESCAPE,
     'a law of the suite': 'custom_laws/smc',
     'dots': 'custom_laws/..',
+    'a robot of the suite': 'custom_robots/planar_3rrr',
+    'robot NUL': 'custom_robots/a\0b',
+    'robot parent': 'custom_robots/../../../owned',
 }
 NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e155, 1e300, 5e-324)
 EXTREMES = {

@@ -1,20 +1,31 @@
 """Integrals while the torque is limited: they rest, and the way back is short."""
 
+from operator import attrgetter
+
 import numpy as np
 import pytest
 from assembly import simulated
 from rig import Rig
+from vectors import on_vectors
 
 from parallel_robot_base import config
+from parallel_robot_base.boxed import Boxed
+from parallel_robot_base.vector_types import vector
+from parallel_robot_control import antiwindup
 from parallel_robot_control.answering import EXCESS
-from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.laws import LAWS
 
+unless_saturated = on_vectors(antiwindup.unless_saturated)
+unless_any_saturated = on_vectors(antiwindup.unless_any_saturated)
 WITH_INTEGRAL = [
     'pid', 'super_twisting', 's_smc',
     's_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft',
+    'adrc', 'tdc',
 ]  # fmt: skip
-INTEGRALS = {'pid': 'integral', 'super_twisting': 'integral', 's_smc': 'coupling'}
+INTEGRALS = {
+    'pid': 'integral.value', 'super_twisting': 'integral.value', 's_smc': 'coupling.value',
+    'adrc': 'observer.disturbance', 'tdc': 'torque',
+}  # fmt: skip
 WEAK = 600  # samples for which the motors are too weak
 
 
@@ -34,6 +45,13 @@ def forget_excess(rig):
     rig.controller._arrays.vectors[EXCESS] = 0.0
 
 
+def limit_torque(rig, limit):
+    """Give the kernels another torque limit from now on."""
+    core = rig.controller._core
+    core._setup = core._setup._replace(limits=Boxed(core.limits._replace(torque=limit)))
+    core.memory = core.memory  # made anew
+
+
 def weak_at_first(law, deaf):
     """Error from the end of saturation on [rad s], and the largest integral at that end.
 
@@ -41,15 +59,14 @@ def weak_at_first(law, deaf):
     conditional integration (`deaf`) the law does not learn what was cut off.
     """
     rig = Rig('lockstep', law=law)
-    limit = rig.controller.limits.torque  # the kernels look at this very array
-    strong = limit.copy()
-    limit[:] = 1.5
+    strong = rig.controller.limits.torque
+    limit_torque(rig, vector([1.5] * 3))
     errors = []
     for k in range(1400):
         if k == WEAK:
-            limit[:] = strong
-            memory = rig.controller.memory
-            integral = np.abs(getattr(memory, INTEGRALS.get(law, 'switching')).value).max()
+            limit_torque(rig, strong)
+            wound_up = attrgetter(INTEGRALS.get(law, 'switching.value'))
+            integral = np.abs(wound_up(rig.controller.memory)).max()
             assert (np.abs(rig.torques) == 1.5).any(axis=1).mean() > 0.5
         if deaf:
             forget_excess(rig)

@@ -4,15 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from vectors import OnVectors, on_vectors
 
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import build
-from parallel_robot_model import axes
+from parallel_robot_model import axes as module
 from parallel_robot_model.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.joint_load import JointLoad
 
+axes = OnVectors(module)
 INERTIA = (0.1, 0.25, 0.5, 0.15, 0.4)
 COUNTS = pytest.mark.parametrize('n', [2, 5])
 MARGINS = axes.SafetyMargins(0.1)
@@ -65,7 +67,7 @@ def test_the_model_is_the_inertia_of_each_axis(n):
     assert np.array_equal(found.model.M, np.diag(INERTIA[:n]))
     assert found.model.Q.shape == (n, n) and found.model.gravity.shape == (n,)
     assert not found.model.Q.any() and not found.model.gravity.any()
-    torque = inverse_dynamics(found.model, row(n, 1), row(n, 2))
+    torque = on_vectors(inverse_dynamics)(found.model, row(n, 1), row(n, 2))
     assert np.allclose(torque, np.array(INERTIA[:n]) * row(n, 1), rtol=1e-15)
 
 

@@ -12,6 +12,7 @@ from test_s_fotsmc import ring
 
 from parallel_robot_base import config
 from parallel_robot_base.kernel import entry_point
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
@@ -151,7 +152,7 @@ def test_memory_does_not_grow_with_the_steps_of_a_run():
 @pytest.mark.skipif(not Path('/proc/self/statm').exists(), reason='needs Linux')
 def test_memory_does_not_grow_with_single_cycles(values, robot):
     control = assemble(configure(values))
-    theta, still = legs(robot, PAPER_START)[0], np.zeros(3)
+    theta, still = vector(legs(robot, PAPER_START)[0]), vector(np.zeros(3))
     reference = JointReference(theta, still, still)
 
     begin = control.setup, reference, theta, still, control.state, control.law.memory, 1e-3

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot_bags import experiment
-from parallel_robot_base import config
+from parallel_robot_bags import custom_sources
+from parallel_robot_base import assignments, config
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
@@ -186,14 +186,14 @@ def test_a_broken_file_is_named(files, content):
     ],
 )
 def test_words_of_the_command_line_are_yaml(word, value):
-    parsed = config.parse_overrides([word])['a']
+    parsed = assignments.parse([word])['a']
     assert parsed == value and type(parsed) is type(value)
 
 
 @pytest.mark.parametrize('word', ['period', '=1', 'a=[1'])
 def test_words_that_assign_nothing_are_refused(word):
     with pytest.raises(InputError):
-        config.parse_overrides([word])
+        assignments.parse([word])
 
 
 def test_a_group_takes_only_its_own_keys(values):
@@ -249,4 +249,5 @@ def test_files_of_laws_are_absolute(path, monkeypatch):
     monkeypatch.setenv('HOME', str(root))
     values = config.resolve('paper_circle', {'custom_laws': [path]})
     assert values['custom_laws'] == [str(root / 'docs' / 'example_law.py')]
-    assert experiment.law_source(*values['custom_laws'])[0] == 'example_law'
+    name, _ = custom_sources.attachment('custom_laws', *values['custom_laws'])
+    assert name == 'custom_laws/example_law'

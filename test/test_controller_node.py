@@ -8,7 +8,7 @@ from rclpy.clock import ClockType
 from rclpy.time import Time
 
 from parallel_robot_base import config, layouts, topics
-from parallel_robot_control import controller as module
+from parallel_robot_control import controller, controller_state
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.faults import NONE, STATES_STALE
 from parallel_robot_sim.configuration import configure_plant
@@ -33,7 +33,8 @@ class Loop:
         self._motion = Trajectory(values).sample(np.zeros(1))
         self.stands = 0.0  # s, for which the node has stood still
         clock = SimpleNamespace(monotonic_ns=lambda: SECOND + round(1e9 * self.stands))
-        monkeypatch.setattr(module, 'time', clock)
+        for module in (controller, controller_state):
+            monkeypatch.setattr(module, 'time', clock)
 
     def give(self, stamp, age=0):
         """Torques of the commands that answer a state of a stamp [ns] and an age [ns]."""

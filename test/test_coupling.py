@@ -5,10 +5,13 @@ import pytest
 from geometry import rows
 from hypothesis import given
 from hypothesis import strategies as st
+from vectors import on_vectors
 
-from parallel_robot_control.coupling import coupling, synchronisation_error
-from parallel_robot_control.switching_functions import sig
+from parallel_robot_control import coupling as ring
+from parallel_robot_control import switching_functions
+from parallel_robot_control.coupling import synchronisation_error
 
+coupling, sig = on_vectors(ring.coupling), on_vectors(switching_functions.sig)
 ANY = st.integers(2, 8).flatmap(lambda n: rows(10.0, n))
 L = np.array([[2, -1, -1], [-1, 2, -1], [-1, -1, 2]])
 

@@ -15,7 +15,9 @@ from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import cache_directory, layouts, topics
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.kernel_cache import NOTICE
+from parallel_robot_base.vector_types import Vector
 from parallel_robot_control import law_loader, law_trial
+from parallel_robot_control.array_law import ArrayLaw
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
 
@@ -267,3 +269,112 @@ def test_the_node_runs_it_or_says_in_one_line_why_not(write, launch, peer):
     notice, error = wrong.stderr.splitlines()
     assert notice.endswith(NOTICE) and "Unknown attribute 'Kq'" in error
     assert good.end(signal.SIGINT) == 0
+
+
+FORMULA = 'torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot'
+IN_PLACE = """torque = np.zeros(len(e))
+    for i in range(len(e)):
+        torque[i] = gains.Kp * e[i] + gains.Ki * memory.integral[i] + gains.Kd * e_dot[i]"""
+SLICED = f"""{FORMULA}
+    torque[1:] += 0.0
+    e[:1] *= 1.0"""
+OF_VECTORS = f"""{FORMULA}
+    torque = select(torque == torque, torque, vector((0.0, 0.0, 0.0)))"""
+IMPORTED = """from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import select
+from parallel_robot_base.vector_types import vector
+"""
+
+
+def test_a_law_that_works_with_arrays_has_the_bits_of_one_with_vectors(mine, write):
+    expected = simulated(values_of(mine, duration=1.0))
+    assert type(expected.run.memory.integral) is Vector
+    for name, text in (('in_place', IN_PLACE), ('sliced', SLICED)):
+        made = simulated(values_of(write(name, (FORMULA, text)), duration=1.0))
+        assert type(made.experiment.control.law.constants) is ArrayLaw
+        assert type(made.run.memory.integral) is np.ndarray
+        assert np.array_equal(made.run.command, expected.run.command)
+        assert np.array_equal(made.run.memory.integral, expected.run.memory.integral)
+
+
+def test_a_law_may_make_vectors_which_only_the_trial_with_other_joints_refuses(mine, write):
+    path = write('made', (FORMULA, OF_VECTORS), (IMPORTED.splitlines()[0] + '\n', IMPORTED))
+    values = values_of(path, duration=1.0)
+    prepared = prepare('made', values)
+    assert prepared.constants is prepared.gains
+    (warning,) = prepared.warnings
+    assert warning.startswith('made: written for 3 joints; with 1: ')
+    expected = simulated(values_of(mine, duration=1.0))
+    assert np.array_equal(simulated(values).run.command, expected.run.command)
+
+
+ADVISED = """
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.linear_algebra import multiply
+from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
+from parallel_robot_control.contract import ControlOutput
+from parallel_robot_control.coupling import coupling
+from parallel_robot_control.integral import Integral, advanced, zero_integral
+from parallel_robot_control.switching_functions import saturate, sig
+from parallel_robot_model.contract import inverse_dynamics
+
+
+class Gains(NamedTuple):
+    Kp: Annotated[float, Field('1/s^2', 'gain', 0.0)] = 400.0
+
+
+class Memory(NamedTuple):
+    error: Integral
+    ring: Integral
+
+
+def initial_memory(joints):
+    return Memory(zero_integral(joints), zero_integral(joints))
+
+
+@kernel
+def update(gains, model, reference, feedback, memory, dt):
+    e = reference.position - feedback.position
+    e_dot = reference.velocity - feedback.velocity
+    total, ring = advanced(memory.error, dt), advanced(memory.ring, dt)
+    S = e_dot + 20.0 * e + ring
+    wanted = reference.acceleration + 40.0 * e_dot + gains.Kp * (e + total) + sig(S, 0.5)
+    torque = inverse_dynamics(model, wanted, feedback.velocity) + multiply(model.M, saturate(S))
+    rate = unless_saturated(e, feedback.excess)
+    ring_rate = unless_any_saturated(coupling(e), feedback.excess)
+    AS_IT_IS
+    return ControlOutput(torque, S, e, Memory(Integral(total, rate), Integral(ring, ring_rate)))
+"""
+
+
+def test_all_that_the_suite_offers_to_a_law_works_with_vectors_and_with_arrays(tmp_path):
+    runs = []
+    for name, line in (('of_vectors', 'pass'), ('of_arrays', 'torque[0] += 0.0')):
+        path = tmp_path / f'{name}.py'
+        path.write_text(ADVISED.replace('AS_IT_IS', line))
+        limits = {'safety.torque_limit': 5.0, 'duration': 1.0}
+        runs.append(simulated(values_of(path, **limits)))
+    of_vectors, of_arrays = runs
+    assert type(of_vectors.run.memory.ring.value) is Vector
+    assert type(of_arrays.run.memory.ring.value) is np.ndarray
+    assert of_vectors.run.acted.any()  # the integrals were held, too
+    assert np.array_equal(of_vectors.run.command, of_arrays.run.command)
+
+
+def test_a_law_with_arrays_is_switched_to_and_fro_and_keeps_its_memory(write):
+    rig = Rig('lockstep', law='pid', custom_laws=[str(write('placed', (FORMULA, IN_PLACE)))])
+    for law in ('placed', 'pid', 'placed'):
+        before = rig.run(20).torque
+        rig.change(law=law)
+        sample = rig.step()
+        assert sample.status.law == law and sample.status.fault is None
+        assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
+    integral = rig.run(20) and rig.controller.memory.integral.copy()
+    rig.change(placed__Kp=1000.0)
+    rig.step()
+    assert 0.0 < np.abs(rig.controller.memory.integral - integral).max() < 1e-4

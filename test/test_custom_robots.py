@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_rerun import by_hand
+from vectors import OnVectors
 
 from parallel_robot_analysis.command_line import main
-from parallel_robot_bags import run_log
+from parallel_robot_bags import history, run_log
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.robots import robot_of
@@ -50,7 +52,7 @@ def test_the_paper_s_law_tracks_a_circle_with_it(bag):
 def test_the_model_of_the_controller_is_that_of_the_plant():
     robot = robot_of(resolve('paper_circle', CHANGES))
     margins = robot.module.SafetyMargins(0.02)
-    found = robot.module.estimate(
+    found = OnVectors(robot.module).estimate(
         robot.parameters, margins, np.array([10.0, 5.0]), np.zeros(2), np.zeros(2)
     )
     assert found.fault == FOUND and np.allclose(found.pose, [0.2, 0.1])
@@ -89,12 +91,39 @@ def test_what_does_not_suit_it_costs_one_line(words, reason, tmp_path, capsys):
             "wrong: estimate does not compile: Unknown attribute 'radios'",
         ),
         (
-            ('return Estimate(fault, pose, model)', 'return pose'),
+            ('return Estimate(select(every(inside), FOUND, 1), pose, model)', 'return pose'),
             'must return Estimate',
         ),
         (
             ('@kernel\ndef measure', 'def measure'),
             'wrong: measure is not compiled: put @kernel before it',
+        ),
+        (
+            ('    none = vector(())  # no', '    none = np.empty(0)  # no'),
+            'wrong: joint_motion returns passive as an array, not as a vector (docs/robots.md',
+        ),
+        (
+            ('return vector((tool +', 'return np.array((tool +'),
+            'wrong: estimate returns M as an array, not as a vector (docs/robots.md',
+        ),
+        (
+            ('pose = robot.radius * position', 'pose = np.array([0.02, 0.02]) * position'),
+            'mul(array(float64, 1d, C), Vector(2, float64)) (wrong.py:',
+        ),
+        (
+            ('select(every(inside), FOUND, 1), pose', 'FOUND, vector((1.0, 2.0, 3.0))'),
+            'wrong: estimate returns pose of shape (3,), not of size 2 (docs/robots.md',
+        ),
+        (
+            ('return net_torque(load, torque, velocity, time) /', 'return 0.0 * time  #'),
+            'wrong: acceleration must return a vector',
+        ),
+        (
+            (
+                'def joints(robot)',
+                'def constants(robot):\n    return 1 // 0\n\n\ndef joints(robot)',
+            ),
+            'wrong: ZeroDivisionError',
         ),
         (('def locate', 'def find'), 'has no locate'),
         (('import numpy as np', 'import numpy as np\nraise ValueError("no")'), 'ValueError: no'),
@@ -113,20 +142,120 @@ def test_a_wrong_file_costs_one_line(change, reason, tmp_path, capsys):
     assert err.count('\n') == 1 and reason in err
 
 
-@pytest.mark.parametrize('command', ['analyze', 'replay'])
-def test_a_file_that_a_bag_only_names_is_not_loaded(command, tmp_path):
-    robot, mark = tmp_path / 'mine.py', tmp_path / 'ran'
+@pytest.fixture
+def gone(tmp_path, monkeypatch, capsys):
+    """A bag of a custom robot, and the place where the file of the robot was."""
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
+    robot = tmp_path / 'elsewhere' / 'mine.py'
+    robot.parent.mkdir()
     robot.write_text(EXAMPLE.read_text())
     named = ['--set', f'custom_robots=[{robot}]', '--set', 'robot_model=mine']
-    words = ['paper_circle', '--duration', '0.1', *named, *POSE]
-    assert main(['simulate', *words, '--out', str(tmp_path / 'bag')]) == 0
-    robot.write_text(f'open({str(mark)!r}, "w")\n' + robot.read_text())
+    words = [*named, '--set', 'robot.tool=3', '--duration', '0.1', *POSE]
+    assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 0
+    robot.unlink()
+    capsys.readouterr()
+    return tmp_path / 'bag', robot
+
+
+def test_it_comes_from_the_bag(gone, capsys):
+    bag, _ = gone
+    assert history.read(bag).sources['custom_robots'] == {'mine': EXAMPLE.read_bytes()}
+    again = bag.with_name('again')
+    assert main(['rerun', str(bag), '--trust', '--out', str(again)]) == 0
+    assert main(['replay', str(bag), '--trust']) == 0
+    out, err = capsys.readouterr()
+    assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
+    assert 'runs the code of mine, which the bag holds' in err
+    assert history.read(again).sources == history.read(bag).sources
+    assert run_log.read(again).config['robot.tool'] == 3.0
+
+
+@pytest.mark.parametrize('command', ['rerun', 'replay'])
+def test_the_code_of_the_bag_is_refused_in_one_line(command, gone, capsys):
+    bag, _ = gone
+    assert main([command, str(bag)]) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1
+    assert f'{bag} holds the code of the robot mine, which would run' in err and '--trust' in err
+
+
+def test_another_file_takes_the_place_of_that_in_the_bag(gone, capsys):
+    bag, robot = gone
+    wrong = robot.with_name('wrong') / 'mine.py'
+    wrong.parent.mkdir()
+    wrong.write_text(EXAMPLE.read_text().replace('return 2', 'return 1 // 0'))
+    assert main(['replay', str(bag), '--set', f'custom_robots=[{wrong}]']) == 2
+    err = capsys.readouterr().err
+    assert 'mine: ZeroDivisionError' in err and 'runs the code' not in err
+    robot.write_text(EXAMPLE.read_text())
+    assert main(['replay', str(bag), '--set', f'custom_robots=[{robot}]']) == 0
+    assert 'difference of torques' in capsys.readouterr().out
+
+
+def test_a_robot_that_did_not_run_needs_no_consent(tmp_path, capsys):
+    words = ['--duration', '0.1', '--set', f'custom_robots=[{EXAMPLE}]']
+    assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 0
+    assert main(['rerun', str(tmp_path / 'bag')]) == 0
+    out, err = capsys.readouterr()
+    assert 'identical: 382 messages' in out and 'runs the code' not in err
+
+
+def test_a_bag_recorded_by_hand_holds_the_robot_of_its_controller(gone, tmp_path, capsys):
+    bag, robot = gone
+    robot.write_text(EXAMPLE.read_text())
+    log = run_log.read(bag)
+    parameters = log.config | {'custom_robots': [str(robot)]}
+    nodes = dict.fromkeys(('trajectory', 'plant', 'controller'), parameters)
+    assert by_hand(tmp_path / 'hand', bag, **nodes) == []
+    robot.write_text('raise SystemExit("the file that the bag names is not run")')
+    again = run_log.read(tmp_path / 'hand')
+    assert again.config['robot.tool'] == 3.0 and again.joints == ('motor_x', 'motor_y')
+    assert main(['replay', str(tmp_path / 'hand'), '--trust']) == 0
+    assert 'identical: 101 commands' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('attached', [True, False])
+@pytest.mark.parametrize('command', ['analyze', 'replay', 'rerun', 'report', 'export'])
+def test_a_file_that_a_bag_only_names_is_not_loaded(command, attached, gone, tmp_path):
+    bag, robot = gone
+    mark = tmp_path / 'ran'
+    robot.write_text(f'open({str(mark)!r}, "w")\n' + EXAMPLE.read_text())
+    if not attached:
+        (file,) = bag.glob('*.mcap')
+        data = file.read_bytes()
+        assert b'custom_robots/mine' in data
+        file.write_bytes(data.replace(b'custom_robots/mine', b'custom_robotz/mine'))
+    out = {'report': 'report.html', 'export': 'table.csv'}.get(command)
     module = 'parallel_robot_analysis.command_line'
     done = subprocess.run(
-        [sys.executable, '-m', module, command, str(tmp_path / 'bag')],
+        [
+            sys.executable,
+            '-m',
+            module,
+            command,
+            str(bag),
+            *(['--out', str(tmp_path / out)] if out else []),
+        ],
         capture_output=True,
         text=True,
         cwd=Path(__file__).parents[1],
     )
     assert not mark.exists()
-    assert done.returncode == (0 if command == 'analyze' else 2) and 'Traceback' not in done.stderr
+    runs = command in ('replay', 'rerun')
+    assert done.returncode == (2 if runs else 0) and 'Traceback' not in done.stderr
+    if runs:
+        reason = 'holds the code of the robot mine' if attached else 'does not hold the robot mine'
+        assert reason in done.stderr
+
+
+def test_a_file_that_a_controller_named_is_not_loaded(gone, tmp_path, capsys):
+    bag, robot = gone
+    controller = run_log.read(bag).config | {'custom_robots': [str(robot)]}
+    lines = by_hand(tmp_path / 'hand', bag, plant=controller, controller=controller)
+    assert lines == [f'the robot file {robot} is not on this machine']
+    robot.write_text(f'open({str(tmp_path / "ran")!r}, "w")\n' + EXAMPLE.read_text())
+    capsys.readouterr()
+    for command in ('replay', 'rerun'):
+        assert main([command, str(tmp_path / 'hand'), '--trust']) == 2
+        assert 'does not hold the robot mine' in capsys.readouterr().err
+    assert not (tmp_path / 'ran').exists()

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 from assembly import FAULTS
 from geometry import PAPER_START, PI12_START, legs
+from vectors import on_vectors
 
+from parallel_robot_base.vector_types import as_vectors, vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import Cycle, CycleState, initial_state, run_cycle
 from parallel_robot_control.faults import NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
+from parallel_robot_model.planar_3rrr.constants import constants
 from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
 from parallel_robot_model.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
+from parallel_robot_model.planar_3rrr.posture import posture_at
 
 
 class Situation(NamedTuple):
@@ -27,7 +31,7 @@ class Situation(NamedTuple):
 
     def solve(self, control, memory=None) -> Cycle:
         memory = control.law.memory if memory is None else memory
-        return run_cycle(control.setup, *self, memory, 1e-3)
+        return run_cycle(control.setup, *as_vectors(tuple(self)), memory, 1e-3)
 
 
 @pytest.fixture
@@ -54,10 +58,13 @@ def situation(robot, pose):
 
 def test_torque_is_the_laws_at_the_true_pose(control, robot, pose, situation):
     law, cycle = control.law, situation.solve(control)
-    theta, beta = legs(robot, pose)
-    model = actuated_dynamics(robot, pose[2], theta, beta, situation.velocity)
+    theta = legs(robot, pose)[0]
+    own = constants(robot)
+    posture = posture_at(own, vector(pose))
+    model = actuated_dynamics(own, posture, vector(situation.velocity))
     feedback = Feedback(theta, situation.velocity, np.zeros(3))
-    alone = s_fotsmc.update(law.gains, model, situation.reference, feedback, law.memory, 1e-3)
+    given = (law.gains, model, situation.reference, feedback, law.memory, 1e-3)
+    alone = on_vectors(s_fotsmc.update)(*given)
     assert cycle.state.fault == NONE and np.abs(cycle.state.pose - pose).max() < 1e-12
     assert np.allclose(cycle.torque, alone.torque, rtol=1e-9)
     for after, expected in zip(cycle.memory, alone.memory, strict=True):

@@ -3,21 +3,52 @@
 import numpy as np
 from geometry import ROBOT, kinetic_energy, legs, poses, rows
 from hypothesis import given
+from vectors import OnVectors
 
-from parallel_robot_model.planar_3rrr import locate
-from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics, pose_dynamics
-from parallel_robot_model.planar_3rrr.kinematics import velocity_maps
+from parallel_robot_base.vector_types import vector
+from parallel_robot_model import planar_3rrr
+from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.disturbance import DisturbanceParameters
+from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.joint_load import JointLoad
+from parallel_robot_model.planar_3rrr.constants import constants
+from parallel_robot_model.planar_3rrr.dynamics import (
+    actuated_dynamics,
+    pose_coriolis,
+    pose_inertia,
+)
+from parallel_robot_model.planar_3rrr.posture import posture_at
+from parallel_robot_model.planar_3rrr.velocities import map_rates, rates_of, velocity_maps
 
 STILL = np.zeros(3)
+MODEL = OnVectors(planar_3rrr)
+CONSTANTS = constants(ROBOT)
+FREE = JointLoad(
+    FrictionParameters((0.0,) * 3, (0.0,) * 3, 0.0),
+    DisturbanceParameters((0.0,) * 3, 0.0, (0.0,) * 3),
+)
 
 
 def actuated(pose, theta_dot):
-    return actuated_dynamics(ROBOT, pose[2], *legs(ROBOT, pose), theta_dot)
+    posture = posture_at(CONSTANTS, vector(pose))
+    return actuated_dynamics(CONSTANTS, posture, vector(theta_dot))
+
+
+def pose_dynamics(pose, rate):
+    """M_x, Q_x and H, each shape (3, 3)."""
+    posture = posture_at(CONSTANTS, vector(pose))
+    maps = velocity_maps(CONSTANTS, posture)
+    rates = rates_of(maps, vector(rate))
+    xx, xy, xp, yy, yp, pp = pose_inertia(CONSTANTS, posture, maps)
+    maps_dot = map_rates(CONSTANTS, posture, maps, rates)
+    Q_x = pose_coriolis(CONSTANTS, posture, maps, maps_dot, rates)
+    M_x = np.array([[xx, xy, xp], [xy, yy, yp], [xp, yp, pp]])
+    return M_x, np.array(Q_x), np.column_stack(maps.H)
 
 
 def jacobian(pose):
     """J of Xdot = J thetadot."""
-    return np.linalg.inv(velocity_maps(ROBOT, pose[2], *legs(ROBOT, pose), STILL).H)
+    return np.linalg.inv(pose_dynamics(pose, STILL)[2])
 
 
 def test_check_value_of_equations_md():
@@ -30,16 +61,15 @@ def test_check_value_of_equations_md():
 @given(poses(), rows(2.0))
 def test_inertia_is_symmetric_and_positive_definite(pose, theta_dot):
     M = actuated(pose, theta_dot).M
-    M_x = pose_dynamics(ROBOT, pose[2], *legs(ROBOT, pose), jacobian(pose) @ theta_dot)[0]
+    M_x = pose_dynamics(pose, STILL)[0]
     assert np.array_equal(M, M.T)
-    assert np.allclose(M_x, M_x.T, rtol=1e-13, atol=1e-13 * np.abs(M_x).max())
     assert np.linalg.eigvalsh(M).min() > 0 and np.linalg.eigvalsh(M_x).min() > 0
 
 
 @given(poses(), rows(2.0))
 def test_inertia_gives_the_energy_of_the_bodies(pose, rate):
     theta_dot = np.linalg.solve(jacobian(pose), rate)
-    M_x = pose_dynamics(ROBOT, pose[2], *legs(ROBOT, pose), rate)[0]
+    M_x = pose_dynamics(pose, rate)[0]
     energy = kinetic_energy(ROBOT, pose, rate)
     assert np.isclose(0.5 * rate @ M_x @ rate, energy, rtol=1e-6, atol=1e-9)
     M = actuated(pose, theta_dot).M
@@ -59,7 +89,7 @@ def test_inertia_rate_less_twice_coriolis_is_skew(pose, rate):
 @given(poses(), rows(1.0))
 def test_pose_inertia_rate_less_twice_coriolis_is_skew(pose, rate):
     def matrices(p):
-        return pose_dynamics(ROBOT, p[2], *legs(ROBOT, p), rate)
+        return pose_dynamics(p, rate)
 
     h = 1e-6
     M_dot = (matrices(pose + h * rate)[0] - matrices(pose - h * rate)[0]) / (2 * h)
@@ -74,7 +104,7 @@ def test_coriolis_forces_are_those_of_lagrange(pose, theta_dot):
     h = 1e-5
 
     def inertia(angles):
-        return actuated(locate(ROBOT, angles, pose).pose, STILL).M
+        return actuated(MODEL.locate(ROBOT, angles, pose).pose, STILL).M
 
     slope = [(inertia(theta + d) - inertia(theta - d)) / (2 * h) for d in h * np.eye(3)]
     M_dot = sum(rate * dM for rate, dM in zip(theta_dot, slope, strict=True))
@@ -85,11 +115,12 @@ def test_coriolis_forces_are_those_of_lagrange(pose, theta_dot):
 
 @given(poses(), rows(1.0), rows(1.0))
 def test_both_coordinates_describe_one_motion(pose, rate, acceleration):
-    maps = velocity_maps(ROBOT, pose[2], *legs(ROBOT, pose), rate)
-    theta_dot, theta_ddot = maps.H @ rate, maps.H @ acceleration + maps.H_dot @ rate
-    M_x, Q_x, H, H_dot = pose_dynamics(ROBOT, pose[2], *legs(ROBOT, pose), rate)
-    assert np.array_equal(H, maps.H) and np.array_equal(H_dot, maps.H_dot)
-    M, Q, _ = actuated(pose, theta_dot)
-    torque = M @ theta_ddot + Q @ theta_dot
+    motion = MODEL.joint_motion(ROBOT, PoseMotion(pose, rate, acceleration))
+    M_x, Q_x, H = pose_dynamics(pose, rate)
+    M, Q, _ = actuated(pose, motion.velocity)
+    torque = M @ motion.acceleration + Q @ motion.velocity
     wrench = M_x @ acceleration + Q_x @ rate
     assert np.allclose(H.T @ torque, wrench, rtol=1e-9, atol=1e-9 * np.abs(wrench).max())
+    given_back = MODEL.acceleration(ROBOT, FREE, pose, rate, torque, 0.0)
+    scale = max(1.0, np.abs(np.linalg.solve(M_x, Q_x @ rate)).max())
+    assert np.allclose(given_back, acceleration, rtol=1e-8, atol=1e-9 * scale)

@@ -5,9 +5,12 @@ import pytest
 from geometry import rows
 from hypothesis import given
 from hypothesis import strategies as st
+from vectors import on_vectors
 
-from parallel_robot_model.friction import FrictionParameters, friction_torque
+from parallel_robot_model import friction
+from parallel_robot_model.friction import FrictionParameters
 
+friction_torque = on_vectors(friction.friction_torque)
 PAPER = FrictionParameters((2.5, 2.5, 2.5), (0.5, 0.5, 0.5), 0.0)
 UNEVEN = FrictionParameters((1.0, 2.0, 3.0), (0.1, 0.2, 0.4), 0.0)
 

@@ -18,21 +18,21 @@ from geometry import (
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from vectors import on_vectors
 
 from parallel_robot_base.errors import KinematicsError
-from parallel_robot_base.linear_algebra import determinant, inverse, multiply
+from parallel_robot_base.linear_algebra import cross, dot, multiply, solve
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model import planar_3rrr
 from parallel_robot_model.contract import FOUND
+from parallel_robot_model.planar_3rrr import forward_kinematics as forward
+from parallel_robot_model.planar_3rrr import posture as inverse
+from parallel_robot_model.planar_3rrr import velocities
+from parallel_robot_model.planar_3rrr.constants import constants
+from parallel_robot_model.planar_3rrr.dynamics import inverse_rows
 from parallel_robot_model.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
-    forward_kinematics,
-)
-from parallel_robot_model.planar_3rrr.kinematics import (
-    inverse_kinematics,
-    jacobian_q,
-    jacobian_x,
-    velocity_maps,
 )
 from parallel_robot_model.poses import poses_of
 from parallel_robot_model.robots import RobotModel
@@ -42,6 +42,26 @@ MIRRORED = ROBOT._replace(working_mode=(-1.0, -1.0, -1.0))
 MIXED = ROBOT._replace(working_mode=(1.0, -1.0, 1.0))
 COLLINEAR = ROBOT._replace(base_x=(0.0, 1.0, 0.5), base_y=(0.0, 0.0, 0.0))
 MODES = {'paper': ROBOT, 'mirrored': MIRRORED, 'mixed': MIXED, 'collinear base': COLLINEAR}
+
+
+def inverse_kinematics(robot, pose):
+    return inverse.inverse_kinematics(constants(robot), vector(pose))
+
+
+def forward_kinematics(robot, theta, guess):
+    return forward.forward_kinematics(constants(robot), vector(theta), vector(guess))
+
+
+def posture_at(pose):
+    return inverse.posture_at(constants(ROBOT), vector(pose))
+
+
+def beta_of(found):
+    return np.arctan2(found.posture.sb, found.posture.cb)
+
+
+def matrix(columns):
+    return np.column_stack(columns)
 
 
 @pytest.mark.parametrize('robot', MODES.values(), ids=MODES)
@@ -55,6 +75,7 @@ def test_inverse_kinematics_closes_every_leg_that_reaches(robot, pose):
         if np.abs(np.sin(beta - theta)).min() > 1e-4:
             assert np.abs(wrap(found.theta - theta)).max() < 1e-9
             assert closure(robot, pose, found.theta, found.beta).max() < 1e-12
+            assert np.abs(wrap(found.psi - (beta - theta))).max() < 1e-9
     else:
         assert found.out_of_reach == np.flatnonzero(~reach)[0]
         assert np.array_equal(np.isnan(found.theta), ~reach)
@@ -70,49 +91,75 @@ def test_joint_angles_are_continuous_where_a_leg_points_along_minus_x():
 
 @given(poses(), rows(1.0))
 def test_velocity_maps_are_the_derivatives_of_the_joint_angles(pose, rate):
-    theta, beta = legs(ROBOT, pose)
-    maps = velocity_maps(ROBOT, pose[2], theta, beta, rate)
+    maps = velocities.velocity_maps(constants(ROBOT), posture_at(pose))
     h = 1e-5
     for j, shift in enumerate(h * np.eye(3)):
-        for column, angles in ((maps.H[:, j], 0), (maps.K[:, j], 1)):
+        for column, angles in ((maps.H[j], 0), (maps.K[j], 1)):
             change = legs(ROBOT, pose + shift)[angles] - legs(ROBOT, pose - shift)[angles]
             assert np.allclose(column, wrap(change) / (2 * h), rtol=1e-5, atol=1e-6)
+    rates = velocities.rates_of(maps, vector(rate))
+    assert np.allclose(rates.theta, matrix(maps.H) @ rate, rtol=1e-13, atol=1e-13)
+    assert np.allclose(rates.beta, matrix(maps.K) @ rate, rtol=1e-13, atol=1e-13)
+    assert rates.phi == rate[2]
 
 
 @given(poses(), rows(1.0))
 def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose, rate):
-    def maps(p):
-        return velocity_maps(ROBOT, p[2], *legs(ROBOT, p), rate)
+    robot, h = constants(ROBOT), 1e-6
 
-    h = 1e-6
+    def maps(p):
+        return velocities.velocity_maps(robot, posture_at(p))
+
     here, ahead, behind = maps(pose), maps(pose + h * rate), maps(pose - h * rate)
-    for dot, plus, minus in (
-        (here.H_dot, ahead.H, behind.H),
-        (here.K_dot, ahead.K, behind.K),
-    ):
-        scale = max(1.0, np.abs(dot).max())
-        assert np.abs(dot - (plus - minus) / (2 * h)).max() < 1e-5 * scale
+    rates = velocities.rates_of(here, vector(rate))
+    changes = velocities.map_rates(robot, posture_at(pose), here, rates)
+    apart = velocities.centripetal(robot, posture_at(pose), rates)
+    for columns, plus, minus, rest in zip(changes, ahead, behind, apart, strict=True):
+        change = matrix(columns)
+        scale = max(1.0, np.abs(change).max())
+        assert np.abs(change - (matrix(plus) - matrix(minus)) / (2 * h)).max() < 1e-5 * scale
+        assert np.allclose(change @ rate, rest, rtol=1e-9, atol=1e-11 * scale)
 
 
 @given(poses(), rows(1.0))
 def test_jacobians_relate_the_rates(pose, rate):
-    theta, beta = legs(ROBOT, pose)
-    h = 1e-5
+    robot, posture, h = constants(ROBOT), posture_at(pose), 1e-5
     theta_dot = wrap(legs(ROBOT, pose + h * rate)[0] - legs(ROBOT, pose - h * rate)[0]) / (2 * h)
-    left = jacobian_x(ROBOT, pose[2], beta) @ rate
-    assert np.allclose(left, jacobian_q(ROBOT, theta, beta) * theta_dot, atol=1e-6)
+    left = matrix(velocities.jacobian_x(robot, posture)) @ rate
+    assert np.allclose(left, velocities.jacobian_q(robot, posture) * theta_dot, atol=1e-6)
 
 
 @given(rows(2.0, 9), rows(2.0))
 def test_small_linear_algebra(numbers, x):
     a = numbers.reshape(3, 3) + 5 * np.eye(3)
-    assert np.isclose(determinant(a), np.linalg.det(a), rtol=1e-12)
-    assert np.allclose(inverse(a), np.linalg.inv(a), rtol=1e-10, atol=1e-12)
-    assert np.allclose(multiply(a, x), a @ x, rtol=1e-14, atol=1e-14)
+    *rows, determinant = inverse_rows(velocities.Columns(*map(vector, a.T)))
+    assert np.isclose(determinant, np.linalg.det(a), rtol=1e-12)
+    assert np.allclose(rows, np.linalg.inv(a), rtol=1e-10, atol=1e-12)
+    assert np.allclose(on_vectors(multiply)(a, x), a @ x, rtol=1e-14, atol=1e-14)
+    assert np.array_equal(multiply(a, x), on_vectors(multiply)(a, x))
+    assert np.isclose(on_vectors(dot)(a[0], x), a[0] @ x, rtol=1e-14, atol=1e-14)
+    assert np.allclose(on_vectors(cross)(a[0], x), np.cross(a[0], x), rtol=1e-14, atol=1e-14)
 
 
 def test_a_singular_matrix_has_no_finite_inverse():
-    assert not np.isfinite(inverse(np.ones((3, 3)))).any()
+    one = vector(np.ones(3))
+    *rows, determinant = inverse_rows(velocities.Columns(one, one, one))
+    assert not np.isfinite(rows).any() and determinant == 0.0
+    assert not np.isfinite(on_vectors(solve)(np.zeros((3, 3)), np.ones(3))).any()
+
+
+@pytest.mark.parametrize('n', range(1, 7))
+def test_equations_with_an_inertia_matrix_are_solved(n):
+    """From well to badly conditioned: the residual counts, and only the lower triangle is read."""
+    draw = np.random.default_rng(n).standard_normal
+    for smallest in (1.0, 1e-3, 1e-8):
+        axes = np.linalg.qr(draw((n, n)))[0]
+        a = axes * np.geomspace(smallest, 1.0, n) @ axes.T
+        b = draw(n)
+        x = on_vectors(solve)(np.tril(a), b)
+        assert np.allclose(a @ x, b, atol=1e-12 * np.abs(x).max())
+        assert np.allclose(x, np.linalg.solve(a, b), rtol=1e-13 / smallest)
+        assert np.array_equal(x, solve(np.tril(a), b))
 
 
 @given(poses(), rows(1.0))
@@ -123,7 +170,7 @@ def test_forward_kinematics_inverts_inverse_kinematics(pose, error):
     found = forward_kinematics(ROBOT, theta, guess)
     assert found.status == FOUND
     assert np.abs(found.pose - pose).max() < 1e-9
-    assert np.abs(wrap(found.beta - beta)).max() < 1e-9
+    assert np.abs(wrap(beta_of(found) - beta)).max() < 1e-9
 
 
 @given(poses(), rows(1.0), st.lists(st.integers(-3, 3), min_size=3, max_size=3))
@@ -144,7 +191,7 @@ def test_the_papers_start_has_two_assembly_modes_and_the_guess_decides():
     assert np.abs(near_paper.pose - PAPER_START).max() < 1e-12
     assert np.abs(near_other.pose - other).max() < 5e-3
     for found in (near_paper, near_other):
-        assert closure(ROBOT, found.pose, theta, found.beta).max() < 1e-12
+        assert closure(ROBOT, found.pose, theta, beta_of(found)).max() < 1e-12
 
 
 def scatter(seed):
@@ -196,7 +243,7 @@ def test_a_far_guess_gives_the_pose_continuous_with_it_or_a_failure(pose, shift)
     found = forward_kinematics(ROBOT, theta, guess)
     end, smallest = follow(ROBOT, theta, guess)
     if found.status == FOUND:
-        assert closure(ROBOT, found.pose, theta, found.beta).max() < 1e-9
+        assert closure(ROBOT, found.pose, theta, beta_of(found)).max() < 1e-9
         assert end is not None, f'passed a singularity, {smallest}'
         assert np.abs(found.pose - end).max() < 1e-4
     elif end is not None and smallest > 0.3:  # far from type 2 it must arrive, or be folded

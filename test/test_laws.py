@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from assembly import prepare, simulate
+from scipy.linalg import expm
+from vectors import on_vectors
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, UnknownNameError
@@ -108,6 +110,46 @@ def super_twisting(k, M, Q, r, f, past):
     return M @ (r.acceleration + drive) + Q @ f.velocity
 
 
+def adrc(k, M, Q, r, f, past):
+    """The observer with matrices: A and B by the exponential, its gain by Ackermann's formula."""
+    chain, one = np.diag([1.0, 1.0], 1), np.eye(3)
+    held = expm(DT * np.block([[chain, one[:, 1:2]], [np.zeros((1, 4))]]))
+    A, B, C = held[:3, :3], held[:3, 3], one[0]
+    predictor = np.linalg.matrix_power(A - np.exp(-k['w_o'] * DT) * one, 3) @ np.linalg.solve(
+        np.array([C, C @ A, C @ A @ A]), one[2]
+    )
+    L, z, u = np.linalg.solve(A, predictor), None, np.zeros(3)
+    for r_k, f_k in [*past, (r, f)]:
+        if z is None:
+            z = np.array([f_k.position, f_k.velocity, np.zeros(3)])
+        else:
+            z = A @ z + np.outer(B, u)
+            z = z + np.outer(L, f_k.position - z[0])
+        wanted = np.array([r_k.position, r_k.velocity])
+        u = r_k.acceleration + [k['w_c'] ** 2, 2 * k['w_c']] @ (wanted - z[:2]) - z[2]
+    return M @ u + Q @ f.velocity
+
+
+def tdc(k, M, Q, r, f, past):
+    """The torque as a sum: every sample adds what its acceleration lacked."""
+    torque, last = np.zeros(3), None
+    for r_k, f_k in [*past, (r, f)]:
+        errors = np.array([r_k.position - f_k.position, r_k.velocity - f_k.velocity])
+        wanted = r_k.acceleration + [k['Kp'], k['Kd']] @ errors
+        found = 0.0 if last is None else (f_k.velocity - last) / DT
+        torque, last = torque + k['inertia'] * (wanted - found), f_k.velocity
+    return torque
+
+
+def fixed_time_smc(k, M, Q, r, f, past):
+    """In the source's states x1 = -e, x2 = -e', with the layer in place of its sign."""
+    x1, x2 = f.position - r.position, f.velocity - r.velocity
+    a1, b1, a2, b2 = k['alpha1'], k['beta1'], k['alpha2'], k['beta2']
+    s = x2 + sig(x2 * np.abs(x2) + a1 * x1 + b1 * x1**3, 0.5)
+    u = -(a1 + 3 * b1 * x1**2 + 2 * k['G']) / 2 * sat(s / k['u']) - sig(a2 * s + b2 * s**3, 0.5)
+    return M @ (r.acceleration + u) + Q @ f.velocity
+
+
 FORMULAS = {
     'smc': smc,
     's_smc': lambda k, *a: smc(k, *a, coupling=k['lambda'], K=k['K']),
@@ -138,7 +180,11 @@ FORMULAS = {
         + Q @ f.velocity
     ),
     'super_twisting': super_twisting,
+    'adrc': adrc,
+    'tdc': tdc,
+    'fixed_time_smc': fixed_time_smc,
 }
+WITHOUT_MODEL = ('pid', 'tdc')
 CASES = [(name, {}) for name in LAWS] + [('nftsmc', {'nftsmc.form': 'classical'})]
 
 
@@ -162,8 +208,11 @@ def test_torque_of_every_sample_is_that_of_the_formula(law, changed, size):
         M, Q, gravity = root @ root.T + np.eye(3), draw((3, 3)), draw(3)
         r = JointReference(*draw((3, 3)))
         f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))), np.zeros(3))
-        wanted = FORMULAS[law](k, M, Q, r, f, past) + (gravity if law != 'pid' else 0.0)
-        found = LAWS[law].update(prepared.gains, Model(M, Q, gravity), r, f, memory, DT)
+        wanted = FORMULAS[law](k, M, Q, r, f, past) + (
+            gravity if law not in WITHOUT_MODEL else 0.0
+        )
+        model = Model(M, Q, gravity)
+        found = on_vectors(LAWS[law].update)(prepared.gains, model, r, f, memory, DT)
         assert np.allclose(found.torque, wanted, rtol=1e-9, atol=1e-9)
         memory = found.memory
         past.append((r, f))

@@ -5,12 +5,15 @@ import pytest
 from assembly import make_plant, open_loop
 from geometry import PAPER_START, PI12_START, closure, kinetic_energy, legs, wrap
 from mujoco_robot import open_loop as mujoco_open_loop
+from vectors import OnVectors, on_vectors
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_model.planar_3rrr import measure
+from parallel_robot_base.vector_types import as_vectors
+from parallel_robot_model import planar_3rrr
 from parallel_robot_sim import plant
 
+measure = OnVectors(planar_3rrr).measure
 FREE = {'friction.viscous': [0.0] * 3, 'friction.coulomb': [0.0] * 3}
 FINE = {'plant.integrator': 'rk4', 'plant.substeps': 10}
 
@@ -53,12 +56,12 @@ def motion(values, state, torque, period, count):
     setup, _ = make_plant(values)
     states = [state]
     for _ in range(count):
-        states.append(plant.step(setup, states[-1], torque, period))
+        states.append(on_vectors(plant.step)(setup, states[-1], torque, period))
     return states
 
 
 def moving(rate, start=PAPER_START):
-    return plant.PlantState(start.copy(), np.array(rate), np.zeros(3))
+    return as_vectors(plant.PlantState(start, np.array(rate), np.zeros(3), 0.0))
 
 
 def test_energy_stays_without_torque_and_friction(robot):

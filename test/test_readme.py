@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from parallel_robot_analysis.command_line import build_parser
-from parallel_robot_base import config, topics
+from parallel_robot_base import assignments, config, topics
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()
@@ -37,7 +37,7 @@ def test_make_targets_exist(command):
 def test_commands_of_the_command_line_parse_and_their_keys_resolve(command):
     arguments = build_parser().parse_args(shlex.split(command)[1:])
     if 'scenario' in arguments:
-        config.resolve(arguments.scenario, config.parse_overrides(arguments.assignments))
+        config.resolve(arguments.scenario, assignments.parse(arguments.assignments))
 
 
 @pytest.mark.parametrize('command', [c for c in COMMANDS if c.startswith('ros2 run')])
@@ -48,7 +48,7 @@ def test_executables_exist_and_their_parameters_resolve(command):
         return
     assert (ROOT / 'scripts' / words[3]).is_file()
     given = [word.replace(':=', '=') for word in words if ':=' in word]
-    config.resolve('paper_circle', config.parse_overrides(given))
+    config.resolve('paper_circle', assignments.parse(given))
 
 
 @pytest.mark.parametrize(('page', 'target'), LINKS)

@@ -123,7 +123,7 @@ def test_by_hand_the_laws_of_a_controller_are_attached(launch, peer, tmp_path):
     line = f'/controller: the law file {gone} is not on this machine; the bag does not hold this'
     peer.until(lambda: line in process.stderr)
     assert process.end(signal.SIGINT) == 0 and process.stderr.count(str(gone)) == 1
-    assert history.read(tmp_path / 'bag').laws == {'my_law': law.read_bytes()}
+    assert history.read(tmp_path / 'bag').sources['custom_laws'] == {'my_law': law.read_bytes()}
     controller.destroy_node()
 
 

@@ -13,7 +13,7 @@ from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.commands import rerun, run
 from parallel_robot_bags import history, limits, run_log
 from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.record_names import MISSING_LAWS
+from parallel_robot_bags.record_names import MISSING
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_base import config, topics
 from parallel_robot_base.loop import LoopParameters
@@ -41,14 +41,14 @@ def test_a_simulation_with_changed_values_comes_out_the_same(tmp_path, capsys):
 def test_a_law_of_ones_own_comes_from_the_bag(law, tmp_path, capsys):
     words = ['--set', f'custom_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
     bag = simulated(tmp_path / 'bag', *words)
-    assert history.read(bag).laws == {'my_law': EXAMPLE.read_bytes()}
+    assert history.read(bag).sources['custom_laws'] == {'my_law': EXAMPLE.read_bytes()}
     law.unlink()
     assert main(['rerun', str(bag), '--trust', '--out', str(tmp_path / 'again')]) == 0
     assert main(['replay', str(bag), '--trust']) == 0
     out, err = capsys.readouterr()
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of my_law' in err
-    assert history.read(tmp_path / 'again').laws == history.read(bag).laws
+    assert history.read(tmp_path / 'again').sources == history.read(bag).sources
 
 
 def by_hand(directory, bag, **parameters):
@@ -85,14 +85,16 @@ def test_a_bag_recorded_by_hand_holds_the_law_of_its_controller(law, tmp_path, c
             == []
         )
     law.unlink()
-    assert history.read(tmp_path / 'first').laws == {'my_law': EXAMPLE.read_bytes()}
+    assert history.read(tmp_path / 'first').sources['custom_laws'] == {
+        'my_law': EXAMPLE.read_bytes()
+    }
     assert main(['replay', str(tmp_path / 'first'), '--trust']) == 0
     assert 'identical: 101 commands' in capsys.readouterr().out
 
 
 def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
     bag, odd = simulated(tmp_path / 'bag'), law.with_name('odd.py')
-    law.write_bytes(bytes(limits.LAW + 1))
+    law.write_bytes(bytes(limits.SOURCE + 1))
     odd.mkdir()
     os.mkfifo(law.with_name('waits.py'))
     files = ['my_law.py', str(law), str(law.with_name('gone.py')), str(odd), str(EXAMPLE),
@@ -101,12 +103,14 @@ def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
     assert len(lines) == len(files) - 1 and not any('\n' in line for line in lines)
     assert f'{law} has more than 1048576 bytes' in lines[1]
     assert all('is not on this machine' in line for line in (lines[0], *lines[2:]))
-    assert history.read(tmp_path / 'hand').laws == {'example_law': EXAMPLE.read_bytes()}
+    assert history.read(tmp_path / 'hand').sources['custom_laws'] == {
+        'example_law': EXAMPLE.read_bytes()
+    }
     with (tmp_path / 'hand' / 'hand_0.mcap').open('rb') as stream:
         notes = [
             record.metadata
             for record in make_reader(stream).iter_metadata()
-            if record.name == MISSING_LAWS
+            if record.name == MISSING['custom_laws']
         ]
     assert [*{key: text for note in notes for key, text in note.items()}.values()] == lines
     strange = {'text': 'abc', 'number': 7, 'many': [str(EXAMPLE), *['/x.py'] * 10_000]}
@@ -151,6 +155,7 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
     assert changed == {
         'duration': 0.1, 'line.duration': 5.0, 'true_robot.m1': 6.0, 'robot.m1': 5.0,
         'law': 'my_law', 'my_law.Kp': 700.0, 'smc.z': 21.0,
+        'robot_model': 'planar_3rrr', 'custom_robots': [],
     }  # fmt: skip
     assert other['duration'] == 7.0
     assert 'bytes cannot be compared' in capsys.readouterr().out

@@ -6,14 +6,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from vectors import OnVectors, on_vectors
 
 from parallel_robot_base.fields import build, parameters
 from parallel_robot_model.contract import FOUND, REACHED, PoseMotion
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.joint_load import JointLoad, net_torque
-from parallel_robot_model.robots import ROBOTS
+from parallel_robot_model.robots import ROBOTS as MODULES
 
+ROBOTS = {name: OnVectors(module) for name, module in MODULES.items()}
 CONFIG = Path(__file__).parents[1] / 'config'
 FILES = sorted(CONFIG.glob('robots/*.yaml'))
 H = 1e-5  # s, of central differences
@@ -194,7 +196,7 @@ def test_plant_and_model_describe_one_machine(case):
         acceleration = (ahead.velocity - behind.velocity) / (2 * H)
         model = estimate(case, here).model
         needed = model.M @ acceleration + model.Q @ here.velocity + model.gravity
-        given = net_torque(case.load, torque, here.velocity, time)
+        given = on_vectors(net_torque)(case.load, torque, here.velocity, time)
         assert np.abs(torque - given).max() > 0.1  # the load is felt
         assert np.allclose(needed, given, atol=1e-6)
 

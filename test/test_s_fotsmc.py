@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from vectors import on_vectors
 
 from parallel_robot_base import config
+from parallel_robot_base.vector_types import as_arrays
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.integral import advanced
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.contract import Model
 
+update = on_vectors(s_fotsmc.update)
 GAINS = config.group(config.resolve('paper_circle'), s_fotsmc.Gains, 's_fotsmc')
 
 
@@ -49,7 +52,7 @@ def play(gains, reference, feedback, M, Q, dt):
     memory = s_fotsmc.initial_memory(reference.shape[2])
     torques, sliding = [], []
     for k in range(reference.shape[1]):
-        out = s_fotsmc.update(
+        out = update(
             gains, Model(M[k], Q[k], np.zeros(len(M[k]))), JointReference(*reference[:, k]),
             Feedback(*feedback[:, k], np.zeros(reference.shape[2])), memory, dt,
         )  # fmt: skip
@@ -114,7 +117,7 @@ def test_switching_integrates_the_sign_of_the_step_of_v():
     torque, _, memory = play(gains, reference, np.zeros((2, 8, 2)), eye, 0 * eye, 0.1)
     switched = 0.1 * 10.01 * np.concatenate([[0], np.cumsum(steps)])[:, None] * [1.0, -1.0]
     assert np.allclose(torque, switched[:-1], atol=1e-12)
-    assert np.allclose(advanced(memory.switching, 0.1), switched[-1], atol=1e-12)
+    assert np.allclose(on_vectors(advanced)(memory.switching, 0.1), switched[-1], atol=1e-12)
 
 
 def test_no_error_needs_only_the_torque_of_the_motion():
@@ -134,19 +137,23 @@ def test_torque_drives_the_error_down():
     )
     for _ in range(8000):
         feedback = Feedback(theta, rate, np.zeros(3))
-        out = s_fotsmc.update(GAINS, model, desired, feedback, memory, 1e-3)
+        out = update(GAINS, model, desired, feedback, memory, 1e-3)
         memory, rate = out.memory, rate + 1e-3 * out.torque
         theta = theta + 1e-3 * rate
     assert np.abs(theta).max() < 1e-5
 
 
-def test_an_update_changes_nothing_that_it_was_given():
+def test_with_arrays_an_update_has_the_same_bits_and_changes_nothing_that_it_was_given():
     reference, feedback, M, Q = random_run(3, count=2)
-    memory = s_fotsmc.initial_memory(3)._replace(started=1.0)
+    memory = as_arrays(s_fotsmc.initial_memory(3)._replace(started=1.0))
     feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]))
     given = (Model(M[0], Q[0], np.zeros(3)), JointReference(*reference[:, 0]), feedback)
     copies = [[array.copy() for array in group] for group in given]
-    s_fotsmc.update(GAINS, *given, memory, 1e-3)
+    out = s_fotsmc.update(GAINS, *given, memory, 1e-3)
+    assert type(out.torque) is np.ndarray
     for group, copy in zip(given, copies, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(group, copy, strict=True))
     assert not np.any(memory.v) and not any(np.any(integral) for integral in memory[:3])
+    expected = update(GAINS, *given, memory, 1e-3)
+    assert np.array_equal(out.torque, expected.torque)
+    assert np.array_equal(out.sliding_variable, expected.sliding_variable)

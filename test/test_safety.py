@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 from rig import MS, Rig
+from vectors import on_vectors
 
 from parallel_robot_base import config
-from parallel_robot_control import controller as module
+from parallel_robot_control import controller, controller_state, safety
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
@@ -37,7 +38,6 @@ from parallel_robot_control.safety import (
     RATE,
     TORQUE,
     Last,
-    limit_torque,
 )
 from parallel_robot_model.planar_3rrr.forward_kinematics import NOT_CONVERGED
 from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2
@@ -45,6 +45,7 @@ from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md
 NARROW = {'safety.torque_limit': [100.0] * 3, 'safety.torque_rate': [60_000.0] * 3}
+limit_torque = on_vectors(safety.limit_torque)
 LIMITS = assemble(configure(config.resolve('paper_circle', NARROW))).setup.limits
 
 
@@ -278,9 +279,10 @@ def test_a_fault_survives_a_new_run_of_the_plant(jump):
 def clock(monkeypatch):
     """Wall time of the controller, in s, as the test sets it."""
     now = SimpleNamespace(time=100.0)
-    monkeypatch.setattr(
-        module, 'time', SimpleNamespace(monotonic_ns=lambda: round(1e9 * now.time))
-    )
+    for module in (controller, controller_state):
+        monkeypatch.setattr(
+            module, 'time', SimpleNamespace(monotonic_ns=lambda: round(1e9 * now.time))
+        )
     return now
 
 

@@ -5,15 +5,17 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from vectors import OnVectors, on_vectors
 
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import build
-from parallel_robot_model import serial_2r
+from parallel_robot_model import serial_2r as module
 from parallel_robot_model.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.joint_load import JointLoad
 
+serial_2r = OnVectors(module)
 ARM = serial_2r.Parameters(
     l1=0.35, l2=0.28, lc1=0.15, lc2=0.11, m1=3.0, m2=2.2, mp=0.7, I1=0.03, I2=0.015,
     gravity=9.81, elbow=1.0,
@@ -139,7 +141,7 @@ def test_inertia_rate_less_twice_coriolis_is_skew(side):
 def test_torque_of_the_model_gives_the_acceleration_it_was_asked_for(side):
     wanted = np.array([2.0, -3.0])
     for q, qd in zip(postures(side), rows(30, -3.0, 3.0, 1), strict=True):
-        torque = inverse_dynamics(model(q, qd, side), wanted, qd)
+        torque = on_vectors(inverse_dynamics)(model(q, qd, side), wanted, qd)
         given = serial_2r.acceleration(ARM, NO_LOAD, q, qd, torque, 0.0)
         assert np.allclose(given, wanted, rtol=1e-10)
 

@@ -6,8 +6,17 @@ from geometry import ROBOT, jacobian, legs, poses
 from hypothesis import given
 from scipy.optimize import brentq
 
-from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics
-from parallel_robot_model.planar_3rrr.singularity import condition_numbers, measures
+from parallel_robot_base.vector_types import vector
+from parallel_robot_model.planar_3rrr import singularity
+from parallel_robot_model.planar_3rrr.constants import constants
+from parallel_robot_model.planar_3rrr.posture import inverse_kinematics, posture_at
+from parallel_robot_model.planar_3rrr.singularity import condition_numbers
+
+CONSTANTS = constants(ROBOT)
+
+
+def measures(pose):
+    return singularity.measures(CONSTANTS, posture_at(CONSTANTS, vector(pose)))
 
 
 def on_circle(phi):
@@ -21,8 +30,8 @@ def on_circle(phi):
 )
 def test_figures_of_the_papers_circle(phi, sine, condition):
     circle = on_circle(phi)
-    found = [inverse_kinematics(ROBOT, pose) for pose in circle]
-    sines = [measures(ROBOT, phi, leg.theta, leg.beta).type_1 for leg in found]
+    found = [inverse_kinematics(CONSTANTS, vector(pose)) for pose in circle]
+    sines = [measures(pose).type_1 for pose in circle]
     conditions = condition_numbers(ROBOT, circle[:, 2], np.array([leg.beta for leg in found]))
     assert abs(min(sines) - sine) < 0.005
     assert abs(max(conditions) - condition) < 0.005
@@ -31,7 +40,7 @@ def test_figures_of_the_papers_circle(phi, sine, condition):
 @given(poses(0.05))
 def test_measures_are_sine_and_determinant(pose):
     theta, beta = legs(ROBOT, pose)
-    found = measures(ROBOT, pose[2], theta, beta)
+    found = measures(pose)
     sines = np.abs(np.sin(beta - theta))
     singular = np.linalg.svd(jacobian(ROBOT, pose), compute_uv=False)
     assert np.isclose(found.type_1, sines.min(), rtol=1e-12) and found.leg == sines.argmin()
@@ -45,13 +54,12 @@ def test_type_2_vanishes_where_the_lines_of_the_distal_links_meet():
         return np.linalg.det(jacobian(ROBOT, [0.5, 0.3, phi]))
 
     phi = brentq(side, -np.pi / 2, 0.5)
-    assert measures(ROBOT, phi, *legs(ROBOT, [0.5, 0.3, phi])).type_2 < 1e-12
+    assert measures([0.5, 0.3, phi]).type_2 < 1e-12
 
 
 def test_the_stretched_leg_is_named():
     corner = ROBOT.l3 * np.exp(1j * ROBOT.platform_angle[1])
     target = 1.0 + 0.99999 * np.exp(2.3j) - corner  # leg 2, one hundredth of a millimetre short
     pose = np.array([target.real, target.imag, 0.0])
-    theta, beta = legs(ROBOT, pose)
-    found = measures(ROBOT, 0.0, theta, beta)
-    assert np.isfinite(theta).all() and found.leg == 1 and found.type_1 < 0.02
+    found = measures(pose)
+    assert np.isfinite(legs(ROBOT, pose)[0]).all() and found.leg == 1 and found.type_1 < 0.02

@@ -169,6 +169,18 @@ def test_the_screen_shows_what_is_known(robots):
         assert shown in text, text
 
 
+def test_a_robot_without_poses_has_no_panel_for_them(robots):
+    def titled():
+        return any('end-effector error' in line for line in drawn(robots, '/left'))
+
+    assert not titled()
+    robots['/left'].pose(1, 3e-6, 4e-6)
+    robots.look(0.0)
+    assert titled()
+    robots.look(0.5)  # also when no more poses come
+    assert titled()
+
+
 def test_nothing_hostile_reaches_the_terminal(robots):
     nasty = '\x1b[2J[bold]\r\n' + 'x' * 5000
     report(robots, '/left/plant', text=nasty, **{'rate [Hz]': nasty, 'state': nasty})

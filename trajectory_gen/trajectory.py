@@ -13,6 +13,8 @@ from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import inlined, kernel
+from parallel_robot_base.vector_select import read_row, write_row
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
 from trajectory_gen import circle, hold, line, move
@@ -101,7 +103,8 @@ class Trajectory:
                 f'trajectory.shape {name} has {given} coordinates; the pose of '
                 f'{self.robot.name} has {self._size}: {names}'
             )
-        still = PoseMotion(*np.zeros((3, self._size)))
+        self._pose = vector(np.zeros(self._size))
+        still = PoseMotion(self._pose, self._pose, self._pose)
         self._joints = self.robot.kernel('joint_motion', still)
 
     def sample(self, times: Any) -> Reference:
@@ -114,8 +117,8 @@ class Trajectory:
             Pose and joints with two analytic derivatives each; NaN where the robot does not reach.
         """
         grid = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        robot = self.robot.parameters
-        return _sample(self._motion, self._joints, self.shape, robot, self._size, grid)
+        robot = self.robot.constants
+        return _sample(self._motion, self._joints, self.shape, robot, self._pose, grid)
 
 
 def first_pose(values: Mapping[str, Any]) -> Array:
@@ -125,12 +128,12 @@ def first_pose(values: Mapping[str, Any]) -> Array:
 
 @kernel
 def _sample(
-    motion: Any, joint_motion: Any, shape: Any, robot: Any, size: int, times: Array
+    motion: Any, joint_motion: Any, shape: Any, robot: Any, like: Array, times: Array
 ) -> Reference:
-    """Pose and joints at every time."""
-    first = _at(motion, shape, size, 0.0)
+    """Pose and joints at every time; `like` is any pose."""
+    first = _at(motion, shape, like, 0.0)
     joints = joint_motion(robot, first)
-    count, n, p = len(times), len(joints.position), len(joints.passive)
+    count, size, n, p = len(times), len(like), len(joints.position), len(joints.passive)
     pose = np.empty((count, size))
     pose_rate = np.empty((count, size))
     pose_acceleration = np.empty((count, size))
@@ -140,18 +143,15 @@ def _sample(
     passive = np.empty((count, p))
     out_of_reach = np.empty(count, dtype=np.int64)
     for k in range(count):
-        desired = _at(motion, shape, size, times[k])
+        desired = _at(motion, shape, like, times[k])
         joints = joint_motion(robot, desired)
-        for i in range(size):
-            pose[k, i] = desired.pose[i]
-            pose_rate[k, i] = desired.rate[i]
-            pose_acceleration[k, i] = desired.acceleration[i]
-        for i in range(n):
-            position[k, i] = joints.position[i]
-            velocity[k, i] = joints.velocity[i]
-            acceleration[k, i] = joints.acceleration[i]
-        for i in range(p):
-            passive[k, i] = joints.passive[i]
+        write_row(pose, k, desired.pose)
+        write_row(pose_rate, k, desired.rate)
+        write_row(pose_acceleration, k, desired.acceleration)
+        write_row(position, k, joints.position)
+        write_row(velocity, k, joints.velocity)
+        write_row(acceleration, k, joints.acceleration)
+        write_row(passive, k, joints.passive)
         out_of_reach[k] = joints.out_of_reach
     return Reference(
         pose,
@@ -166,7 +166,11 @@ def _sample(
 
 
 @inlined
-def _at(motion: Any, shape: Any, size: int, time: float) -> PoseMotion:
-    """Motion at a time, its first `size` coordinates: a robot in a plane may not have phi."""
+def _at(motion: Any, shape: Any, like: Array, time: float) -> PoseMotion:
+    """Motion at a time, as many coordinates as `like`: a robot in a plane may not have phi."""
     full = motion(shape, time)
-    return PoseMotion(full.pose[:size], full.rate[:size], full.acceleration[:size])
+    return PoseMotion(
+        read_row(full.pose, 0, like),
+        read_row(full.rate, 0, like),
+        read_row(full.acceleration, 0, like),
+    )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-BOUND = 1e-4  # m, platform error below which the loop is well
+BOUND = 1e-4  # m, end-effector error below which the loop is well
 QUIET = 0.5  # s, for which it must stay there
 
 
@@ -43,7 +43,7 @@ class Outcome(NamedTuple):
     Attributes:
         fault: What was done.
         reaction: What the controller and the plant did about it.
-        worst: Largest platform error from the beginning of the fault to the recovery [m].
+        worst: Largest end-effector error from the beginning of the fault to the recovery [m].
         recovery: Time from the end of the fault until the error stays below BOUND for QUIET
             seconds [s]; None when it does not.
         torque: Largest torque of any joint [N m].

@@ -61,7 +61,7 @@ def soak(found: Soak) -> str:
         f'| rate by the clock of the recorder | {found.rate:.3f} of {found.nominal:g} 1/s |',
         f'| states answered | {found.answered} |',
         f'| messages missing, known to be lost | {found.missing}, {found.lost} |',
-        f'| platform error over the second half, rms | {length(found.rms)} |',
+        f'| end-effector error over the second half, rms | {length(found.rms)} |',
     ]
     for name, memory in found.memory.items():
         grown = f'{memory.growth / 2**20:+.2f} MB'

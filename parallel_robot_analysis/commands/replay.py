@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,12 @@ from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_bags.trust import add_trust_argument, custom_laws
-from parallel_robot_base import config
+from parallel_robot_bags.trust import add_trust_argument, custom_files
+from parallel_robot_base import assignments, config
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_control.configuration import available, configure, custom_defaults
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.robots import is_known
 
 # Beginnings of keys on which torques depend, beside those of the laws.
 USED = ('law', 'custom_laws', 'custom_robots', 'robot', 'safety', 'controller')
@@ -44,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    changes = config.renamed(config.parse_overrides(arguments.assignments))
+    changes = config.renamed(assignments.parse(arguments.assignments))
     if arguments.law is not None:
         changed_law = changes.setdefault('law', arguments.law)
         if changed_law != arguments.law:
@@ -59,15 +61,21 @@ def execute(arguments: argparse.Namespace) -> int:
     if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
         raise BagError(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:
-        laws = changes.get('custom_laws', [])
-        if 'custom_laws' not in changes and changes.get('law') not in LAWS:
-            laws = custom_laws(bag, past.laws, Path(directory), arguments.trust)
-        values = configuration(log, past, laws, changes)
+        needed = {key: found for key, found in past.sources.items() if key not in changes}
+        if changes.get('law') in LAWS:
+            needed.pop('custom_laws', None)
+        robot = str(log.config['robot_model'])
+        files = custom_files(bag, needed, robot, Path(directory), arguments.trust)
+        values = configuration(log, past, files, changes)
         law = str(values['law'])
         if law not in available(values) and not changes:
             what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
             raise BagError(
                 f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
+            )
+        if not is_known(values):
+            raise BagError(
+                f'{bag} does not hold the robot {robot}; --set custom_robots=[FILE] adds one'
             )
         figure = arguments.figure
         if changes and figure is None:
@@ -88,27 +96,27 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def configuration(
-    log: RunLog, past: History, laws: list[str], changes: dict[str, Any]
+    log: RunLog, past: History, files: Mapping[str, list[str]], changes: dict[str, Any]
 ) -> dict[str, Any]:
     """Configuration of a bag's controller at the first state, with changes.
 
     Args:
         log: The run.
         past: What happened beside the motion.
-        laws: Files of custom laws; those that the bag only names are not loaded.
+        files: Custom laws and robots by key; files that the bag only names are not loaded.
         changes: Key to value.
 
     Raises:
         InputError: a key does not exist, is not one of the controller, or its value is wrong.
     """
-    known = log.config | {'custom_laws': []}
-    values = config.changed(known, {'custom_laws': laws}, custom_defaults)
+    known = log.config | {key: [] for key in config.CUSTOM}
+    values = config.changed(known, files, custom_defaults)
     for node, parameters in past.parameters.items():
         if node.endswith('/controller'):
             values |= {
                 key: value
                 for key, value in parameters.items()
-                if key in values and key != 'custom_laws'
+                if key in values and key not in config.CUSTOM
             }
     values = config.changed(values, changes, custom_defaults)
     for key in changes:

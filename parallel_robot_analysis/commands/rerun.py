@@ -16,12 +16,13 @@ from parallel_robot_bags.experiment import SIMULATION, software
 from parallel_robot_bags.history import History
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
-from parallel_robot_bags.trust import add_trust_argument, custom_laws
+from parallel_robot_bags.trust import add_trust_argument, custom_files
 from parallel_robot_base import config
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
+from parallel_robot_model.robots import is_known
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own
@@ -55,8 +56,11 @@ def execute(arguments: argparse.Namespace) -> int:
         )
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
-        laws = custom_laws(bag, past.laws, Path(directory), arguments.trust)
-        values = {**log.config, 'custom_laws': laws}
+        robot = str(log.config['robot_model'])
+        files = custom_files(bag, past.sources, robot, Path(directory), arguments.trust)
+        values = log.config | files
+        if not is_known(values):
+            raise BagError(f'{bag} does not hold the robot {robot}')
         values = custom_defaults(values) | values  # a recorder started by hand has no gains
         if values['law'] not in available(values):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
@@ -91,12 +95,12 @@ def changes(values: dict[str, Any]) -> dict[str, Any]:
     """What of a recorded configuration its scenario alone does not give.
 
     Raises:
-        InputError: its scenario does not exist, or a custom law is not valid.
+        InputError: its scenario does not exist, or a custom law or robot is not valid.
     """
-    laws = {'custom_laws': values['custom_laws']}
-    known = resolve(str(values['scenario']), laws)
-    left = {'custom_laws', 'preset', *run.OWN}
-    return laws | {
+    modules = {key: values[key] for key in ('robot_model', *config.CUSTOM)}
+    known = resolve(str(values['scenario']), modules)
+    left = {*modules, 'preset', *run.OWN}
+    return modules | {
         key: value
         for key, value in values.items()
         if key in known and key not in left and known[key] != value

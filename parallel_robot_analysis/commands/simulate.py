@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot_analysis import metrics, readable_metrics
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
-from parallel_robot_base import config
+from parallel_robot_base import assignments
 from parallel_robot_base.errors import ParallelRobotError, RunError, first_line
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
@@ -66,7 +66,7 @@ def add_set_argument(parser: argparse.ArgumentParser) -> None:
 
 def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the arguments change in the configuration."""
-    changed = config.parse_overrides(arguments.assignments)
+    changed = assignments.parse(arguments.assignments)
     if getattr(arguments, 'law', None) is not None:
         changed['law'] = arguments.law
     if arguments.duration is not None:

@@ -60,8 +60,8 @@ class Robot:
         law: The active law; empty while it is not known.
         fault: Text of the fault, 'none', or empty.
         limits: The limits that acted, 'none', or empty.
-        error: Error of the end effector between the last two looks; None when there were no
-            poses, which only robots that move in a plane publish.
+        planar: Whether poses were ever heard: only robots that move in a plane publish them.
+        error: Error of the end effector between the last two looks; None when there were no poses.
         history: Root mean squares of earlier looks [m], the newest last; NaN without poses.
     """
 
@@ -69,6 +69,7 @@ class Robot:
         """Begin without any knowledge."""
         self.nodes: dict[str, Report] = {}
         self.law = self.fault = self.limits = ''
+        self.planar = False
         self.error: EffectorError | None = None
         self.history: deque[float] = deque(maxlen=HISTORY)
         self._poses: deque[Point] = deque(maxlen=UNPAIRED)
@@ -100,6 +101,7 @@ class Robot:
 
     def pose(self, stamp: int, x: float, y: float) -> None:
         """Take the position of the end effector [m] at a stamp [ns]."""
+        self.planar = True
         _append(self._poses, Point(stamp, x, y))
 
     def pose_reference(self, stamp: int, x: float, y: float) -> None:

@@ -59,12 +59,10 @@ def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> G
     middle.add_column(ratio=1)
     middle.add_column(width=36)
     middle.add_row(framed('loop', loop(robot), 7), framed('times', times(robot), 7))
-    return Group(
-        title,
-        framed('nodes', nodes(robot, now)),
-        middle,
-        framed('end-effector error', error(robot, width - 4)),
-    )
+    parts: list[RenderableType] = [title, framed('nodes', nodes(robot, now)), middle]
+    if robot.planar:
+        parts.append(framed('end-effector error', error(robot, width - 4)))
+    return Group(*parts)
 
 
 def nodes(robot: Robot, now: float) -> Table:

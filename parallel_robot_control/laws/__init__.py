@@ -5,7 +5,9 @@ from __future__ import annotations
 from parallel_robot_control.contract import Law
 from parallel_robot_control.laws import (
     adaptive_s_fotsmc,
+    adrc,
     computed_torque,
+    fixed_time_smc,
     fotsmc,
     nftsmc,
     pid,
@@ -15,6 +17,7 @@ from parallel_robot_control.laws import (
     smc,
     smc_k,
     super_twisting,
+    tdc,
 )
 
 LAWS: dict[str, Law] = {
@@ -33,4 +36,8 @@ LAWS: dict[str, Law] = {
     # extensions
     'adaptive_s_fotsmc': adaptive_s_fotsmc,
     's_fotsmc_ft': s_fotsmc_ft,
+    # rivals that estimate the disturbance, or settle in fixed time
+    'adrc': adrc,
+    'tdc': tdc,
+    'fixed_time_smc': fixed_time_smc,
 }

@@ -8,6 +8,7 @@ import numpy as np
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import select
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.contract import Model
@@ -67,11 +68,7 @@ def update(
     """
     output = _without_switching(gains, model, reference, feedback, memory, dt)
     S = output.sliding_variable
-    rate = np.empty(len(S))
-    for i in range(len(S)):
-        left = 1.0 - abs(S[i]) / gains.width
-        G = gains.G_max
-        if left > 0.0:
-            G = min(gains.G_max, gains.slope * abs(S[i]) / left)
-        rate[i] = G * np.sign(S[i])
-    return _switched(output, rate, feedback.excess)
+    left = 1.0 - np.abs(S) / gains.width
+    barrier = gains.slope * np.abs(S) / left
+    G = select((left > 0.0) & (barrier < gains.G_max), barrier, gains.G_max)
+    return _switched(output, G * np.sign(S), feedback.excess)

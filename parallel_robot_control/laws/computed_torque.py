@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_types import vector
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model, inverse_dynamics
 
@@ -24,7 +25,7 @@ class Gains(NamedTuple):
 
 def initial_memory(joints: int) -> Array:
     """Empty: the law has no memory."""
-    return np.zeros(0)
+    return vector(())
 
 
 @kernel

@@ -83,7 +83,7 @@ class Memory(NamedTuple):
 def initial_memory(joints: int) -> Memory:
     """All integrals zero; tau_sw(0) = 0."""
     zero = zero_integral(joints)
-    return Memory(zero, zero, zero, np.zeros(joints), 0.0)
+    return Memory(zero, zero, zero, zero.value, 0.0)
 
 
 @kernel
@@ -134,7 +134,7 @@ def with_coupling(
     after = Memory(
         Integral(integral, unless_any_saturated(De, feedback.excess)),
         Integral(surface, w),
-        Integral(tau_sw, np.zeros(len(e))),
+        Integral(tau_sw, np.zeros_like(e)),
         v,
         1.0,
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import select
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.switching_functions import sig
@@ -37,42 +38,25 @@ class Gains(NamedTuple):
 @kernel
 def _edges(error: Array) -> Array:
     """e_i - e_(i+1) around the ring, shape (n,)."""
-    n = len(error)
-    result = np.empty(n)
-    for i in range(n):
-        result[i] = error[i] - error[(i + 1) % n]
-    return result
+    return error - np.roll(error, -1)
 
 
 @kernel
 def _gather(edge: Array) -> Array:
     """edge_i - edge_(i-1), shape (n,); its sum is zero whatever the edges are."""
-    result = np.empty(len(edge))
-    for i in range(len(edge)):
-        result[i] = edge[i] - edge[i - 1]
-    return result
+    return edge - np.roll(edge, 1)
 
 
 @kernel
 def _root(x: Array, p: float, clip: float) -> Array:
     """sig(x, p), linear where |x| < clip so that its slope stays finite, shape (n,)."""
-    result = sig(x, p)
-    for i in range(len(x)):
-        if abs(x[i]) < clip:
-            result[i] = clip ** (p - 1.0) * x[i]
-    return result
+    return select(np.abs(x) < clip, clip ** (p - 1.0) * x, sig(x, p))
 
 
 @kernel
 def _root_slope(x: Array, p: float, clip: float) -> Array:
     """Derivative of :func:`_root`, shape (n,)."""
-    result = np.empty(len(x))
-    for i in range(len(x)):
-        if abs(x[i]) < clip:
-            result[i] = clip ** (p - 1.0)
-        else:
-            result[i] = p * abs(x[i]) ** (p - 1.0)
-    return result
+    return select(np.abs(x) < clip, clip ** (p - 1.0), p * np.abs(x) ** (p - 1.0))
 
 
 @kernel

@@ -5,6 +5,7 @@ in which everything has a closed form and the loops stay closed to round-off.
 """
 
 from parallel_robot_model.contract import Coordinate
+from parallel_robot_model.planar_3rrr.constants import constants
 from parallel_robot_model.planar_3rrr.dynamics import acceleration
 from parallel_robot_model.planar_3rrr.estimate import estimate, locate
 from parallel_robot_model.planar_3rrr.margins import (
@@ -40,6 +41,7 @@ __all__ = [
     'Parameters',
     'SafetyMargins',
     'acceleration',
+    'constants',
     'coordinates',
     'estimate',
     'infeasible',

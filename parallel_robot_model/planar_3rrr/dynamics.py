@@ -11,95 +11,182 @@ the actuated form of the paper's eq. (1) follows with J = H^-1, Xdot = J thetado
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import inverse, multiply, multiply_transposed
+from parallel_robot_base.linear_algebra import cross, dot
+from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import Model
 from parallel_robot_model.joint_load import JointLoad, net_torque
-from parallel_robot_model.planar_3rrr.kinematics import (
-    inverse_kinematics,
+from parallel_robot_model.planar_3rrr.constants import Constants
+from parallel_robot_model.planar_3rrr.posture import Posture, posture_at
+from parallel_robot_model.planar_3rrr.velocities import (
+    Columns,
+    Maps,
+    Rates,
+    centripetal,
     jacobian_q,
     jacobian_x,
+    map_rates,
+    rates_of,
     velocity_maps,
 )
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]
 
 
-@kernel
-def pose_dynamics(
-    robot: RobotParameters, phi: float, theta: Array, beta: Array, rate: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Inertia and Coriolis matrix in pose coordinates, with the maps H and H_dot.
+class Symmetric(NamedTuple):
+    """A symmetric matrix of shape (3, 3) in pose coordinates."""
 
-    Returns:
-        M_x and Q_x of M_x Xdd + Q_x Xdot = H^T tau, then H and H_dot; each of shape (3, 3).
-    """
-    maps = velocity_maps(robot, phi, theta, beta, rate)
-    a = robot.I1 + robot.m1 * robot.lc1**2 + robot.m2 * robot.l1**2
-    b = robot.I2 + robot.m2 * robot.lc2**2
-    h = robot.m2 * robot.l1 * robot.lc2
-    M = np.zeros((3, 3))
-    Q = np.zeros((3, 3))
-    M[0, 0] = robot.mp
-    M[1, 1] = robot.mp
-    M[2, 2] = robot.Ip
-    for i in range(3):
-        H, K, H_dot, K_dot = maps.H[i], maps.K[i], maps.H_dot[i], maps.K_dot[i]
-        theta_dot = H[0] * rate[0] + H[1] * rate[1] + H[2] * rate[2]
-        beta_dot = K[0] * rate[0] + K[1] * rate[1] + K[2] * rate[2]
-        m12 = h * math.cos(beta[i] - theta[i])
-        c12 = h * math.sin(beta[i] - theta[i])
-        for r in range(3):
-            for c in range(3):
-                M[r, c] += H[r] * (a * H[c] + m12 * K[c]) + K[r] * (m12 * H[c] + b * K[c])
-                Q[r, c] += H[r] * (a * H_dot[c] + m12 * K_dot[c] - c12 * beta_dot * K[c]) + K[
-                    r
-                ] * (m12 * H_dot[c] + b * K_dot[c] + c12 * theta_dot * H[c])
-    return M, Q, maps.H, maps.H_dot
+    xx: float
+    xy: float
+    xp: float
+    yy: float
+    yp: float
+    pp: float
+
+
+class Row(NamedTuple):
+    """A row of a matrix of shape (3, 3) in pose coordinates."""
+
+    x: float
+    y: float
+    phi: float
 
 
 @kernel
-def actuated_dynamics(
-    robot: RobotParameters, phi: float, theta: Array, beta: Array, theta_dot: Array
-) -> Model:
+def pose_inertia(robot: Constants, posture: Posture, maps: Maps) -> Symmetric:
+    """M_x = sum over the legs of [H; K]^T M_leg [H; K], plus that of the platform."""
+    (hx, hy, hp), (kx, ky, kp) = maps
+    m = robot.h * posture.cos_psi
+    x, y, p = robot.a * hx + m * kx, robot.a * hy + m * ky, robot.a * hp + m * kp
+    u, v, w = m * hx + robot.b * kx, m * hy + robot.b * ky, m * hp + robot.b * kp
+    return Symmetric(
+        robot.mp + (dot(hx, x) + dot(kx, u)),
+        dot(hx, y) + dot(kx, v),
+        dot(hx, p) + dot(kx, w),
+        robot.mp + (dot(hy, y) + dot(ky, v)),
+        dot(hy, p) + dot(ky, w),
+        robot.Ip + (dot(hp, p) + dot(kp, w)),
+    )
+
+
+@kernel
+def pose_coriolis(
+    robot: Constants, posture: Posture, maps: Maps, maps_dot: Maps, rates: Rates
+) -> tuple[Row, Row, Row]:
+    """Q_x, by rows: sum over the legs of [H; K]^T (M_leg [Hdot; Kdot] + C_leg [H; K])."""
+    m, n = robot.h * posture.cos_psi, robot.h * posture.sin_psi
+    H, K = maps
+    H_dot, K_dot = maps_dot
+    down, up = n * rates.beta, n * rates.theta
+    px = robot.a * H_dot.x + m * K_dot.x - down * K.x
+    py = robot.a * H_dot.y + m * K_dot.y - down * K.y
+    pp = robot.a * H_dot.phi + m * K_dot.phi - down * K.phi
+    rx = m * H_dot.x + robot.b * K_dot.x + up * H.x
+    ry = m * H_dot.y + robot.b * K_dot.y + up * H.y
+    rp = m * H_dot.phi + robot.b * K_dot.phi + up * H.phi
+    return (
+        Row(dot(H.x, px) + dot(K.x, rx), dot(H.x, py) + dot(K.x, ry), dot(H.x, pp) + dot(K.x, rp)),
+        Row(dot(H.y, px) + dot(K.y, rx), dot(H.y, py) + dot(K.y, ry), dot(H.y, pp) + dot(K.y, rp)),
+        Row(
+            dot(H.phi, px) + dot(K.phi, rx),
+            dot(H.phi, py) + dot(K.phi, ry),
+            dot(H.phi, pp) + dot(K.phi, rp),
+        ),
+    )
+
+
+@kernel
+def inverse_rows(columns: Columns) -> tuple[Array, Array, Array, float]:
+    """Rows of the inverse of a matrix of shape (3, 3), and its determinant."""
+    x, y, phi = columns
+    ax, ay, az = cross(y, phi)
+    bx, by, bz = cross(phi, x)
+    cx, cy, cz = cross(x, y)
+    determinant = ax * x[0] + ay * x[1] + az * x[2]
+    s = 1.0 / determinant
+    return (
+        vector((s * ax, s * ay, s * az)),
+        vector((s * bx, s * by, s * bz)),
+        vector((s * cx, s * cy, s * cz)),
+        determinant,
+    )
+
+
+@kernel
+def actuated_dynamics(robot: Constants, posture: Posture, theta_dot: Array) -> Model:
     """Inertia and Coriolis matrix in actuated coordinates, eq. (1).
 
     M = J^T M_x J,  Q = J^T (Q_x - M_x J H_dot) J.
 
     Args:
         robot: The robot.
-        phi: Platform angle [rad].
-        theta: Actuated angles [rad], shape (3,).
-        beta: Distal angles [rad], shape (3,).
+        posture: Its posture.
         theta_dot: Actuated rates [rad/s], shape (3,).
 
     Returns:
         M and Q; not finite at a singularity.
     """
-    rate = multiply(
-        inverse(jacobian_x(robot, phi, beta)), jacobian_q(robot, theta, beta) * theta_dot
+    # 1. Xdot = Jx^-1 Jq thetadot, and with it the rates of all joints and of the maps.
+    ix, iy, ip, _ = inverse_rows(jacobian_x(robot, posture))
+    driven = jacobian_q(robot, posture) * theta_dot
+    rate = vector((dot(ix, driven), dot(iy, driven), dot(ip, driven)))
+    maps = velocity_maps(robot, posture)
+    rates = rates_of(maps, rate)
+    maps_dot = map_rates(robot, posture, maps, rates)
+    # 2. The rows of J = H^-1 = Jx^-1 Jq.
+    q = jacobian_q(robot, posture)
+    jx, jy, jp = ix * q, iy * q, ip * q
+    # 3. M = J^T (M_x J).
+    inertia = pose_inertia(robot, posture, maps)
+    mx = inertia.xx * jx + inertia.xy * jy + inertia.xp * jp
+    my = inertia.xy * jx + inertia.yy * jy + inertia.yp * jp
+    mp = inertia.xp * jx + inertia.yp * jy + inertia.pp * jp
+    m01 = jx[0] * mx[1] + jy[0] * my[1] + jp[0] * mp[1]
+    m02 = jx[0] * mx[2] + jy[0] * my[2] + jp[0] * mp[2]
+    m12 = jx[1] * mx[2] + jy[1] * my[2] + jp[1] * mp[2]
+    M = vector(
+        (
+            vector((jx[0] * mx[0] + jy[0] * my[0] + jp[0] * mp[0], m01, m02)),
+            vector((m01, jx[1] * mx[1] + jy[1] * my[1] + jp[1] * mp[1], m12)),
+            vector((m02, m12, jx[2] * mx[2] + jy[2] * my[2] + jp[2] * mp[2])),
+        )
     )
-    M_x, Q_x, H, H_dot = pose_dynamics(robot, phi, theta, beta, rate)
-    J = inverse(H)
-    M = _congruence(J, M_x)
-    Q = _congruence(J, Q_x - _product(M_x, _product(J, H_dot)))
-    return Model(0.5 * (M + M.T), Q, np.zeros(3))
+    # 4. Q = J^T (Q_x - (M_x J) H_dot) J, whose factors in pose coordinates are three rows.
+    H_dot = maps_dot.H
+    row_x, row_y, row_p = pose_coriolis(robot, posture, maps, maps_dot, rates)
+    qx = (
+        (row_x.x - dot(mx, H_dot.x)) * jx
+        + (row_x.y - dot(mx, H_dot.y)) * jy
+        + (row_x.phi - dot(mx, H_dot.phi)) * jp
+    )
+    qy = (
+        (row_y.x - dot(my, H_dot.x)) * jx
+        + (row_y.y - dot(my, H_dot.y)) * jy
+        + (row_y.phi - dot(my, H_dot.phi)) * jp
+    )
+    qp = (
+        (row_p.x - dot(mp, H_dot.x)) * jx
+        + (row_p.y - dot(mp, H_dot.y)) * jy
+        + (row_p.phi - dot(mp, H_dot.phi)) * jp
+    )
+    Q = vector(
+        (
+            jx[0] * qx + jy[0] * qy + jp[0] * qp,
+            jx[1] * qx + jy[1] * qy + jp[1] * qp,
+            jx[2] * qx + jy[2] * qy + jp[2] * qp,
+        )
+    )
+    return Model(M, Q, 0.0 * q)
 
 
 @kernel
 def acceleration(
-    robot: RobotParameters,
-    load: JointLoad,
-    pose: Array,
-    rate: Array,
-    torque: Array,
-    time: float,
+    robot: Constants, load: JointLoad, pose: Array, rate: Array, torque: Array, time: float
 ) -> Array:
     """Second derivative of the pose: M_x Xdd = H^T (tau - friction - delta) - Q_x Xdot.
 
@@ -111,28 +198,33 @@ def acceleration(
         torque: Torque of the motors [N m], shape (3,).
         time: Time since the start [s].
     """
-    legs = inverse_kinematics(robot, pose)
-    M, Q, H, _ = pose_dynamics(robot, pose[2], legs.theta, legs.beta, rate)
-    drive = net_torque(load, torque, multiply(H, rate), time)
-    force = multiply_transposed(H, drive) - multiply(Q, rate)
-    return multiply(inverse(M), force)
-
-
-@kernel
-def _product(a: Array, b: Array) -> Array:
-    c = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            c[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
-    return c
-
-
-@kernel
-def _congruence(J: Array, a: Array) -> Array:
-    """J^T a J."""
-    right = _product(a, J)
-    c = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            c[i, j] = J[0, i] * right[0, j] + J[1, i] * right[1, j] + J[2, i] * right[2, j]
-    return c
+    posture = posture_at(robot, pose)
+    maps = velocity_maps(robot, posture)
+    rates = rates_of(maps, rate)
+    # 1. Q_x Xdot: inertial and Coriolis torques of the legs at Xdd = 0.
+    theta, beta = centripetal(robot, posture, rates)
+    m, n = robot.h * posture.cos_psi, robot.h * posture.sin_psi
+    drive = net_torque(load, torque, rates.theta, time)
+    p = drive - (robot.a * theta + m * beta - n * (rates.beta * rates.beta))
+    r = m * theta + robot.b * beta + n * (rates.theta * rates.theta)
+    # 2. Forces in the pose.
+    H, K = maps
+    fx = dot(H.x, p) - dot(K.x, r)
+    fy = dot(H.y, p) - dot(K.y, r)
+    fp = dot(H.phi, p) - dot(K.phi, r)
+    # 3. M_x Xdd = force by the adjugate of the symmetric M_x.
+    M = pose_inertia(robot, posture, maps)
+    axx = M.yy * M.pp - M.yp * M.yp
+    axy = M.xp * M.yp - M.xy * M.pp
+    axp = M.xy * M.yp - M.xp * M.yy
+    ayy = M.xx * M.pp - M.xp * M.xp
+    ayp = M.xy * M.xp - M.xx * M.yp
+    app = M.xx * M.yy - M.xy * M.xy
+    scale = 1.0 / (M.xx * axx + M.xy * axy + M.xp * axp)
+    return vector(
+        (
+            scale * (axx * fx + axy * fy + axp * fp),
+            scale * (axy * fx + ayy * fy + ayp * fp),
+            scale * (axp * fx + ayp * fy + app * fp),
+        )
+    )

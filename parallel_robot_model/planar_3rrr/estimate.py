@@ -6,18 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import select
 from parallel_robot_model.contract import FOUND, Estimate, Location, no_model
+from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
 from parallel_robot_model.planar_3rrr.forward_kinematics import forward_kinematics
 from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2, SafetyMargins
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_model.planar_3rrr.singularity import measures
 
 Array = NDArray[np.float64]
 
 
 @kernel
-def locate(robot: RobotParameters, position: Array, guess: Array) -> Location:
+def locate(robot: Constants, position: Array, guess: Array) -> Location:
     """Pose at joint angles [rad], shape (3,), on the assembly mode of the guess, shape (3,)."""
     assembly = forward_kinematics(robot, position, guess)
     return Location(assembly.pose, assembly.status)
@@ -25,7 +26,7 @@ def locate(robot: RobotParameters, position: Array, guess: Array) -> Location:
 
 @kernel
 def estimate(
-    robot: RobotParameters,
+    robot: Constants,
     margins: SafetyMargins,
     position: Array,
     velocity: Array,
@@ -40,13 +41,10 @@ def estimate(
         velocity: Their rates [rad/s], shape (3,).
         guess: A pose near it, e.g. the previous one [m, m, rad], shape (3,).
     """
-    assembly = forward_kinematics(robot, position, guess)
-    if assembly.status != FOUND:
-        return Estimate(assembly.status, guess, no_model(3))
-    margin = measures(robot, assembly.pose[2], position, assembly.beta)
-    if margin.type_1 < margins.min_sin_psi:
-        return Estimate(TYPE_1, assembly.pose, no_model(3))
-    if margin.type_2 < margins.min_determinant:
-        return Estimate(TYPE_2, assembly.pose, no_model(3))
-    model = actuated_dynamics(robot, assembly.pose[2], position, assembly.beta, velocity)
-    return Estimate(FOUND, assembly.pose, model)
+    pose, posture, status = forward_kinematics(robot, position, guess)
+    margin = measures(robot, posture)
+    near_type_2 = select(margin.type_2 < margins.min_determinant, TYPE_2, FOUND)
+    near = select(margin.type_1 < margins.min_sin_psi, TYPE_1, near_type_2)
+    fault = select(status == FOUND, near, status)
+    model = actuated_dynamics(robot, posture, velocity)
+    return Estimate(fault, pose, select(fault == FOUND, model, no_model(model)))

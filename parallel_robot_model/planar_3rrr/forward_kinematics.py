@@ -9,10 +9,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import determinant, inverse, multiply
-from parallel_robot_model.contract import FOUND
-from parallel_robot_model.planar_3rrr.kinematics import inverse_kinematics, jacobian_x
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_base.linear_algebra import dot
+from parallel_robot_base.vector_select import (
+    every,
+    in_a_lane,
+    lane,
+    lanes_of,
+    select,
+    with_lane,
+)
+from parallel_robot_base.vector_types import vector
+from parallel_robot_model.contract import FOUND, REACHED
+from parallel_robot_model.planar_3rrr.constants import Constants
+from parallel_robot_model.planar_3rrr.dynamics import inverse_rows
+from parallel_robot_model.planar_3rrr.posture import (
+    Posture,
+    arms,
+    out_of_reach,
+    posture_at,
+    posture_of,
+    theta_of,
+)
+from parallel_robot_model.planar_3rrr.singularity import type_2_measure
+from parallel_robot_model.planar_3rrr.velocities import Columns
 
 Array = NDArray[np.float64]
 
@@ -21,6 +40,7 @@ GUESS_OUT_OF_REACH = 1
 NOT_CONVERGED = 2
 WRONG_WORKING_MODE = 3
 LONGEST_STEP = 0.05  # rad, of the path that the forward kinematics follows
+SHORT = math.sin(LONGEST_STEP)
 SINGULAR = 0.02  # |det Jx| / l3 below which the branch is not trusted
 STATUS_TEXT = {
     GUESS_OUT_OF_REACH: 'the guess is out of reach',
@@ -33,45 +53,39 @@ class Assembly(NamedTuple):
     """Result of the forward kinematics.
 
     Attributes:
-        pose: (x, y, phi) [m, m, rad], shape (3,).
-        beta: Absolute angles of the distal links [rad], shape (3,).
+        pose: (x, y, phi) [m, m, rad], shape (3,); the guess if there is no trustworthy pose.
+        posture: Directions of the links there.
         status: FOUND or the reason why there is no trustworthy pose.
     """
 
     pose: Array
-    beta: Array
+    posture: Posture
     status: int
 
 
-@kernel
-def _cranks(robot: RobotParameters, theta: Array) -> Array:
-    """Proximal links l1 u(theta_i) [m], shape (3, 2)."""
-    cranks = np.empty((3, 2))
-    for i in range(3):
-        cranks[i, 0] = robot.l1 * math.cos(theta[i])
-        cranks[i, 1] = robot.l1 * math.sin(theta[i])
-    return cranks
+class Closure(NamedTuple):
+    """Residual of the loop closure, (|C_i - E_i|^2 - l2^2) / (2 l2) [m], and its Jacobian."""
+
+    residual: Array
+    jacobian: Columns
 
 
 @kernel
-def _close(
-    robot: RobotParameters, cranks: Array, pose: Array, residual: Array, jacobian: Array
-) -> None:
-    """Write the closure residual (|C_i - E_i|^2 - l2^2) / (2 l2) [m] and its Jacobian by pose."""
-    for i in range(3):
-        angle = pose[2] + robot.platform_angle[i]
-        px = robot.l3 * math.cos(angle)
-        py = robot.l3 * math.sin(angle)
-        dx = pose[0] + px - robot.base_x[i] - cranks[i, 0]
-        dy = pose[1] + py - robot.base_y[i] - cranks[i, 1]
-        residual[i] = (dx * dx + dy * dy - robot.l2 * robot.l2) / (2.0 * robot.l2)
-        jacobian[i, 0] = dx / robot.l2
-        jacobian[i, 1] = dy / robot.l2
-        jacobian[i, 2] = (dy * px - dx * py) / robot.l2
+def _closure(
+    robot: Constants, elbow_x: Array, elbow_y: Array, pose: Array, arm_x: Array, arm_y: Array
+) -> Closure:
+    """Closure at a pose and its arms with the elbows E_i held."""
+    dx = pose[0] + arm_x - elbow_x
+    dy = pose[1] + arm_y - elbow_y
+    residual = (0.5 * robot.per_l2) * (dx * dx + dy * dy - robot.l2 * robot.l2)
+    turning = (dy * arm_x - dx * arm_y) * robot.per_l2
+    return Closure(residual, Columns(dx * robot.per_l2, dy * robot.per_l2, turning))
 
 
 @kernel
-def _newton(robot: RobotParameters, cranks: Array, pose: Array) -> tuple[Array, float]:
+def _newton(
+    robot: Constants, elbow_x: Array, elbow_y: Array, pose: Array, arm_x: Array, arm_y: Array
+) -> tuple[Array, Array, Array, float]:
     """Newton's iteration on the loop closure, started only where it is known to converge.
 
     The Newton-Kantorovich condition L |J^-1| |step| <= 1/2 at the start guarantees one solution
@@ -79,48 +93,118 @@ def _newton(robot: RobotParameters, cranks: Array, pose: Array) -> tuple[Array, 
     lengths in metres and angles as l3 phi: each leg adds at most (2 + d / l3) / l2, where d bounds
     its distance from elbow to platform joint.
 
+    Args:
+        robot: The robot.
+        elbow_x: x of the elbows [m], shape (3,).
+        elbow_y: y of the elbows [m], shape (3,).
+        pose: Pose at the start, shape (3,).
+        arm_x: x of the arms there, see :func:`arms`, shape (3,).
+        arm_y: y of the same.
+
     Returns:
-        The pose and det J / l3 there; 0 when the iteration does not converge.
+        The pose, its arms, and det J / l3 there; 0 when the iteration does not converge.
 
     Source:
         Ortega (1968), The Newton-Kantorovich theorem, Amer. Math. Monthly 75(6).
     """
-    residual = np.empty(3)
-    jacobian = np.empty((3, 3))
     # 1. The first step J^-1 r; size = |step|, with the angle as l3 phi.
-    _close(robot, cranks, pose, residual, jacobian)
-    inverted = inverse(jacobian)
-    step = multiply(inverted, residual)
-    size = math.sqrt(step[0] ** 2 + step[1] ** 2 + (robot.l3 * step[2]) ** 2)
+    residual, jacobian = _closure(robot, elbow_x, elbow_y, pose, arm_x, arm_y)
+    ix, iy, ip, determinant = inverse_rows(jacobian)
+    step = vector((dot(ix, residual), dot(iy, residual), dot(ip, residual)))
+    turn = robot.l3 * step[2]
+    size = math.sqrt(step[0] * step[0] + step[1] * step[1] + turn * turn)
     # 2. Squared Frobenius norm of J^-1 (in the same units), and d, a bound of |C_i - E_i|.
-    norm = 0.0
-    distance = 0.0
-    for i in range(3):
-        norm += inverted[0, i] ** 2 + inverted[1, i] ** 2 + (robot.l3 * inverted[2, i]) ** 2
-        distance = max(distance, robot.l2 * math.hypot(jacobian[i, 0], jacobian[i, 1]))
+    norm = dot(ix, ix) + dot(iy, iy) + robot.l3 * robot.l3 * dot(ip, ip)
+    lengths = jacobian.x * jacobian.x + jacobian.y * jacobian.y
+    longest = select(lengths[0] > lengths[1], lengths[0], lengths[1])
+    longest = select(longest > lengths[2], longest, lengths[2])
+    distance = robot.l2 * math.sqrt(longest)
     distance += 2.0 * math.sqrt(2.0) * size  # the solution lies within two steps
     # 3. The condition L |J^-1| |step| <= 1/2; NaN does not meet it.
-    bound = math.sqrt(3.0) * (2.0 + distance / robot.l3) / robot.l2
-    if not bound * math.sqrt(norm) * size <= 0.5:
-        return pose, 0.0
+    bound = math.sqrt(3.0) * (2.0 + distance * robot.per_l3) * robot.per_l2
+    active = bound * math.sqrt(norm) * size <= 0.5
     # 4. Newton: X <- X - J^-1 r until the step vanishes.
-    found = pose - step
+    found = select(active, pose - step, pose)
+    reached = 0.0 * determinant
     for _ in range(20):
-        _close(robot, cranks, found, residual, jacobian)
-        step = multiply(inverse(jacobian), residual)
-        found = found - step
-        if abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-9:  # quadratic: the error is round-off
-            return found, determinant(jacobian) / robot.l3
-    return found, 0.0
+        if not in_a_lane(active):
+            break
+        arm_x, arm_y = arms(robot, found[2])
+        residual, jacobian = _closure(robot, elbow_x, elbow_y, found, arm_x, arm_y)
+        ix, iy, ip, determinant = inverse_rows(jacobian)
+        step = vector((dot(ix, residual), dot(iy, residual), dot(ip, residual)))
+        found = select(active, found - step, found)
+        left = abs(step[0]) + abs(step[1]) + abs(step[2])
+        done = active & (left < 1e-9)  # quadratic: the error is round-off
+        reached = select(done, determinant * robot.per_l3, reached)
+        active = active & (done == False)  # noqa: E712 `not` would branch
+    # 5. The last step turned the arms by less than 1e-9 rad.
+    turn = step[2]
+    arm_x, arm_y = arm_x + turn * arm_y, arm_y - turn * arm_x
+    return found, arm_x, arm_y, select(active, 0.0, reached)
 
 
 @kernel
-def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> Assembly:
+def _assembled(
+    robot: Constants, ct: Array, st: Array, pose: Array, arm_x: Array, arm_y: Array
+) -> Assembly:
+    """Posture at a pose that closes all loops; the elbows must be on their sides."""
+    cb = (pose[0] + arm_x - (robot.base_x + robot.l1 * ct)) * robot.per_l2
+    sb = (pose[1] + arm_y - (robot.base_y + robot.l1 * st)) * robot.per_l2
+    posture = posture_of(arm_x, arm_y, ct, st, cb, sb)
+    right = every(robot.side * posture.sin_psi < 0.0)
+    return Assembly(pose, posture, select(right, FOUND, WRONG_WORKING_MODE))
+
+
+@kernel
+def _followed(robot: Constants, theta: Array, guess: Array) -> Assembly:
+    """The pose at the end of the path of joint angles from those of the guess to the given ones.
+
+    The path is followed in steps within which Newton's iteration provably converges to the
+    solution near it. A path through a type 2 singularity ends in a failure, never on another
+    branch.
+    """
+    # 1. Joint angles of the guess.
+    start = posture_at(robot, guess)
+    if out_of_reach(start) != REACHED:
+        return Assembly(guess, start, GUESS_OUT_OF_REACH)
+    first = theta_of(robot, start, guess)
+    # 2. Change of each angle to the given one, in [-pi, pi).
+    turn = theta - first
+    change = turn - 2.0 * math.pi * np.floor(turn / (2.0 * math.pi) + 0.5)
+    largest = max(abs(change[0]), abs(change[1]), abs(change[2]))
+    # 3. Path theta_guess + s change, s = 0 ... 1: a step that fails or changes the sign of
+    #    det Jx is halved; the path ends at a type 2 singularity.
+    pose, arm_x, arm_y = guess, start.arm_x, start.arm_y
+    side = type_2_measure(robot, start)
+    done = 0.0
+    part = 1.0 if largest < LONGEST_STEP else LONGEST_STEP / largest
+    shortest = 1e-3 * part
+    while done < 1.0:
+        if not part > shortest or not abs(side) > SINGULAR:
+            return Assembly(guess, start, NOT_CONVERGED)
+        share = min(1.0, done + part)
+        target = theta if share == 1.0 else first + share * change
+        elbow_x = robot.base_x + robot.l1 * np.cos(target)
+        elbow_y = robot.base_y + robot.l1 * np.sin(target)
+        found, x, y, determinant = _newton(robot, elbow_x, elbow_y, pose, arm_x, arm_y)
+        if determinant * side > 0.0:
+            pose, arm_x, arm_y = found, x, y
+            side = determinant
+            done = share
+        else:
+            part *= 0.5
+    if not abs(side) > SINGULAR:
+        return Assembly(guess, start, NOT_CONVERGED)
+    return _assembled(robot, np.cos(theta), np.sin(theta), pose, arm_x, arm_y)
+
+
+@kernel
+def forward_kinematics(robot: Constants, theta: Array, guess: Array) -> Assembly:
     """Pose at given joint angles, in the assembly mode of the guess.
 
-    Follows the straight line of joint angles from those of the guess to the given ones, in steps
-    within which Newton's iteration provably converges to the solution near it; close samples
-    take one step. A path through a type 2 singularity ends in a failure, never on another branch.
+    Close samples take one step of Newton's iteration from the guess; from farther ones the path
+    of the joint angles is followed.
 
     Args:
         robot: The robot.
@@ -128,49 +212,27 @@ def forward_kinematics(robot: RobotParameters, theta: Array, guess: Array) -> As
         guess: A pose near the solution, e.g. the previous one, shape (3,).
 
     Returns:
-        Pose, distal angles and status.
+        Pose, posture and status.
     """
-    # 1. Joint angles of the guess.
-    start = inverse_kinematics(robot, guess)
-    beta = np.full(3, np.nan)
-    if start.out_of_reach >= 0:
-        return Assembly(guess, beta, GUESS_OUT_OF_REACH)
-    # 2. Change of each angle to the given one, in [-pi, pi).
-    change = np.empty(3)
-    for i in range(3):
-        turn = theta[i] - start.theta[i]
-        change[i] = turn - 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
-    largest = max(abs(change[0]), abs(change[1]), abs(change[2]))
-    # 3. Path theta_guess + s change, s = 0 ... 1: a step that fails or changes the sign of
-    #    det Jx is halved; the path ends at a type 2 singularity.
-    pose = guess
-    side = determinant(jacobian_x(robot, guess[2], start.beta)) / robot.l3
-    done = 0.0
-    part = 1.0 if largest < LONGEST_STEP else LONGEST_STEP / largest
-    shortest = 1e-3 * part
-    cranks = np.empty((3, 2))
-    while done < 1.0:
-        if not part > shortest or not abs(side) > SINGULAR:
-            return Assembly(guess, beta, NOT_CONVERGED)
-        share = min(1.0, done + part)
-        target = theta if share == 1.0 else start.theta + share * change
-        cranks = _cranks(robot, target)
-        found, determinant_found = _newton(robot, cranks, pose)
-        if determinant_found * side > 0.0:
-            pose = found
-            side = determinant_found
-            done = share
-        else:
-            part *= 0.5
-    if not abs(side) > SINGULAR:
-        return Assembly(guess, beta, NOT_CONVERGED)
-    # 4. Distal links C_i - E_i: angles beta_i, and the side of each elbow by the sign of
-    #    l1 u(theta_i) x (C_i - E_i).
-    for i in range(3):
-        angle = pose[2] + robot.platform_angle[i]
-        dx = pose[0] + robot.l3 * math.cos(angle) - (robot.base_x[i] + cranks[i, 0])
-        dy = pose[1] + robot.l3 * math.sin(angle) - (robot.base_y[i] + cranks[i, 1])
-        beta[i] = math.atan2(dy, dx)
-        if not robot.working_mode[i] * (cranks[i, 0] * dy - cranks[i, 1] * dx) < 0.0:
-            return Assembly(guess, beta, WRONG_WORKING_MODE)
-    return Assembly(pose, beta, FOUND)
+    ct, st = np.cos(theta), np.sin(theta)
+    # 1. The joints have turned by less than LONGEST_STEP since the guess; NaN is not close.
+    start = posture_at(robot, guess)
+    across = start.ct * st - start.st * ct
+    along = start.ct * ct + start.st * st
+    close = every((along > 0.0) & (np.abs(across) < SHORT))
+    # 2. Newton's iteration, which must not end beyond a type 2 singularity.
+    elbow_x, elbow_y = robot.base_x + robot.l1 * ct, robot.base_y + robot.l1 * st
+    found, arm_x, arm_y, reached = _newton(
+        robot, elbow_x, elbow_y, guess, start.arm_x, start.arm_y
+    )
+    side = type_2_measure(robot, start)
+    trusted = (abs(side) > SINGULAR) & (abs(reached) > SINGULAR) & (reached * side > 0.0)
+    done = close & trusted
+    result = _assembled(robot, ct, st, found, arm_x, arm_y)
+    # 3. From farther away, lane by lane.
+    if in_a_lane(done == False):  # noqa: E712 `not` would branch
+        for i in range(lanes_of(done)):
+            if not lane(done, i):
+                start_i = lane((robot, theta, guess), i)
+                result = with_lane(result, i, _followed(start_i[0], start_i[1], start_i[2]))
+    return result

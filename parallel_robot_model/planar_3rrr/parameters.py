@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 
 from parallel_robot_base.errors import RobotError
 from parallel_robot_base.fields import Field
+from parallel_robot_model.link_checks import check_links
 
 
 class RobotParameters(NamedTuple):
@@ -47,16 +48,7 @@ def validate(robot: RobotParameters, name: str = 'robot') -> RobotParameters:
             link; two base joints coincide or are too far apart for the legs and the platform; a
             working mode is neither +1 nor -1.
     """
-    for key in ('l1', 'l2', 'l3', 'm1', 'm2', 'mp', 'I1', 'I2', 'Ip'):
-        if not getattr(robot, key) > 0.0:
-            raise RobotError(f'{name}.{key} must be positive, not {getattr(robot, key):g}')
-    for key, link in (('lc1', 'l1'), ('lc2', 'l2')):
-        centre, length = getattr(robot, key), getattr(robot, link)
-        if not 0.0 <= centre <= length:
-            raise RobotError(
-                f'{name}.{key} must lie on its link, from 0 to {link} = {length:g} m, '
-                f'not {centre:g}'
-            )
+    check_links(robot, ('l1', 'l2', 'l3', 'm1', 'm2', 'mp', 'I1', 'I2', 'Ip'), name)
     for mode in robot.working_mode:
         if mode not in (-1.0, 1.0):
             raise RobotError(f'{name}.working_mode must hold +1 or -1, not {mode:g}')

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import determinant
-from parallel_robot_model.planar_3rrr.kinematics import jacobian_x
+from parallel_robot_base.linear_algebra import cross
+from parallel_robot_base.vector_select import select
+from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.planar_3rrr.posture import Posture
+from parallel_robot_model.planar_3rrr.velocities import jacobian_x
 
 Array = NDArray[np.float64]
 
@@ -31,24 +33,22 @@ class Singularity(NamedTuple):
 
 
 @kernel
-def measures(robot: RobotParameters, phi: float, theta: Array, beta: Array) -> Singularity:
-    """Distance to both singularities.
+def type_2_measure(robot: Constants, posture: Posture) -> float:
+    """det Jx / l3, signed."""
+    x, y, phi = jacobian_x(robot, posture)
+    ax, ay, az = cross(y, phi)
+    return (x[0] * ax + x[1] * ay + x[2] * az) * robot.per_l3
 
-    Args:
-        robot: The robot.
-        phi: Platform angle [rad].
-        theta: Actuated angles [rad], shape (3,).
-        beta: Distal angles [rad], shape (3,).
-    """
-    smallest = np.inf
-    leg = 0
-    for i in range(3):
-        sine = abs(math.sin(beta[i] - theta[i]))
-        if sine < smallest:
-            smallest = sine
-            leg = i
-    type_2 = abs(determinant(jacobian_x(robot, phi, beta))) / robot.l3
-    return Singularity(smallest, leg, type_2)
+
+@kernel
+def measures(robot: Constants, posture: Posture) -> Singularity:
+    """Distance to both singularities."""
+    sines = np.abs(posture.sin_psi)
+    second = sines[1] < sines[0]
+    smallest = select(second, sines[1], sines[0])
+    third = sines[2] < smallest
+    leg = select(third, 2, select(second, 1, 0))
+    return Singularity(select(third, sines[2], smallest), leg, abs(type_2_measure(robot, posture)))
 
 
 def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
@@ -62,14 +62,5 @@ def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
     Returns:
         Shape (N,); infinite at a type 2 singularity.
     """
-    scale = np.array([1.0, 1.0, robot.l3])
-    return np.linalg.cond(_jacobians(robot, np.ascontiguousarray(phi), beta) / scale)
-
-
-@kernel
-def _jacobians(robot: RobotParameters, phi: Array, beta: Array) -> Array:
-    """Jx of every sample, shape (N, 3, 3)."""
-    jacobians = np.empty((len(phi), 3, 3))
-    for k in range(len(phi)):
-        jacobians[k] = jacobian_x(robot, phi[k], beta[k])
-    return jacobians
+    turning = np.sin(beta - np.asarray(phi)[:, np.newaxis] - np.array(robot.platform_angle))
+    return np.linalg.cond(np.stack([np.cos(beta), np.sin(beta), turning], axis=-1))

@@ -1,0 +1,64 @@
+"""Sources of custom laws and robots: which files go into a bag, and under which names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_bags.limits import NAME, SOURCE, SOURCES
+from parallel_robot_base.config import RENAMED
+from parallel_robot_base.errors import InputError
+
+KINDS = {'custom_laws': 'law', 'custom_robots': 'robot'}  # by the key that names the files
+
+Sources = Mapping[str, Mapping[str, bytes]]  # source by key of KINDS and by name
+
+
+def named(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Files of the custom laws and robots in a configuration, or in the parameters of a node.
+
+    Args:
+        values: Key to value; what is not a list of files is left out.
+
+    Returns:
+        Key and file of each.
+    """
+    lists = [(RENAMED.get(key, key), found) for key, found in values.items()]
+    return [
+        (key, str(path))
+        for key, paths in lists
+        if key in KINDS and isinstance(paths, list)
+        for path in paths[:SOURCES]
+    ]
+
+
+def attachment(key: str, path: str) -> tuple[str, bytes]:
+    """Name and content of the attachment of a file as it is now; the code is not run.
+
+    Args:
+        key: Key of KINDS.
+        path: The file, absolute: a node may have another current directory.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, or it is too large.
+    """
+    file, what = Path(path), f'the {KINDS[key]} file {path}'
+    try:
+        if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
+            raise InputError(f'{what} is not on this machine')
+        with file.open('rb') as stream:
+            source = stream.read(SOURCE + 1)
+    except (OSError, ValueError) as error:
+        raise InputError(f'{what} cannot be read: {error}') from None
+    if len(source) > SOURCE:
+        raise InputError(f'{what} has more than {SOURCE} bytes')
+    return f'{key}/{file.stem}', source
+
+
+def parse(attachment: str) -> tuple[str, str] | None:
+    """Key and name of the law or robot in an attachment; None if it is something else."""
+    key, _, name = attachment.partition('/')
+    key = RENAMED.get(key, key)
+    good = name.isidentifier() and len(name.encode()) <= NAME
+    return (key, name) if key in KINDS and good else None

@@ -1,0 +1,127 @@
+"""State of a controller between two cycles: when the motion starts, faults, lost joint states."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+
+import numpy as np
+
+from parallel_robot_base.loop import STEP_START, WAIT
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control import faults, transitions
+from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.messages import Telemetry
+from parallel_robot_control.shared_arrays import (
+    END,
+    FAULT,
+    FROM,
+    HEARD,
+    LAST,
+    START,
+    shared,
+    store,
+    stored,
+)
+
+FOREVER = 2**63 - 1  # ns
+
+
+class ControllerState:
+    """State of a controller between two cycles, in the arrays that its kernels share.
+
+    Attributes:
+        configuration: The present configuration.
+        counts: Number of unusual events by their description.
+    """
+
+    def __init__(self, configuration: ControlConfiguration) -> None:
+        """Begin without a fault, before the first state."""
+        self.configuration = configuration
+        self.counts: Counter[str] = Counter()
+        self._loop = loop = configuration.loop
+        self._faults = faults.of(configuration.robot.module)
+        self._state_timeout = round(configuration.safety.state_timeout * NANOSECONDS)
+        self._arrays = shared(initial_state(configuration.guess, len(loop.joints)))
+        self._numbers = self._arrays.numbers
+        self._lost = False  # whether the joint states went stale and none has come since
+        self._fault_seen = faults.NONE  # the last fault counted
+        self._changed = False  # whether law or fault changed since the last answer
+        if loop.start_stamp == WAIT:
+            self._numbers[FROM] = FOREVER
+        elif loop.start_stamp > 0:
+            self.begin(loop.start_stamp)
+        elif loop.lockstep:
+            self.begin(STEP_START)
+
+    @property
+    def fault(self) -> int:
+        """NONE or the number of the present fault, see faults.py."""
+        return int(self._numbers[FAULT])
+
+    @property
+    def state(self) -> CycleState:
+        """State of the controller after the last cycle."""
+        return stored(self._arrays)
+
+    @property
+    def stamp(self) -> int:
+        """Stamp of the state answered last [ns]; 0 if there is none."""
+        return max(0, int(self._numbers[LAST]))
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """Telemetry of the last answer, one row."""
+        return Telemetry(*self._arrays.telemetry[:, np.newaxis].copy())
+
+    def begin(self, stamp: int) -> None:
+        """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""
+        self._numbers[START] = stamp
+        self._numbers[FROM] = stamp if self._loop.start_stamp == WAIT else 0
+        if self._loop.last_index is not None:
+            self._numbers[END] = stamp + self._loop.last_index * self._loop.period_ns
+
+    def trip(self, fault: int) -> None:
+        """Enter a fault: the safe action begins with the next state."""
+        if self.fault == faults.NONE:
+            self._store(transitions.tripped(self.state, fault))
+            self._count_fault()
+            self._changed = True
+
+    def stale(self) -> bool:
+        """Whether joint states were received but have stopped coming (wall time)."""
+        heard = int(self._numbers[HEARD])
+        if not heard or self._loop.lockstep:
+            return False
+        return time.monotonic_ns() - heard > self._state_timeout
+
+    def watch(self) -> bool:
+        """Enter a fault if the joint states are stale.
+
+        Returns:
+            Whether they have become stale since the last call: then the torque must be zero.
+        """
+        return self.stale() and self.lose(faults.STATES_STALE)
+
+    def lose(self, fault: int) -> bool:
+        """Enter a fault because there are no joint states that can be trusted.
+
+        Returns:
+            Whether they were lost since the last call: then the torque must be zero.
+        """
+        if self._lost:
+            return False
+        self._lost = True
+        self.trip(fault)
+        self._store(transitions.without_torque(self.state))
+        return True
+
+    def _store(self, state: CycleState) -> None:
+        store(self._arrays, state)
+
+    def _count_fault(self) -> None:
+        """Count the present fault, once, by its text."""
+        if self.fault != self._fault_seen:
+            self._fault_seen = self.fault
+            self.counts[self._faults[self.fault].text] += 1
