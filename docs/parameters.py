@@ -5,19 +5,13 @@ import sys
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from parallel_robot_analysis import monitor
-from parallel_robot_bags import recorder_node
+from parallel_robot_analysis.monitor import MonitorParameters
+from parallel_robot_analysis.parameter_groups import groups
+from parallel_robot_bags.ros_topics import RecorderParameters
 from parallel_robot_base import config
 from parallel_robot_base.fields import Field, parameters
-from parallel_robot_base.loop import LoopParameters
-from parallel_robot_control.configuration import ControllerParameters
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model import planar_3rrr
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
 
 HEAD = """# Parameters
 
@@ -29,45 +23,19 @@ those of `paper_circle`; other robots have other groups `robot`, limits and marg
 `ros2 param set /controller s_fotsmc.G 12`; what is set in one request is judged as a whole. This
 file is written by `make docs`.
 """
-GROUPS = (
-    ('The loop', {'': LoopParameters}),
-    (
-        'Robot; `true_robot.*`, the simulated one, has the same keys and follows it',
-        {'robot': planar_3rrr.Parameters},
-    ),
-    ('Motion', {'trajectory': TrajectoryParameters}),
-    ('What the motion must spare this robot', {'trajectory': planar_3rrr.MotionLimits}),
-    ('Shapes of the motion', {name: shape.Parameters for name, shape in SHAPES.items()}),
-    ('Controller', {'controller': ControllerParameters, 'safety': SafetyParameters}),
-    ('What is a fault of this robot', {'safety': planar_3rrr.SafetyMargins}),
-    ('Laws', {name: law.Gains for name, law in LAWS.items()}),
-    (
-        'Plant',
-        {
-            'plant': PlantParameters,
-            'friction': FrictionParameters,
-            'disturbance': DisturbanceParameters,
-        },
-    ),
-    (
-        'Recorder and monitor',
-        {
-            'recorder': recorder_node.RecorderParameters,
-            'monitor': monitor.MonitorParameters,
-        },
-    ),
-)
+LAST = {'recorder': RecorderParameters, 'monitor': MonitorParameters}
+GROUPS = {**groups(planar_3rrr, LAWS), 'Recorder and monitor': LAST}
 
 
 def text() -> str:
     """The whole page."""
     values = config.resolve('paper_circle')
     parts = [HEAD]
-    for title, groups in GROUPS:
+    for title, members in GROUPS.items():
         parts.append(
             f'\n## {title}\n\n| key | default | unit | range | meaning |\n|---|---|---|---|---|\n'
         )
-        for prefix, group in groups.items():
+        for prefix, group in members.items():
             for parameter in parameters(group):
                 key = f'{prefix}.{parameter.key}' if prefix else parameter.key
                 cells = [

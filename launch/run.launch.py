@@ -11,8 +11,10 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from parallel_robot_base import scenario_file
+
 PARAMETERS = {  # of all nodes, where they are given
-    'scenario': ('a file of config/scenarios, else paper_circle', str),
+    'scenario': ('one of config/scenarios or a YAML file, else paper_circle', str),
     'law': ('a file of config/laws, else that of the scenario', str),
     'time_mode': ('wall or lockstep, else wall', str),
     'use_sim_time': ('true: take the time from /clock, else false', bool),
@@ -32,6 +34,7 @@ OTHERS = {
 def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes, with the parameters that the arguments give them."""
     given = {name: LaunchConfiguration(name).perform(context) for name in (*PARAMETERS, *OTHERS)}
+    given['scenario'] = scenario_file.absolute(given['scenario'])
     parameters = {
         name: ParameterValue(given[name], value_type=kind)
         for name, (_, kind) in PARAMETERS.items()
@@ -63,7 +66,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 def default_bag(given: dict[str, str]) -> str:
     """Place of a bag that was given none: beside the logs of ROS, not wherever one stands."""
     home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros')
-    words = [*given['namespace'].split('/'), given['scenario'] or 'run']
+    words = [*given['namespace'].split('/'), Path(given['scenario']).stem or 'run']
     name = '_'.join([*filter(None, words), time.strftime('%Y_%m_%d-%H_%M_%S')])
     return str(home.absolute() / 'parallel_robot' / name)
 

@@ -26,6 +26,7 @@ COMMANDS = {
     'report': "the paper's figures and an interactive page of one bag or several",
     'export': 'a bag as a table, one row a state',
     'recover': 'a whole bag of what is intact in a broken one',
+    'show': 'the effective configuration of a scenario, and the source of each value',
     'compare': "all laws on one scenario, without ROS, beside the paper's claims",
 }
 

@@ -14,8 +14,8 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.node_graph import OUTPUTS
-from parallel_robot_bags.plain_data import whole_number
 from parallel_robot_base.errors import RunError
+from parallel_robot_base.plain_data import whole_number
 from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_ros.tool_node import tool_node
 

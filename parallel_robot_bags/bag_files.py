@@ -15,8 +15,8 @@ from typing import IO, NamedTuple
 
 import zstandard
 
-from parallel_robot_bags import plain_data
 from parallel_robot_bags.limits import CHUNK, MEMORY, RATIO, YAML, Allowance
+from parallel_robot_base import plain_data
 from parallel_robot_base.errors import BagError
 
 PIECE = 1 << 20  # bytes that are unpacked at once

@@ -11,13 +11,14 @@ import numpy as np
 import zstandard
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from parallel_robot_bags import custom_sources, plain_data
+from parallel_robot_bags import custom_sources
 from parallel_robot_bags.bag_files import custom_data, files, open_file
 from parallel_robot_bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
 from parallel_robot_bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot_bags.mcap_chunk import unpacked_payload
 from parallel_robot_bags.mcap_records import Damage, Record, scan
 from parallel_robot_bags.record_names import METADATA
+from parallel_robot_base import plain_data
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import Topic
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from parallel_robot_bags import plain_data
+from parallel_robot_base import plain_data
 
 
 class Certificate(NamedTuple):

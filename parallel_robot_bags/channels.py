@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_bags import plain_data
+from parallel_robot_base import plain_data
 from parallel_robot_base.topics import DEPTH, Topic
 
 FOREVER = {'sec': 9223372036, 'nsec': 854775807}

@@ -12,10 +12,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_bags import plain_data
 from parallel_robot_bags.custom_sources import named
 from parallel_robot_bags.limits import is_name
-from parallel_robot_base import config
+from parallel_robot_base import config, plain_data
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_base.fields import PerJoint, parameters

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot_bags import bag_reader, certificate, plain_data, statuses
+from parallel_robot_bags import bag_reader, certificate, statuses
 from parallel_robot_bags.experiment import suits
 from parallel_robot_bags.limits import MEMORY, is_name
 from parallel_robot_bags.record_names import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot_bags.statuses import LIMIT_TEXT, ControllerStatus
-from parallel_robot_base import config
+from parallel_robot_base import config, plain_data
 from parallel_robot_base.topics import STATUS
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import NO_FAULT

@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
-from parallel_robot_bags import mcap_records, plain_data
+from parallel_robot_bags import mcap_records
 from parallel_robot_bags.bag_files import File, files, open_file
 from parallel_robot_bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot_bags.printable_output import LONGEST_LINE
+from parallel_robot_base import plain_data
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.printable import printable
 

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_bags import custom_sources, plain_data
+from parallel_robot_bags import custom_sources
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.channels import Channel, channel_of
@@ -19,6 +19,7 @@ from parallel_robot_bags.experiment import describe, software
 from parallel_robot_bags.record_names import CHANGES, MISSING, PARAMETERS
 from parallel_robot_bags.switch_times import SwitchTimes
 from parallel_robot_bags.topic_stream import TopicStream
+from parallel_robot_base import plain_data
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_base.topics import (

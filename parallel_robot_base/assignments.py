@@ -7,6 +7,8 @@ from typing import Any
 import yaml
 
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.printable import printable
+from parallel_robot_base.yaml_file import kind_of
 
 
 def parse(assignments: list[str]) -> dict[str, Any]:
@@ -21,9 +23,13 @@ def parse(assignments: list[str]) -> dict[str, Any]:
         if not equals or not key:
             raise InputError(f'--set takes KEY=VALUE, not {word!r}')
         try:
-            values[key.strip()] = _number(yaml.safe_load(value))
-        except yaml.YAMLError:
-            raise InputError(f'--set {key}: {value!r} is not a YAML value') from None
+            read = yaml.safe_load(value)
+        except (yaml.YAMLError, ValueError, RecursionError):  # ValueError: the 45th of a month
+            shown = printable(value)
+            raise InputError(f'--set {key}: {shown!r} is not a YAML value') from None
+        if not isinstance(read, (bool, int, float, str, list, dict, type(None))):
+            raise InputError(f'--set {key}: YAML reads {kind_of(read)}; quote {value}')
+        values[key.strip()] = _number(read)
     return values
 
 

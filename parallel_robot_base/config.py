@@ -3,52 +3,40 @@
 from __future__ import annotations
 
 import logging
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
-
+from parallel_robot_base import scenario_file
+from parallel_robot_base.config_files import PACKAGE as PACKAGE
+from parallel_robot_base.config_files import directory as directory
+from parallel_robot_base.config_files import flat as flat
+from parallel_robot_base.config_files import label, read
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import build, parameters, plain
 
 Group = TypeVar('Group')
 
-PACKAGE = 'parallel_robot'
 PRESET = 'paper'  # the gains in config/laws
 CUSTOM = {'custom_laws', 'custom_robots'}  # keys that name Python files
 RENAMED = {'own_laws': 'custom_laws'}  # keys of older versions
-
-
-def directory() -> Path:
-    """Find ``config/``: beside the packages (source tree) or in a share folder (installed).
-
-    Raises:
-        InputError: the package is not installed completely.
-    """
-    here = Path(__file__).resolve()
-    candidates = [parent / 'share' / PACKAGE / 'config' for parent in here.parents]
-    candidates.insert(0, here.parents[1] / 'config')
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    candidates += [Path(prefix) / 'share' / PACKAGE / 'config' for prefix in prefixes if prefix]
-    for candidate in candidates:
-        if (candidate / 'defaults.yaml').is_file():
-            return candidate
-    raise InputError(f'the configuration of {PACKAGE} is not installed beside {here.parent}')
+DEFAULTS = 'defaults.yaml'
+CUSTOM_DEFAULT = 'custom module'  # source of a default in a Python file of a user
+OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
 
 
 def scenarios() -> list[str]:
-    """Names of the scenarios that exist."""
-    return sorted(path.stem for path in (directory() / 'scenarios').glob('*.yaml'))
+    """Names of the shipped scenarios."""
+    return scenario_file.names(directory() / 'scenarios')
 
 
 def default(key: str) -> Any:
     """Default of a key of ``defaults.yaml``."""
-    return flat(_read(directory() / 'defaults.yaml'))[key]
+    return flat(read(directory() / DEFAULTS))[key]
 
 
 Extend = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+Layer = tuple[str, dict[str, Any]]  # a source, as people know it, and its keys with their values
 
 
 def resolve(
@@ -62,7 +50,8 @@ def resolve(
     are those of the preset; the files of ``custom_laws`` and ``custom_robots`` are absolute.
 
     Args:
-        scenario: Name of a file in ``config/scenarios``.
+        scenario: Name of a file in ``config/scenarios``, or the path of a YAML file, whose name
+            is that of the scenario.
         overrides: Dotted key to value; NumPy's numbers and arrays are accepted, too.
         extend: Returns the defaults of the custom modules that a configuration names. Gains of
             custom laws for which it has none are taken as they are.
@@ -72,41 +61,77 @@ def resolve(
 
     Raises:
         UnknownNameError: no such scenario or robot, or a key that the defaults do not have.
-        InputError: the preset is asked for together with other gains, or a custom module cannot
-            be loaded.
+        InputError: a file cannot be read, the preset is asked for together with other gains, or a
+            custom module cannot be loaded.
     """
-    config = flat(_read(directory() / 'defaults.yaml'))
+    return resolve_with_sources(scenario, overrides, extend)[0]
+
+
+def resolve_with_sources(
+    scenario: str, overrides: Mapping[str, Any] | None = None, extend: Extend | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """A configuration as of :func:`resolve`, and where the value of each key comes from.
+
+    Returns:
+        Key to value, and key to source: a file of ``config/``, the path of another file,
+        OVERRIDE, or for what follows from other keys, what it follows from.
+    """
     changed = renamed(_plain(overrides or {}))
-    if changed.pop('scenario', scenario) != scenario:
-        raise InputError(f'the scenario is {scenario}; it cannot be changed by a parameter')
-    of_scenario = _scenario(scenario)
-    asked = {**config, **of_scenario, **changed}
+    name = scenario_file.name_of(scenario, directory() / 'scenarios')
+    given = str(changed.pop('scenario', name))
+    if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
+        raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
+    of_scenario = _scenario(scenario, name)
+    asked = flat(read(directory() / DEFAULTS))
+    layers = [(DEFAULTS, dict(asked))]
+    for _, values in of_scenario:
+        asked |= values
+    asked |= changed
     for key in CUSTOM:
         _check_paths(key, asked[key])
-    of_robot, gains = _robot(asked, extend), preset(asked, extend)
+    layers.append(_robot(asked, extend))
+    gains = _gains(asked, extend)
+    layers += gains
+    config = _merged(layers)
     custom_laws = {Path(path).stem for path in asked['custom_laws']}
-    taken = custom_laws & {key.partition('.')[0] for key in config | of_robot}
+    taken = custom_laws & {key.partition('.')[0] for _, values in layers[:2] for key in values}
     if taken:
         raise InputError(f'custom_laws: {min(taken)} is a group of parameters; rename the file')
-    config |= of_robot | gains
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
-    opaque = custom_laws - {key.partition('.')[0] for key in gains}  # not loaded on this floor
-    for values in (of_scenario, {'scenario': scenario}, changed):
+    preset = _merged(gains)
+    opaque = custom_laws - {key.partition('.')[0] for key in preset}  # not loaded on this floor
+    of_scenario.append((of_scenario[-1][0], {'scenario': name}))
+    for source, values in (*of_scenario, (OVERRIDE, changed)):
         for key in values:
             if key not in known and key.partition('.')[0] not in opaque:
-                raise UnknownNameError('parameter', key, known)
-        config.update(values)
+                place = f' in {source}' if scenario_file.is_path(source) else ''
+                raise UnknownNameError(f'parameter{place}', key, known)
+        layers.append((source, values))
+    config = _merged(layers)
+    sources = {key: source for source, values in layers for key in values}
     for key in CUSTOM:
         config[key] = [_absolute(key, path) for path in config[key]]
     for key in [key for key in config if key.startswith('robot.')]:
-        config.setdefault(f'true_{key}', config[key])
-    other = next((key for key, value in gains.items() if config[key] != value), None)
+        if f'true_{key}' not in config:
+            config[f'true_{key}'], sources[f'true_{key}'] = config[key], key
+    other = next((key for key, value in preset.items() if config[key] != value), None)
     if other and changed.get('preset') == PRESET:
         raise InputError(
-            f'preset is {PRESET}, but {other} is {config[other]!r}, not {gains[other]!r}'
+            f'preset is {PRESET}, but {other} is {config[other]!r}, not {preset[other]!r}'
         )
-    config['preset'] = 'custom' if other else PRESET
-    return config
+    config['preset'], sources['preset'] = 'custom' if other else PRESET, other or 'laws/*.yaml'
+    return config, sources
+
+
+def scenario_values(scenario: str) -> dict[str, Any]:
+    """What a scenario and its bases set, by key.
+
+    Raises:
+        UnknownNameError: no such scenario.
+        InputError: one of its files cannot be read.
+    """
+    name = scenario_file.name_of(scenario, directory() / 'scenarios')
+    return _merged(_scenario(scenario, name))
 
 
 def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,6 +175,11 @@ def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str,
     Raises:
         InputError: a custom module cannot be loaded, or has the name of one that exists.
     """
+    return _merged(_gains(values, extend))
+
+
+def _gains(values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
+    """Gains of all laws by their source; see :func:`preset`."""
     files = sorted((directory() / 'laws').glob('*.yaml'))
     laws = {file.stem for file in files}
     for path in values['custom_laws']:
@@ -158,15 +188,12 @@ def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str,
             what = f'there is already a law {name}; rename the file'
             raise InputError(f'custom_laws: {path}: {what}')
         laws.add(name)
-    gains: dict[str, Any] = {}
-    for file in files:
-        gains |= flat(_read(file))
+    layers = [(label(file), flat(read(file))) for file in files]
     if extend:
-        gains |= {key: value for key, value in extend(values).items() if _is_of(laws, key)}
+        layers.append((CUSTOM_DEFAULT, _of(laws, extend(values))))
     if _robot_file(values).is_file():
-        of_robot = flat(_read(_robot_file(values)))
-        gains |= {key: value for key, value in of_robot.items() if _is_of(laws, key)}
-    return gains
+        layers.append((label(_robot_file(values)), _of(laws, flat(read(_robot_file(values))))))
+    return layers
 
 
 def robot_models() -> list[str]:
@@ -178,8 +205,8 @@ def _robot_file(values: Mapping[str, Any]) -> Path:
     return directory() / 'robots' / f'{values["robot_model"]}.yaml'
 
 
-def _robot(values: Mapping[str, Any], extend: Extend | None) -> dict[str, Any]:
-    """Defaults of the robot, without gains.
+def _robot(values: Mapping[str, Any], extend: Extend | None) -> Layer:
+    """Defaults of the robot.
 
     Raises:
         UnknownNameError: no such robot.
@@ -192,14 +219,20 @@ def _robot(values: Mapping[str, Any], extend: Extend | None) -> dict[str, Any]:
     if name in custom:
         laws = {Path(path).stem for path in values['custom_laws']}
         found = extend(values) if extend else {}
-        return {key: value for key, value in found.items() if not _is_of(laws, key)}
+        return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(laws, found)}
     if name not in robot_models():
         raise UnknownNameError('robot_model', str(name), robot_models() + custom)
-    return flat(_read(_robot_file(values)))
+    return label(_robot_file(values)), flat(read(_robot_file(values)))
 
 
-def _is_of(laws: set[str], key: str) -> bool:
-    return key.partition('.')[0] in laws
+def _of(laws: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values that are gains of some laws."""
+    return {key: value for key, value in values.items() if key.partition('.')[0] in laws}
+
+
+def _merged(layers: Iterable[Layer]) -> dict[str, Any]:
+    """Values of all layers; the later ones win."""
+    return {key: value for _, values in layers for key, value in values.items()}
 
 
 def _check_paths(key: str, paths: Any) -> None:
@@ -238,37 +271,19 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: plain(value) for key, value in values.items()}
 
 
-def _scenario(name: str) -> dict[str, Any]:
-    path = directory() / 'scenarios' / f'{name}.yaml'
-    if name not in scenarios():
-        raise UnknownNameError('scenario', name, scenarios())
-    values = flat(_read(path))
-    for key in CUSTOM & renamed(values).keys():
-        raise InputError(f'{path}: {key} is given on a command line alone: it is code')
-    base = values.pop('base', None)
-    return {**(_scenario(base) if base else {}), **values}
+def _scenario(scenario: str, name: str) -> list[Layer]:
+    """What the files of a scenario set, the bases first.
 
-
-# The loader written in C, if installed, is seven times faster.
-LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = yaml.load(path.read_text(), LOADER)
-    except yaml.YAMLError as error:
-        raise InputError(f'{path} is not valid YAML: {error}') from None
-    if not isinstance(content, dict):
-        raise InputError(f'{path} must hold keys and values')
-    return content
-
-
-def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    """Nested groups as one dictionary with dotted keys."""
-    found: dict[str, Any] = {}
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            found.update(flat(value, f'{prefix}{key}.'))
-        else:
-            found[f'{prefix}{key}'] = value
-    return found
+    Raises:
+        UnknownNameError: no such scenario is shipped.
+        InputError: a file cannot be read, names code, or has another name of the scenario.
+    """
+    layers = []
+    for path, values in scenario_file.layers(scenario, directory() / 'scenarios'):
+        values = renamed(values)
+        for key in CUSTOM & values.keys():
+            raise InputError(f'{path}: {key} is given on a command line alone: it is code')
+        if values.pop('scenario', path.stem) != path.stem:
+            raise InputError(f'{path}: a scenario has the name of its file; remove its scenario')
+        layers.append((label(path), values))
+    return layers

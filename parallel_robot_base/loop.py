@@ -16,7 +16,7 @@ WAIT = -1  # start_stamp of a node that waits for the common start
 class LoopParameters(NamedTuple):
     """What all nodes of a loop must agree on."""
 
-    scenario: Annotated[str, Field('', 'scenario, a file of config/scenarios')]
+    scenario: Annotated[str, Field('', 'one of config/scenarios, or a YAML file')]
     law: Annotated[str, Field('', 'control law')]
     preset: Annotated[
         Literal['paper', 'custom'],

@@ -18,6 +18,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.plain_data import LOADER
 
 KEY = 'middleware'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -121,7 +122,7 @@ def _set(variables: Mapping[str, str | None]) -> None:
 def _in_file(path: Path) -> str:
     """Value in a parameter file; empty when there is none, or no such file: rclpy will say so."""
     try:
-        return _search(yaml.load(path.read_text(), config.LOADER))
+        return _search(yaml.load(path.read_text(), LOADER))
     except (OSError, ValueError, yaml.YAMLError):
         return ''
 

@@ -14,10 +14,9 @@ from rclpy.parameter import Parameter
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.loop import WAIT, LoopParameters
+from parallel_robot_base.parameter_file import is_configuration
 
 START = 'start_stamp'  # the one parameter that every node takes while it runs, once
-ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')  # of every node
-OTHER_GROUPS = ('qos_overrides.', 'granted.')  # prefixes of what is not configuration
 
 
 def overrides(node: Node) -> dict[str, Any]:
@@ -25,7 +24,7 @@ def overrides(node: Node) -> dict[str, Any]:
     return {
         key: plain(parameter.value)
         for key, parameter in node.get_parameters_by_prefix('').items()
-        if _is_configuration(key)
+        if is_configuration(key)
     }
 
 
@@ -80,7 +79,7 @@ def split(node: Node, wanted: Iterable[Parameter]) -> tuple[list[Parameter], dic
         Parameters of ROS, and key to value of the suite's or unknown ones.
     """
     changes = [parameter for parameter in wanted if not _keeps_fixed(node, parameter)]
-    of_ros = [p for p in changes if not _is_configuration(p.name) and node.has_parameter(p.name)]
+    of_ros = [p for p in changes if not is_configuration(p.name) and node.has_parameter(p.name)]
     return of_ros, {p.name: plain(p.value) for p in changes if p not in of_ros}
 
 
@@ -97,11 +96,6 @@ def _keeps_fixed(node: Node, parameter: Parameter) -> bool:
     if name != START and not node.describe_parameter(name).read_only:
         return False
     return bool(plain(node.get_parameter(name).value) == plain(parameter.value))
-
-
-def _is_configuration(name: str) -> bool:
-    """Whether a parameter belongs to the configuration, as far as its name tells."""
-    return name not in ROS_PARAMETERS and not name.startswith(OTHER_GROUPS)
 
 
 class CommonStart:

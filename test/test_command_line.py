@@ -39,7 +39,7 @@ BAD = {
         ['paper_circel'],
         "unknown scenario 'paper_circel'; did you mean 'paper_circle'?",
     ),
-    'scenario as a path': (['../defaults'], "unknown scenario '../defaults'"),
+    'scenario as a path': (['../defaults'], '/defaults does not exist'),
     'unknown law': (
         [*CIRCLE, '--law', 's_fotsmk'],
         "unknown law 's_fotsmk'; did you mean 's_fotsmc'?",

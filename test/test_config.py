@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from parallel_robot_bags import custom_sources
-from parallel_robot_base import assignments, config
+from parallel_robot_base import assignments, config, config_files
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
@@ -26,6 +26,7 @@ def files(tmp_path, monkeypatch):
     copy = tmp_path / 'config'
     shutil.copytree(config.directory(), copy)
     monkeypatch.setattr(config, 'directory', lambda: copy)
+    monkeypatch.setattr(config_files, 'directory', lambda: copy)
     return copy
 
 
@@ -190,7 +191,9 @@ def test_words_of_the_command_line_are_yaml(word, value):
     assert parsed == value and type(parsed) is type(value)
 
 
-@pytest.mark.parametrize('word', ['period', '=1', 'a=[1'])
+@pytest.mark.parametrize(
+    'word', ['period', '=1', 'a=[1', 'a=2026-01-01', 'a=2026-13-45', 'a=' + 5000 * '[']
+)
 def test_words_that_assign_nothing_are_refused(word):
     with pytest.raises(InputError):
         assignments.parse([word])
@@ -207,14 +210,14 @@ def test_an_installed_package_finds_its_files(tmp_path, monkeypatch, place):
     share = tmp_path / 'prefix' / 'share' / config.PACKAGE / 'config'
     shutil.copytree(config.directory(), share)
     module = tmp_path / 'prefix' / place / 'parallel_robot_base' / 'config.py'
-    monkeypatch.setattr(config, '__file__', str(module))
+    monkeypatch.setattr(config_files, '__file__', str(module))
     if 'elsewhere' in place:
         monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
     assert config.directory() == share
 
 
 def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(config, '__file__', str(tmp_path / 'a' / 'b' / 'config.py'))
+    monkeypatch.setattr(config_files, '__file__', str(tmp_path / 'a' / 'b' / 'config.py'))
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     with pytest.raises(InputError, match='not installed'):
         config.directory()

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
 from parallel_robot_analysis.command_line import main
-from parallel_robot_bags import experiment, history, plain_data
+from parallel_robot_bags import experiment, history
 from parallel_robot_bags.limits import NAME
+from parallel_robot_base import plain_data
 from parallel_robot_base.errors import BagError
 
 EXTREMES = st.sampled_from(

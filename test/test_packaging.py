@@ -261,6 +261,16 @@ def test_launch_records_where_ros_keeps_its_own_or_where_it_is_told(launch, tmp_
     assert recorder['parameters'] == [{'law': ('smc', str), 'recorder.out': ('runs/mine', str)}]
 
 
+def test_launch_hands_on_the_absolute_path_of_a_scenario(launch, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    out, given = launch(scenario='sub/mine.yaml')['plant']['parameters']
+    assert given == {'scenario': (str(tmp_path / 'sub' / 'mine.yaml'), str)}
+    place = Path(out['recorder.out'][0])
+    assert place.parent == tmp_path / '.ros' / NAME and place.name.startswith('mine_2')
+    _, given = launch(scenario='paper_line')['plant']['parameters']
+    assert given == {'scenario': ('paper_line', str)}
+
+
 def test_every_import_is_declared(setup):
     required, optional = (
         {re.split(r'[<>=]', item)[0] for item in items}

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from parallel_robot_analysis.command_line import build_parser
+from parallel_robot_analysis.commands.simulate import given
 from parallel_robot_base import assignments, config, topics
 
 ROOT = Path(__file__).parents[1]
@@ -34,21 +35,24 @@ def test_make_targets_exist(command):
 
 
 @pytest.mark.parametrize('command', [c for c in COMMANDS if 'bin/parallel_robot' in c])
-def test_commands_of_the_command_line_parse_and_their_keys_resolve(command):
-    arguments = build_parser().parse_args(shlex.split(command)[1:])
+def test_commands_of_the_command_line_parse_and_their_keys_resolve(command, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    arguments = build_parser().parse_args(shlex.split(command.partition(' > ')[0])[1:])
     if 'scenario' in arguments:
-        config.resolve(arguments.scenario, assignments.parse(arguments.assignments))
+        config.resolve(arguments.scenario, given(arguments))
 
 
 @pytest.mark.parametrize('command', [c for c in COMMANDS if c.startswith('ros2 run')])
-def test_executables_exist_and_their_parameters_resolve(command):
+def test_executables_exist_and_their_parameters_resolve(command, monkeypatch):
+    monkeypatch.chdir(ROOT)
     words = shlex.split(command)
     if words[3] == 'parallel_robot':
         build_parser().parse_args(words[4:])
         return
     assert (ROOT / 'scripts' / words[3]).is_file()
-    given = [word.replace(':=', '=') for word in words if ':=' in word]
-    config.resolve('paper_circle', assignments.parse(given))
+    words = [word.replace(':=', '=') for word in words if ':=' in word]
+    changes = assignments.parse(words)
+    config.resolve(changes.pop('scenario', 'paper_circle'), changes)
 
 
 @pytest.mark.parametrize(('page', 'target'), LINKS)

@@ -28,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    known = available(resolve(arguments.scenario, simulate.overrides(arguments)))
+    values = resolve(arguments.scenario, simulate.overrides(arguments))
+    scenario, known = str(values['scenario']), available(values)
     laws = arguments.laws or list(known)
     given = ' '.join(laws)
     if ',' in given:
@@ -46,14 +47,14 @@ def execute(arguments: argparse.Namespace) -> int:
         made = simulation.simulate(configure(resolve(arguments.scenario, changed)))
         results[law] = evaluate(made)
         notes += simulate.remarks(made)
-    verdicts = claims.verify(arguments.scenario, results)
+    verdicts = claims.verify(scenario, results)
     if arguments.json:
         try:
-            data = summarise(arguments.scenario, results, verdicts)
+            data = summarise(scenario, results, verdicts)
             new_files.write(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
-    print(table(arguments.scenario, results))
+    print(table(scenario, results))
     for verdict in verdicts:
         print(line(verdict))
     for note in notes:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.commands.simulate import add_set_argument
+from parallel_robot_analysis.commands.simulate import add_set_argument, given
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_analysis.report import figures
 from parallel_robot_bags import history, new_files, run_log
@@ -19,7 +19,7 @@ from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_bags.trust import add_trust_argument, custom_files
-from parallel_robot_base import assignments, config
+from parallel_robot_base import config
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_control.configuration import available, configure, custom_defaults
 from parallel_robot_control.laws import LAWS
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    changes = config.renamed(assignments.parse(arguments.assignments))
+    changes = given(arguments)
     if arguments.law is not None:
         changed_law = changes.setdefault('law', arguments.law)
         if changed_law != arguments.law:

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +18,7 @@ from parallel_robot_bags.history import History
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
 from parallel_robot_bags.trust import add_trust_argument, custom_files
-from parallel_robot_base import config
+from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.printable import printable
@@ -26,6 +27,8 @@ from parallel_robot_model.robots import is_known
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own
+BASE = 'paper_circle'  # of a scenario that is not shipped
+MODULES = ('robot_model', *sorted(config.CUSTOM))  # keys that decide which other keys there are
 MADE_BY = ('version', 'revision')  # facts that say which code made a bag
 
 
@@ -69,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
         for text in (*log.warnings, *doubts(values, past)):
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if simulated else run.record
-        code = record(log.scenario, changes(values), out)
+        code = record(*again(values, Path(directory)), out)
     unlike = ''
     if not simulated and values['time_mode'] != 'lockstep':
         unlike = 'a run in real time'
@@ -91,20 +94,53 @@ def length(log: run_log.RunLog) -> float:
     return float(round(round(log.time[-1] / period) * period, 9))
 
 
-def changes(values: dict[str, Any]) -> dict[str, Any]:
-    """What of a recorded configuration its scenario alone does not give.
+def again(values: Mapping[str, Any], directory: Path) -> tuple[str, dict[str, Any]]:
+    """What to run for a recorded configuration, whether or not its scenario is shipped.
+
+    Args:
+        values: The configuration.
+        directory: Where to write a scenario that is not.
+
+    Returns:
+        Name or path of the scenario, and what changes in it.
 
     Raises:
-        InputError: its scenario does not exist, or a custom law or robot is not valid.
+        BagError: no file can hold the scenario.
+        InputError: a custom law or robot is not valid.
     """
-    modules = {key: values[key] for key in ('robot_model', *config.CUSTOM)}
-    known = resolve(str(values['scenario']), modules)
-    left = {*modules, 'preset', *run.OWN}
-    return modules | {
+    name = str(values['scenario'])
+    modules = {key: values[key] for key in MODULES}
+    if name in config.scenarios():
+        return name, modules | changes(values, name, modules)
+    code = {key: values[key] for key in config.CUSTOM}  # which no scenario can name
+    robot = {'robot_model': values['robot_model']}
+    found = {'base': BASE, **robot, **changes(values, BASE, modules)}
+    path = directory / f'{name.replace("/", "_")}.yaml'  # a bag may hold any name
+    try:
+        path.write_text(plain_data.dump(found), encoding='utf-8')
+    except (OSError, ValueError):  # too long, no characters
+        raise BagError(f'no file can hold the scenario {printable(name)}') from None
+    return str(path), code
+
+
+def changes(
+    values: Mapping[str, Any], scenario: str, modules: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What of a recorded configuration a scenario with its robot and custom modules does not give.
+
+    Raises:
+        InputError: a custom law or robot is not valid.
+    """
+    known = resolve(scenario, modules)
+    left = {*modules, 'scenario', 'preset', *run.OWN}
+    found = {
         key: value
         for key, value in values.items()
         if key in known and key not in left and known[key] != value
     }
+    # A true_robot key that is not set would follow its robot key, changed or not.
+    followers = {f'true_{key}' for key in found if key.startswith('robot.')} & values.keys()
+    return found | {key: values[key] for key in followers}
 
 
 def doubts(values: dict[str, Any], past: History) -> list[str]:

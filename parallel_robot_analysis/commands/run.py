@@ -20,9 +20,10 @@ from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
-from parallel_robot_base import cache_directory, kernel_cache
+from parallel_robot_base import assignments, cache_directory, kernel_cache
 from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.scenario_file import absolute
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import assemble
@@ -59,8 +60,9 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.time_mode is not None:
         changed['time_mode'] = arguments.time_mode
     for key in OWN:
-        if key in changed:
+        if key in assignments.parse(arguments.assignments):
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
+        changed.pop(key, None)  # of a parameter file, which may be one for other runs
     return record(arguments.scenario, changed, arguments.out, full(arguments.namespace))
 
 
@@ -68,7 +70,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     """Run a scenario with changes of its configuration into a bag; returns an exit code.
 
     Args:
-        scenario: Its name.
+        scenario: Its name, or the path of its file.
         changed: Key to value.
         out: Directory of the bag.
         namespace: Full name of the namespace of the nodes; empty for none.
@@ -85,7 +87,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     new_files.check_directory(out)
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
-    common = {'scenario': scenario, **changed, 'start_stamp': WAIT}
+    common = {**changed, 'scenario': absolute(scenario), 'start_stamp': WAIT}
+    common['middleware'] = loop.middleware  # which a node must know before it reads a scenario
     parameters: dict[str, dict[str, Any]] = {name: {**common} for name in MODULES}
     for name, count in subscribers(MODULES, loop.lockstep).items():
         parameters[name]['subscribers'] = count

@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot_analysis import metrics, readable_metrics
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
-from parallel_robot_base import assignments
+from parallel_robot_base import assignments, config, parameter_file
 from parallel_robot_base.errors import ParallelRobotError, RunError, first_line
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
@@ -45,33 +45,75 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of every command that makes a run."""
-    parser.add_argument('scenario', help='name of a scenario in config/scenarios')
+    add_scenario_argument(parser)
     parser.add_argument(
-        '--duration', type=float, metavar='S', help=f'seconds of motion, default {DURATION:g}'
+        '--duration',
+        type=float,
+        metavar='S',
+        help=f'seconds of motion, default: that of the scenario, else {DURATION:g}',
     )
     add_set_argument(parser)
 
 
+def add_scenario_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare the scenario."""
+    parser.add_argument(
+        'scenario', help='name of a scenario in config/scenarios, or the path of a YAML file'
+    )
+
+
 def add_set_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--set``."""
+    """Declare what changes the configuration: ``--param-file`` and ``--set``."""
+    parser.add_argument(
+        '--param-file',
+        action='append',
+        default=[],
+        dest='param_files',
+        type=Path,
+        metavar='FILE',
+        help='YAML file with keys of the configuration, also as ROS has them; may be repeated, '
+        'the later wins',
+    )
     parser.add_argument(
         '--set',
         action='append',
         default=[],
         dest='assignments',
         metavar='KEY=VALUE',
-        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated',
+        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated and wins '
+        'over --param-file',
     )
 
 
+def given_layers(arguments: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
+    """What ``--param-file`` and ``--set`` change, each with its name; later ones win.
+
+    Raises:
+        InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
+    """
+    layers = [(str(path), parameter_file.read(path)) for path in arguments.param_files]
+    layers.append((config.OVERRIDE, assignments.parse(arguments.assignments)))
+    return [(name, config.renamed(values)) for name, values in layers]
+
+
+def given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What ``--param-file`` and ``--set`` change together; see :func:`given_layers`."""
+    return {key: value for _, values in given_layers(arguments) for key, value in values.items()}
+
+
 def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the arguments change in the configuration."""
-    changed = assignments.parse(arguments.assignments)
+    """What the arguments change in the configuration.
+
+    Raises:
+        InputError: no such scenario, or an argument is wrong.
+    """
+    changed = given(arguments)
     if getattr(arguments, 'law', None) is not None:
         changed['law'] = arguments.law
     if arguments.duration is not None:
         changed['duration'] = arguments.duration
-    return {'duration': DURATION, **changed}
+    own = config.scenario_values(arguments.scenario).get('duration')
+    return changed if own else {'duration': DURATION, **changed}
 
 
 def remarks(simulation: Simulation) -> list[str]:

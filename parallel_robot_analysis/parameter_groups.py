@@ -1,0 +1,57 @@
+"""The groups in which the parameters of an experiment are declared, by title and prefix."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from parallel_robot_analysis.monitor import MonitorParameters
+from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_control.configuration import ControllerParameters, available
+from parallel_robot_control.contract import Law
+from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model.contract import Robot
+from parallel_robot_model.disturbance import DisturbanceParameters
+from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.robots import module_of
+from parallel_robot_sim.plant import PlantParameters
+from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
+
+
+def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
+    """Groups of all parameters but those of recorder and monitor, by title and prefix.
+
+    Args:
+        robot: Module of the robot.
+        laws: The laws by name.
+    """
+    return {
+        'The loop': {'': LoopParameters},
+        'Robot; `true_robot.*`, the simulated one, has the same keys and follows it': {
+            'robot': robot.Parameters
+        },
+        'Motion': {'trajectory': TrajectoryParameters},
+        'What the motion must spare this robot': {'trajectory': robot.MotionLimits},
+        'Shapes of the motion': {name: shape.Parameters for name, shape in SHAPES.items()},
+        'Controller': {'controller': ControllerParameters, 'safety': SafetyParameters},
+        'What is a fault of this robot': {'safety': robot.SafetyMargins},
+        'Laws': {name: law.Gains for name, law in laws.items()},
+        'Plant': {
+            'plant': PlantParameters,
+            'friction': FrictionParameters,
+            'disturbance': DisturbanceParameters,
+        },
+    }
+
+
+def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
+    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
+    robot = module_of(values)
+    members = [pair for part in groups(robot, available(values)).values() for pair in part.items()]
+    members += [('true_robot', robot.Parameters), ('monitor', MonitorParameters)]
+    return {
+        f'{prefix}.{parameter.key}' if prefix else parameter.key: parameter.field
+        for prefix, group in members
+        for parameter in parameters(group)
+    }

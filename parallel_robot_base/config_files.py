@@ -1,0 +1,65 @@
+"""The files of ``config/``: where they are, and what they hold."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.plain_data import LOADER
+
+PACKAGE = 'parallel_robot'
+
+
+def directory() -> Path:
+    """Find ``config/``: beside the packages (source tree) or in a share folder (installed).
+
+    Raises:
+        InputError: the package is not installed completely.
+    """
+    here = Path(__file__).resolve()
+    candidates = [parent / 'share' / PACKAGE / 'config' for parent in here.parents]
+    candidates.insert(0, here.parents[1] / 'config')
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    candidates += [Path(prefix) / 'share' / PACKAGE / 'config' for prefix in prefixes if prefix]
+    for candidate in candidates:
+        if (candidate / 'defaults.yaml').is_file():
+            return candidate
+    raise InputError(f'the configuration of {PACKAGE} is not installed beside {here.parent}')
+
+
+def label(file: Path) -> str:
+    """How people know a file: by its place in ``config/``, or else its path."""
+    root = directory().resolve()
+    path = file.resolve()
+    return str(path.relative_to(root) if path.is_relative_to(root) else path)
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Read a file of the suite, without the limits for those of users.
+
+    Raises:
+        InputError: it is not YAML, or holds no keys and values.
+    """
+    try:
+        content = yaml.load(path.read_text(), LOADER)
+    except yaml.YAMLError as error:
+        raise InputError(f'{path} is not valid YAML: {error}') from None
+    if not isinstance(content, dict):
+        raise InputError(f'{path} must hold keys and values')
+    return content
+
+
+def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Nested groups as one dictionary with dotted keys."""
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            found.update(flat(value, f'{prefix}{key}.'))
+        else:
+            found[f'{prefix}{key}'] = value
+    return found

@@ -1,0 +1,80 @@
+"""Parameter files: keys and values, or the form in which ROS has them, by node."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_base import yaml_file
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.printable import printable
+
+NODES = ('trajectory', 'plant', 'controller', 'recorder', 'monitor')  # which have a configuration
+ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')  # of every node
+OTHER_GROUPS = ('qos_overrides.', 'granted.')  # prefixes of what is not configuration
+CODE = {'own_laws', 'custom_laws', 'custom_robots'}  # keys that name Python files
+MARK = 'ros__parameters'  # between the name of a node and its parameters
+
+
+def is_configuration(name: str) -> bool:
+    """Whether a parameter of a node belongs to the configuration, as far as its name tells."""
+    return name not in ROS_PARAMETERS and not name.startswith(OTHER_GROUPS)
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Read a parameter file.
+
+    In the form of ROS, what is for a node wins over what is for all (``/**``), whatever the
+    namespace; other nodes are left out with a warning, and so are parameters of ROS itself.
+
+    Args:
+        path: Its place.
+
+    Returns:
+        Dotted key to value.
+
+    Raises:
+        InputError: it cannot be read, names code, or gives two nodes different values of one key.
+    """
+    values = yaml_file.read(path)
+    if is_of_ros(values):
+        values = _by_node(path, values)
+    for key in CODE & values.keys():
+        if values.pop(key):
+            raise InputError(f'{path}: {key} is code: give it by --set {key}=[FILE]')
+    return values
+
+
+def is_of_ros(values: Mapping[str, Any]) -> bool:
+    """Whether flat keys are those of a parameter file of ROS."""
+    return any(MARK in key.split('.') for key in values)
+
+
+def _by_node(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of the nodes of the suite."""
+    found: dict[str, tuple[Any, str]] = {}  # value, and the node that it is for
+    strangers = set()
+    for own in (False, True):  # a node's own parameters count more than those for all
+        for full, value in values.items():
+            node, _, key = f'.{full}'.partition(f'.{MARK}.')
+            node = node.removeprefix('.').replace('.', '/')
+            if not key:
+                raise InputError(f'{path}: {printable(full)} stands outside {MARK}')
+            if not node:
+                raise InputError(f'{path}: {MARK} must stand under the name of a node, or /**')
+            name = node.rpartition('/')[2]
+            if name not in NODES and '*' not in name:
+                strangers.add(printable(node))
+            elif (name in NODES) == own and is_configuration(key):
+                before, other = found.get(key, (value, ''))
+                if before != value and (other.rpartition('/')[2] in NODES or not own):
+                    raise InputError(
+                        f'{path}: {key} is {before} for {other} and {value} for {node}'
+                    )
+                found[key] = value, node
+    for name in sorted(strangers):
+        text = f'{path}: {name} is not a node of the suite; its parameters are left out'
+        logging.getLogger('parallel_robot').warning(text)
+    return {key: value for key, (value, _) in found.items()}

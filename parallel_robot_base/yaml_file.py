@@ -1,0 +1,128 @@
+"""A YAML file of a user: read once, with limits, into flat dotted keys."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from parallel_robot_base import plain_data
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.plain_data import LOADER
+from parallel_robot_base.printable import printable
+
+TEXT, STRING = 'tag:yaml.org,2002:str', 40  # tag of a text; characters of a value in a message
+
+
+# YAML 1.1 takes 1e6, which has no decimal point, for a text; nobody means that.
+FLOAT = (
+    'tag:yaml.org,2002:float',
+    re.compile(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$'),
+    list('-+.0123456789'),
+)
+Loader: Any = type('Loader', (LOADER,), {})
+Loader.add_implicit_resolver(*FLOAT)
+Dumper: Any = type('Dumper', (yaml.SafeDumper,), {})
+Dumper.add_implicit_resolver(*FLOAT)
+
+
+def text_of(value: Any) -> str:
+    """A number, a text, a truth value or a list of those as one line of YAML."""
+    text = yaml.dump(
+        value, Dumper=Dumper, default_flow_style=True, width=math.inf, allow_unicode=True
+    )
+    return str(text).removesuffix('...\n').rstrip('\n')
+
+
+def kind_of(value: Any) -> str:
+    """What a value is that YAML made of something and that no parameter can have."""
+    return 'a date' if isinstance(value, datetime.date) else f'a {type(value).__name__}'
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Read keys and values; nested groups become dotted keys.
+
+    Args:
+        path: Its place.
+
+    Returns:
+        Key to a number, a text, a truth value, None, or a list of those.
+
+    Raises:
+        InputError: there is no such file, it cannot be read, is too large or is not YAML; a key
+            stands twice or is not a text; a value is none of these.
+    """
+    text = _text(path)
+    try:
+        plain_data.bound(text)
+        loader = Loader(text)
+        root = loader.get_single_node()
+        found: dict[str, Any] = {}
+        if not isinstance(root, yaml.MappingNode):
+            raise InputError(f'{path} must hold keys and values')
+        _flatten(path, loader, root, '', found)
+    except yaml.MarkedYAMLError as error:
+        where = f', line {error.problem_mark.line + 1}' if error.problem_mark else ''
+        what = ', '.join(filter(None, (error.context, error.problem)))
+        raise InputError(f'{path}{where}: not valid YAML: {what}') from None
+    except yaml.YAMLError as error:
+        raise InputError(f'{path}: not valid YAML: {printable(error)}') from None
+    except (ValueError, TypeError, OverflowError, RecursionError) as error:
+        raise InputError(f'{path} has what a configuration cannot: {printable(error)}') from None
+    return found
+
+
+def _text(path: Path) -> str:
+    """Content of a regular file.
+
+    Raises:
+        InputError: there is none, it cannot be read, is too large or is not a text.
+    """
+    try:
+        if not path.is_file():  # a pipe or a device may never end
+            what = 'is not a file' if path.exists() else 'does not exist'
+            raise InputError(f'{path} {what}')
+        with path.open('rb') as stream:
+            content = stream.read(plain_data.LONGEST + 1)
+    except (OSError, ValueError) as error:  # a name too long, or with a null character
+        reason = getattr(error, 'strerror', None) or error
+        raise InputError(f'{path} cannot be read: {reason}') from None
+    if len(content) > plain_data.LONGEST:
+        raise InputError(f'{path} has more than {plain_data.LONGEST} bytes')
+    try:
+        return content.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise InputError(f'{path} is not a text in UTF-8') from None
+
+
+def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: dict[str, Any]) -> None:
+    """Add the keys of a mapping to those found.
+
+    Raises:
+        InputError: a key stands twice or is not a text, or a value is not plain.
+    """
+    own = set()
+    for key_node, value_node in node.value:
+        where = f'{path}, line {key_node.start_mark.line + 1}'
+        if key_node.tag != TEXT:
+            written = printable(getattr(key_node, 'value', key_node.tag), STRING)
+            raise InputError(f'{where}: the key {written} is not a text for YAML; quote it')
+        key = f'{prefix}{key_node.value}'
+        if key in own or key in found:
+            raise InputError(f'{where}: {printable(key)} stands twice')
+        own.add(key)
+        if isinstance(value_node, yaml.MappingNode):
+            _flatten(path, loader, value_node, f'{key}.', found)
+            continue
+        value = loader.construct_object(value_node, deep=True)
+        for item in value if isinstance(value, list) else [value]:
+            if not (item is None or isinstance(item, (bool, int, float, str))):
+                scalar = isinstance(value_node, yaml.ScalarNode)
+                shown = printable(value_node.value, STRING) if scalar else 'a list'
+                what = f'{printable(key)} cannot be {shown}: YAML reads {kind_of(item)} there'
+                raise InputError(f'{where}: {what}')
+        found[key] = value
