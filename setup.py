@@ -10,6 +10,8 @@ PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
+STUDY = ['pyarrow>=14', 'tqdm>=4.66']
+CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
@@ -40,6 +42,7 @@ setup(
         'parallel_robot_analysis.commands',
         'parallel_robot_analysis.replay',
         'parallel_robot_analysis.report',
+        'parallel_robot_analysis.study',
         'parallel_robot_analysis.top',
     ],
     package_data={'parallel_robot_analysis.report': ['templates/*']},
@@ -52,6 +55,7 @@ setup(
         (f'share/{NAME}/config/middleware', glob('config/middleware/*.xml')),
         (f'share/{NAME}/config/robots', glob('config/robots/*.yaml')),
         (f'share/{NAME}/config/scenarios', glob('config/scenarios/*.yaml')),
+        (f'share/{NAME}/config/studies', glob('config/studies/*.yaml')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         # Where `ros2 run` looks; pip puts console scripts only in bin/.
         (f'lib/{NAME}', glob('scripts/*')),
@@ -82,10 +86,15 @@ setup(
         'export': EXPORT,
         # The screen of `parallel_robot top`; Ubuntu's package is too old.
         'top': TOP,
+        # `parallel_robot sweep`, and `sweep --scheduler`.
+        'study': STUDY,
+        'cluster': CLUSTER,
         # Exact where another version may judge the same code differently.
         'test': [
             *EXPORT,
             *TOP,
+            *STUDY,
+            *CLUSTER,
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
             'mcap-ros2-support>=0.5',

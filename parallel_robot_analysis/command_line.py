@@ -27,6 +27,7 @@ COMMANDS = {
     'export': 'a bag as a table, one row a state',
     'recover': 'a whole bag of what is intact in a broken one',
     'show': 'the effective configuration of a scenario, and the source of each value',
+    'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
     'compare': "all laws on one scenario, without ROS, beside the paper's claims",
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -45,6 +46,12 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it is not YAML, or holds no keys and values.
     """
+    return _parsed(path, path.stat().st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=256)
+def _parsed(path: Path, _changed: int) -> dict[str, Any]:
+    """Content of a file, kept until it changes: a sweep resolves thousands of configurations."""
     try:
         content = yaml.load(path.read_text(), LOADER)
     except yaml.YAMLError as error:
@@ -61,5 +68,5 @@ def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
         if isinstance(value, Mapping):
             found.update(flat(value, f'{prefix}{key}.'))
         else:
-            found[f'{prefix}{key}'] = value
+            found[f'{prefix}{key}'] = list(value) if isinstance(value, list) else value
     return found

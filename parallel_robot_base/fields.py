@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -55,6 +56,11 @@ class Parameter(NamedTuple):
 
 def parameters(group: type) -> tuple[Parameter, ...]:
     """List the parameters of a group; a trailing underscore (``lambda_``) is not in the key."""
+    return _parameters(group)
+
+
+@functools.cache
+def _parameters(group: Any) -> tuple[Parameter, ...]:
     found = []
     for name, hint in get_type_hints(group, include_extras=True).items():
         if get_origin(hint) is not Annotated:

@@ -27,6 +27,7 @@ NAME = PACKAGE.findtext('name')
 DEPENDENCIES = {element.text for element in PACKAGE.iter('exec_depend')}
 ROS = {key for key in DEPENDENCIES if not key.startswith('python3-')}
 PIP = {'lz4', 'mcap', 'plotly', 'zstandard'}  # of which rosdep knows nothing
+OPTIONAL = ('export', 'top', 'study', 'cluster')  # extras without which the suite works
 ROSDEP_KEYS = {  # that exist
     *('python3-hypothesis', 'python3-jinja2', 'python3-matplotlib', 'python3-numba'),
     *('python3-numpy', 'python3-pytest', 'python3-rosbags-pip', 'python3-scipy', 'python3-yaml'),
@@ -276,7 +277,7 @@ def test_every_import_is_declared(setup):
         {re.split(r'[<>=]', item)[0] for item in items}
         for items in (
             setup['install_requires'],
-            setup['extras_require']['export'] + setup['extras_require']['top'],
+            [item for name in OPTIONAL for item in setup['extras_require'][name]],
         )
     )
     for name, tree in modules(setup['packages']):

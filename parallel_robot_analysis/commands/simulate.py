@@ -15,7 +15,7 @@ from parallel_robot_analysis import metrics, readable_metrics
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file
-from parallel_robot_base.errors import ParallelRobotError, RunError, first_line
+from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
@@ -40,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--law', help='control law, default: that of the configuration')
     parser.add_argument(
         '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
+    )
+    parser.add_argument(
+        '--row',
+        type=int,
+        metavar='N',
+        help='one run of a study: SCENARIO is the directory of its sweep, its file or its name',
     )
 
 
@@ -162,7 +168,18 @@ def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    return record(arguments.scenario, overrides(arguments), arguments.out)
+    if arguments.row is None:
+        return record(arguments.scenario, overrides(arguments), arguments.out)
+    from parallel_robot_analysis.study.single_row import row_of  # needed for rows alone
+
+    for option in ('law', 'duration'):
+        if getattr(arguments, option) is not None:
+            raise InputError(f'--{option} and --row exclude each other: the study has it')
+    fixed = assignments.parse(arguments.assignments)
+    row, doubts = row_of(arguments.scenario, arguments.row, fixed)
+    for text in doubts:
+        print(f'warning: {text}', file=sys.stderr)
+    return record(row.scenario, dict(row.overrides), arguments.out)
 
 
 def record(scenario: str, changed: dict[str, Any], out: Path) -> int:

@@ -1,0 +1,1 @@
+"""Studies: many runs of laws and scenarios under sampled uncertainty, and what follows of them."""

@@ -1,0 +1,129 @@
+"""The results of a sweep, scenario by scenario, from its table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_analysis.study import statistics
+from parallel_robot_analysis.study.plan import Plan
+from parallel_robot_analysis.study.statistics import Driver, Duel, Estimate
+from parallel_robot_analysis.study.table import arrow
+
+Array = NDArray[np.float64]
+REASONS = 3  # most frequent reasons of failures that are told
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column that is summarised; smaller is better.
+
+    Attributes:
+        column: Name of the column.
+        name: Name in tables.
+        unit: Unit in tables.
+        scale: Factor from the column to that unit.
+    """
+
+    column: str
+    name: str
+    unit: str
+    scale: float
+
+
+ERRORS = (  # the first that the scenario has is the one by which laws are compared
+    Quantity('xy_rms_m', 'end-effector error, rms', 'um', 1e6),
+    Quantity('joint_rms_rad', 'joint error, rms', 'urad', 1e6),
+)
+OTHERS = (
+    Quantity('torque_max_nm', 'torque, max', 'N m', 1.0),
+    Quantity('chattering_nm', 'torque, chattering', 'N m', 1.0),
+)
+
+
+@dataclass(frozen=True)
+class LawResult:
+    """One law in one scenario.
+
+    Attributes:
+        runs: Number of runs by status.
+        reasons: The most frequent reasons why runs are not ok, with their numbers.
+        medians: Medians of the quantities, in their units.
+        drivers: What drives the error, see :func:`statistics.drivers`.
+        errors: The error of each run, in its unit; infinite for a run that is not ok.
+    """
+
+    runs: Mapping[str, int]
+    reasons: Mapping[str, int]
+    medians: tuple[Estimate, ...]
+    drivers: tuple[Driver, ...]
+    errors: Array
+
+
+@dataclass(frozen=True)
+class ScenarioResult:
+    """All laws in one scenario.
+
+    Attributes:
+        quantities: What is summarised; the first is the error.
+        laws: Law to its results, in the order of the study.
+        duels: The laws in pairs, by the error; those with the smaller medians first.
+    """
+
+    quantities: tuple[Quantity, ...]
+    laws: Mapping[str, LawResult]
+    duels: tuple[Duel, ...]
+
+
+def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:
+    """Evaluate the table of a sweep.
+
+    Args:
+        runs: The file, with all rows.
+        plan: The plan of the sweep.
+
+    Returns:
+        Scenario to its results.
+    """
+    return {scenario: _scenario(runs, plan, scenario) for scenario in plan.study.scenarios}
+
+
+def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
+    pa = arrow()
+    parameters = [name for name, numeric in plan.columns().items() if numeric]
+    numbers = [quantity.column for quantity in (*ERRORS, *OTHERS)] + parameters
+    found = pa.parquet.read_table(
+        runs,
+        columns=['law', 'status', 'reason', *numbers],
+        filters=[('scenario', '=', scenario)],
+        partitioning=None,
+    )
+    law, status, reason = (found[name].to_numpy() for name in ('law', 'status', 'reason'))
+    columns = {name: found[name].to_numpy() for name in numbers}  # NaN for null
+    planar = np.isfinite(columns[ERRORS[0].column]).any()
+    quantities = (ERRORS[0] if planar else ERRORS[1], *OTHERS)
+    results = {}
+    for variant in plan.study.laws:
+        mine = law == variant.name
+        good = status[mine] == 'ok'
+        scaled = [
+            np.where(good, quantity.scale * columns[quantity.column][mine], np.inf)
+            for quantity in quantities
+        ]
+        drawn = {name: columns[name][mine] for name in parameters}
+        drawn = {name: values for name, values in drawn.items() if np.isfinite(values).all()}
+        results[variant.name] = LawResult(
+            Counter(status[mine].tolist()),
+            dict(Counter(reason[mine][~good].tolist()).most_common(REASONS)),
+            tuple(map(statistics.median, scaled)),
+            tuple(statistics.drivers(drawn, scaled[0])),
+            scaled[0],
+        )
+    ranking = sorted(results, key=lambda name: results[name].medians[0].value)
+    errors = {name: results[name].errors for name in ranking}
+    return ScenarioResult(quantities, results, tuple(statistics.duels(errors)))

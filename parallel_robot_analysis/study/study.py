@@ -1,0 +1,203 @@
+"""A study as its file says it: laws, scenarios, number of runs, uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from parallel_robot_analysis.study import uncertainty
+from parallel_robot_analysis.study.uncertainty import Uncertainty
+from parallel_robot_base import config, plain_data
+from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.fields import Field, check
+
+DURATION = 12.0  # s, as of `simulate`
+MOST_RUNS = 10_000_000
+# What makes the experiment, or has a key of its own in a study.
+FIXED = ('scenario', 'law', 'preset', 'robot_model', 'joints', 'duration', 'seed', *config.CUSTOM)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A law with gains of its own.
+
+    Attributes:
+        name: What the results call it.
+        law: Name of the law.
+        gains: Keys of the configuration and their values.
+    """
+
+    name: str
+    law: str
+    gains: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study.
+
+    Attributes:
+        scenarios: Names of the scenarios.
+        laws: The laws.
+        runs: Number of samples of the uncertainty; each is a run of every law in every scenario.
+        seed: Seed of the samples and of the runs.
+        method: How the uncertainty is sampled.
+        duration: Length of each run [s].
+        fixed: Keys of the configuration and their values in all runs.
+        uncertainties: The uncertain parameters.
+    """
+
+    scenarios: tuple[str, ...]
+    laws: tuple[Variant, ...]
+    runs: int
+    seed: int
+    method: Literal['sobol', 'random']
+    duration: float
+    fixed: Mapping[str, Any]
+    uncertainties: tuple[Uncertainty, ...]
+
+    def changed(self, runs: int | None, fixed: Mapping[str, Any]) -> Study:
+        """The study with another number of runs and more fixed values."""
+        if runs is None:
+            runs = self.runs
+        return replace(
+            self,
+            runs=check('--runs', int, Field('', '', 1, MOST_RUNS), runs),
+            fixed={**self.fixed, **_fixed('--set', fixed)},
+        )
+
+
+def file_of(name: str) -> Path:
+    """The file of a study: a path, or the name of one in config/studies.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    folder = config.directory() / 'studies'
+    known = {path.stem: path for path in folder.glob('*.yaml')}
+    if name in known:
+        return known[name]
+    path = Path(name)
+    if path.suffix not in ('.yaml', '.yml') and '/' not in name:
+        raise UnknownNameError('study', name, known)
+    return path
+
+
+def read(path: Path) -> str:
+    """Text of a study file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        with path.open('rb') as stream:
+            return stream.read(plain_data.LONGEST + 1).decode()
+    except OSError as error:
+        raise InputError(f'cannot read the study {path}: {error.strerror}') from None
+    except ValueError:
+        raise InputError(f'the study {path} is not text in UTF-8') from None
+
+
+def parse(text: str, name: str = 'study') -> Study:
+    """Read a study; whether its keys exist is checked with the scenarios, see plan.py.
+
+    Args:
+        text: Content of the file.
+        name: Name of the file, for messages.
+
+    Raises:
+        InputError: the text is not YAML, or something in it is wrong.
+    """
+    try:
+        content = plain_data.load(text)
+    except ValueError as error:
+        raise InputError(f'{name} cannot be read as YAML: {error}') from None
+    if not isinstance(content, dict):
+        raise InputError(f'{name} must hold keys and values')
+    try:
+        return _study(content)
+    except InputError as error:
+        raise InputError(f'{name}: {error}') from None
+
+
+def _study(content: dict[str, Any]) -> Study:
+    known = {'scenarios', 'laws', 'runs', 'seed', 'method', 'duration', 'set', 'uncertainty'}
+    for key in content:
+        if key not in known:
+            raise UnknownNameError('key', key, known)
+    for key in ('scenarios', 'laws', 'runs'):
+        if key not in content:
+            raise InputError(f'{key} is missing')
+    scenarios = _names('scenarios', content['scenarios'])
+    entries = _mapping('uncertainty', content.get('uncertainty'))
+    for key in entries:
+        _check_free('uncertainty', key)
+    fixed = _fixed('set', _mapping('set', content.get('set')))
+    for key in fixed.keys() & entries.keys():
+        raise InputError(f'{key} is both in set and in uncertainty')
+    return Study(
+        scenarios,
+        _laws(content['laws']),
+        check('runs', int, Field('', '', 1, MOST_RUNS), content['runs']),
+        check('seed', int, Field('', '', 0, 2**63 - 1), content.get('seed', 0)),
+        check('method', Literal['sobol', 'random'], Field('', ''), content.get('method', 'sobol')),
+        check('duration', float, Field('s', '', 0.0), content.get('duration', DURATION)),
+        fixed,
+        tuple(uncertainty.parse(key, entry) for key, entry in entries.items()),
+    )
+
+
+def _laws(given: Any) -> tuple[Variant, ...]:
+    """Laws from a list of names, or from names with gains."""
+    if not isinstance(given, dict):
+        return tuple(Variant(name, name, {}) for name in _names('laws', given))
+    found = []
+    for name in _names('laws', list(given)):
+        gains = dict(_mapping(f'laws: {name}', given[name]))
+        law = check(f'laws: {name}: law', str, Field('', ''), gains.pop('law', name))
+        found.append(Variant(name, law, {f'{law}.{key}': gains[key] for key in gains}))
+    return tuple(found)
+
+
+def _names(key: str, given: Any) -> tuple[str, ...]:
+    """A list of different names."""
+    names: tuple[str, ...] = check(key, tuple[str, ...], Field('', ''), given)
+    if not names:
+        raise InputError(f'{key} must name at least one')
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f'{key} names {name} twice')
+    return names
+
+
+def _mapping(key: str, given: Any) -> dict[str, Any]:
+    """Keys and values; nothing at all stands for none."""
+    if given is None:
+        return {}
+    if not isinstance(given, dict):
+        raise InputError(f'{key} must hold keys and values, not {given!r}')
+    return given
+
+
+def _fixed(where: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Fixed values by dotted key; a file of a study names no code."""
+    values = config.flat(given)
+    allowed: Collection[str] = config.CUSTOM if where == '--set' else ()
+    for key in values:
+        if key not in allowed:
+            _check_free(where, key)
+    return values
+
+
+def _check_free(where: str, key: str) -> None:
+    """Refuse a key that a study cannot change.
+
+    Raises:
+        InputError: it is one of them.
+    """
+    if key in config.CUSTOM:
+        raise InputError(f'{where}: {key} is given on the command line alone: it is code')
+    if key in FIXED:
+        raise InputError(f'{where}: {key} cannot stand there')

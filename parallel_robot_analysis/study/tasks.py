@@ -1,0 +1,117 @@
+"""The work of a sweep in pieces, each small enough to be lost, and how a worker does one."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_analysis.study.configurations import Configurations
+from parallel_robot_analysis.study.plan import Plan, Row
+from parallel_robot_analysis.study.run_chunk import Outcome, failed, run_chunk
+from parallel_robot_bags.experiment import software
+from parallel_robot_base import cache_directory
+from parallel_robot_base.errors import RunError
+from parallel_robot_control.configuration import resolve
+
+MOST_ROWS, LEAST_ROWS = 32, 4  # in one task, but for the last
+MOST_STATES = 400_000  # of the runs of a task: a few seconds of work
+TASKS_EACH = 4  # at least, for each worker
+
+
+@dataclass(frozen=True)
+class Task:
+    """Runs of one law in one scenario.
+
+    Attributes:
+        scenario: Name of the scenario.
+        numbers: Numbers of the rows.
+        overrides: What each row changes in the configuration.
+        version: Version of the code that is to run it, see :func:`version`.
+        losses: How many workers were lost over it.
+    """
+
+    scenario: str
+    numbers: tuple[int, ...]
+    overrides: tuple[Mapping[str, Any], ...]
+    version: str
+    losses: int = 0
+
+    def split(self) -> list[Task]:
+        """A task for each row, after the worker that had all of them was lost."""
+        return [
+            Task(self.scenario, (number,), (overrides,), self.version, self.losses + 1)
+            for number, overrides in zip(self.numbers, self.overrides, strict=True)
+        ]
+
+
+def tasks(plan: Plan, done: NDArray[np.bool_], workers: int) -> Iterator[Task]:
+    """The tasks that are left of a plan, sample after sample.
+
+    Args:
+        plan: The plan.
+        done: Which rows are done, shape (rows,).
+        workers: Number of workers that share them.
+    """
+    samples, cases = plan.study.runs, len(plan.cases)
+    states = max(1, round(plan.study.duration / float(plan.cases[0].nominal['period'])))
+    first, left = 0, len(done) - int(done.sum())
+    while first < samples:
+        # Smaller tasks towards the end, so that no worker waits long for the last one.
+        size = max(LEAST_ROWS, min(MOST_ROWS, left // (TASKS_EACH * workers)))
+        count = min(size, max(1, MOST_STATES // states), samples - first)
+        for case in range(cases):
+            missing = ~done[first * cases + case : (first + count) * cases : cases]
+            left -= int(missing.sum())
+            if missing.any():
+                rows = plan.rows(case, first, count)
+                yield task([row for row, needed in zip(rows, missing, strict=True) if needed])
+        first += count
+
+
+def task(rows: list[Row]) -> Task:
+    """The task of some rows of one case."""
+    return Task(
+        rows[0].scenario,
+        tuple(row.row for row in rows),
+        tuple(row.overrides for row in rows),
+        version(),
+    )
+
+
+@functools.cache
+def version() -> str:
+    """Version of the code that makes the numbers: that of the suite, and of its kernels."""
+    kernels = cache_directory.OWN.rpartition('kernels_')[2]
+    return f'{software()["version"]} {kernels}'.strip()
+
+
+def run_task(task: Task) -> list[Outcome]:
+    """Run a task in a worker.
+
+    Raises:
+        RunError: this worker has another version of the code.
+    """
+    if task.version != version():
+        raise RunError(
+            f'a worker has another version of the suite: {version()}, not {task.version}'
+        )
+    with _LOCK:
+        found: dict[int, Any] = {}
+        for k, overrides in enumerate(task.overrides):
+            try:
+                found[k] = _CONFIGURATIONS.build(resolve(task.scenario, overrides))
+            except Exception as error:  # impossible values, and whatever custom modules raise
+                found[k] = failed(error)
+        good = {k: each for k, each in found.items() if not isinstance(each, Outcome)}
+        found |= dict(zip(good, run_chunk(list(good.values())), strict=True))
+        return list(found.values())
+
+
+_CONFIGURATIONS = Configurations()
+_LOCK = threading.Lock()  # a worker of a cluster may have several threads; they share the above

@@ -1,0 +1,318 @@
+"""Studies: their files, their samples, and the rows that follow from them."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.study import study, table, uncertainty
+from parallel_robot_analysis.study.configurations import Configurations
+from parallel_robot_analysis.study.plan import plan, sample
+from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import configure
+
+HEAD = 'scenarios: [paper_circle]\nlaws: [smc]\nruns: 4\n'
+
+
+def uncertain(line):
+    return f'{HEAD}uncertainty: {{{line}}}\n'
+
+
+HOSTILE = {
+    'nothing': ('', 'must hold keys and values'),
+    'a list': ('[1, 2]', 'must hold keys and values'),
+    'no YAML': ('a: [', 'cannot be read as YAML'),
+    'a tab': ('\tscenarios: 5', 'cannot be read as YAML'),
+    'deep': ('a: ' + '[' * 5000, 'cannot be read as YAML'),
+    'bomb': ('a: &a [1,1]\nb: &b [*a,*a]\n' * 9, 'cannot be read as YAML'),
+    'binary': ('a: !!binary aGVsbG8=', 'cannot be read as YAML'),
+    'object': ('a: !!python/object/apply:os.system [ls]', 'cannot be read as YAML'),
+    'NaN': (HEAD + 'duration: .nan', 'cannot be read as YAML'),
+    'unknown key': (HEAD + 'rums: 5', "unknown key 'rums'; did you mean 'runs'?"),
+    'no laws': ('scenarios: [paper_circle]\nruns: 3', 'laws is missing'),
+    'laws of numbers': ('scenarios: [paper_circle]\nlaws: [1]\nruns: 3', 'laws[0] must be text'),
+    'laws as text': ('scenarios: [paper_circle]\nlaws: smc\nruns: 3', 'laws must be a list'),
+    'no law at all': ('scenarios: [paper_circle]\nlaws: []\nruns: 3', 'laws must name at least'),
+    'a law twice': ('scenarios: [paper_circle]\nlaws: [smc, smc]\nruns: 3', 'names smc twice'),
+    'unknown law': ('scenarios: [paper_circle]\nlaws: [smk]\nruns: 3', "unknown law 'smk'"),
+    'unknown gain': ('scenarios: [paper_circle]\nlaws: {smc: {q: 1}}\nruns: 3', "'smc.q'"),
+    'bad gain': ('scenarios: [paper_circle]\nlaws: {smc: {z: a}}\nruns: 3', 'smc.z must be a num'),
+    'unknown scenario': ('scenarios: [circel]\nlaws: [smc]\nruns: 3', "scenario 'circel'"),
+    'no runs': ('scenarios: [paper_circle]\nlaws: [smc]\nruns: 0', 'runs must be from 1'),
+    'half a run': ('scenarios: [paper_circle]\nlaws: [smc]\nruns: 1.5', 'runs must be a whole'),
+    'no end': (HEAD + 'duration: 0', 'duration must be positive'),
+    'too long': (HEAD + 'duration: 1.0e+9', 'duration'),
+    'method': (HEAD + 'method: sobal', "did you mean 'sobol'?"),
+    'seed': (HEAD + 'seed: -1', 'seed must be from 0'),
+    'set a list': (HEAD + 'set: [1]', 'set must hold keys and values'),
+    'set unknown': (HEAD + 'set: {friction.viscos: 1}', "did you mean 'friction.viscous'?"),
+    'set code': (HEAD + 'set: {custom_laws: [a.py]}', 'on the command line alone'),
+    'set law': (HEAD + 'set: {law: smc}', 'law cannot stand there'),
+    'both': (
+        HEAD + 'set: {friction.viscous: 1}\n'
+        'uncertainty: {friction.viscous: {distribution: uniform, relative: 0.1}}',
+        'both in set and in uncertainty',
+    ),
+    'uncertain code': (
+        uncertain('custom_laws: {distribution: choice, values: [a]}'),
+        'on the command line alone',
+    ),
+    'no distribution': (uncertain('robot.m1: {relative: 0.2}'), 'unknown distribution of uncer'),
+    'a number': (uncertain('robot.m1: 0.2'), 'must be {distribution: ...'),
+    'distribution': (
+        uncertain('robot.m1: {distribution: unifrom, relative: 0.2}'),
+        "did you mean 'uniform'?",
+    ),
+    'both forms': (
+        uncertain('robot.m1: {distribution: uniform, relative: 0.2, low: 1, high: 2}'),
+        'uniform takes low and high, or relative, or factor, not relative, low, high',
+    ),
+    'half a form': (uncertain('robot.m1: {distribution: uniform, low: 1}'), 'takes low and high'),
+    'exchanged': (
+        uncertain('robot.m1: {distribution: uniform, low: 2, high: 1}'),
+        'low must be below high, not 2 and 1',
+    ),
+    'log of 0': (
+        uncertain('robot.m1: {distribution: log_uniform, low: 0, high: 1}'),
+        'log_uniform needs positive values',
+    ),
+    'no width': (
+        uncertain('robot.m1: {distribution: normal, relative: 0}'),
+        'relative must be positive',
+    ),
+    'share of 0': (
+        uncertain('disturbance.amplitude: {distribution: uniform, relative: 0.1}'),
+        'a share of 0 is 0',
+    ),
+    'no choice': (uncertain('robot.m1: {distribution: choice, values: []}'), 'a list of values'),
+    'wrong choice': (
+        uncertain('plant.integrator: {distribution: choice, values: [ode3, ode5]}'),
+        "did you mean 'ode3'?",
+    ),
+    'uniform text': (
+        uncertain('plant.integrator: {distribution: uniform, relative: 0.1}'),
+        'uniform is for numbers',
+    ),
+    'uniform whole number': (
+        uncertain('plant.substeps: {distribution: uniform, low: 1, high: 4}'),
+        'plant.substeps must be a whole number',
+    ),
+    'unknown parameter': (
+        uncertain('robot.m4: {distribution: uniform, low: 1, high: 4}'),
+        "unknown parameter 'robot.m4'",
+    ),
+    'common text': (
+        uncertain('friction.viscous: {distribution: uniform, relative: 0.1, common: 5}'),
+        'common must be true or false',
+    ),
+}
+
+
+@pytest.mark.parametrize('name', HOSTILE)
+def test_a_bad_study_costs_one_line_and_leaves_nothing(name, tmp_path, capsys):
+    text, message = HOSTILE[name]
+    file = tmp_path / 'study.yaml'
+    file.write_text(text)
+    assert main(['sweep', str(file), '--out', str(tmp_path / 'out')]) == 2
+    out, error = capsys.readouterr()
+    assert message in error and error.count('\n') == 1 and not out
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        (['robustnes'], "unknown study 'robustnes'; did you mean 'robustness'?"),
+        (['missing.yaml'], 'cannot read the study missing.yaml: No such file'),
+        (['.'], "unknown study '.'"),
+        (['./'], 'cannot read the study .: Is a directory'),
+        (['robustness', '--runs', '0'], '--runs must be from 1'),
+        (['robustness', '--workers', '0'], '--workers must be from 1'),
+        (['robustness', '--workers', '2', '--scheduler', 'x'], '--workers is for processes'),
+        (['robustness', '--set', 'law=smc'], '--set: law cannot stand there'),
+        (['robustness', '--set', 'custom_laws=[nowhere.py]'], 'nowhere.py'),
+    ],
+    ids=' '.join,
+)
+def test_bad_arguments_cost_one_line(words, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(['sweep', *words, '--out', 'out']) == 2
+    out, error = capsys.readouterr()
+    assert message in error and error.count('\n') == 1 and not out
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_is_not_text(tmp_path, capsys):
+    (tmp_path / 'study.yaml').write_bytes(b'\xff\xfe\x00')
+    assert main(['sweep', str(tmp_path / 'study.yaml'), '--out', str(tmp_path / 'out')]) == 2
+    assert 'is not text in UTF-8' in capsys.readouterr().err
+
+
+def test_every_study_of_the_suite_can_be_planned():
+    files = sorted((config.directory() / 'studies').glob('*.yaml'))
+    assert files
+    for file in files:
+        found = plan(study.parse(file.read_text()))
+        assert found.row(found.count - 1).drawn
+
+
+POINTS = np.random.default_rng(0).random(2000)
+PAGE = (Path(__file__).parents[1] / 'docs' / 'studies.md').read_text()
+
+
+def test_the_study_in_the_documentation_can_be_planned():
+    (text,) = re.findall(r'```yaml\n(.*?)```', PAGE, re.DOTALL)
+    found = plan(study.parse(text))
+    assert found.count == 2 * 3 * 256 and len(found.row(0).drawn) == 9
+
+
+def test_every_column_distribution_and_key_is_documented():
+    columns = set(table.IDENTITY) | {*table.METRICS} - {'duration_s'}
+    for word in (*columns, *uncertainty.FORMS):
+        assert f'`{word}`' in PAGE
+
+
+LAWS_OF_CHANCE = {
+    'uniform': ({'low': 2.0, 'high': 5.0}, stats.uniform(2.0, 3.0)),
+    'uniform relative': ({'relative': 0.25}, stats.uniform(3.0, 2.0)),
+    'uniform factor': ({'factor': [0.5, 2.0]}, stats.uniform(2.0, 6.0)),
+    'log_uniform': ({'low': 0.1, 'high': 10.0}, stats.loguniform(0.1, 10.0)),
+    'log_uniform factor': ({'factor': [0.5, 2.0]}, stats.loguniform(2.0, 8.0)),
+    'normal': ({'mean': 1.0, 'std': 3.0}, stats.norm(1.0, 3.0)),
+    'normal std': ({'std': 3.0}, stats.norm(4.0, 3.0)),
+    'normal relative': ({'relative': 0.5}, stats.norm(4.0, 2.0)),
+}
+
+
+@pytest.mark.parametrize('name', LAWS_OF_CHANCE)
+def test_values_have_the_distribution_that_was_asked_for(name):
+    given, expected = LAWS_OF_CHANCE[name]
+    entry = uncertainty.parse('key', {'distribution': name.split()[0], **given})
+    drawn = [uncertainty.value(entry, 4.0, [point]) for point in POINTS]
+    np.testing.assert_allclose(drawn, expected.ppf(POINTS), rtol=1e-9, atol=1e-9)
+
+
+def test_the_ends_of_the_unit_interval_are_finite():
+    entry = uncertainty.parse('key', {'distribution': 'normal', 'mean': 0.0, 'std': 1.0})
+    assert abs(uncertainty.value(entry, 0.0, [0.0])) < 10.0
+    choice = uncertainty.parse('key', {'distribution': 'choice', 'values': ['a', 'b']})
+    drawn = [uncertainty.value(choice, 'a', [point]) for point in (0.0, 0.49, 0.5, 1.0 - 2**-53)]
+    assert drawn == ['a', 'a', 'b', 'b']
+
+
+def test_lists_have_one_draw_each_or_one_in_common():
+    entry = {'distribution': 'uniform', 'relative': 0.5}
+    each, common = (uncertainty.parse('key', entry | more) for more in ({}, {'common': True}))
+    nominal = [1.0, 2.0, 4.0]
+    assert uncertainty.dimensions(each, nominal) == 3
+    assert uncertainty.value(each, nominal, [0.0, 0.5, 0.75]) == [0.5, 2.0, 5.0]
+    assert uncertainty.dimensions(common, nominal) == 1
+    assert uncertainty.value(common, nominal, [0.75]) == [1.25, 2.5, 5.0]
+    assert uncertainty.columns(common, nominal, [1.25, 2.5, 5.0]) == {'key': 1.25}
+
+
+STUDY = """
+scenarios: [paper_circle, axes_step]
+laws: {smc: {z: 22.0}, soft: {law: smc, z: 5.0}}
+runs: 8
+seed: 7
+duration: 0.1
+set: {safety: {min_sin_psi: 0.04}}
+uncertainty:
+  friction.viscous: {distribution: log_uniform, factor: [0.5, 2.0]}
+  plant.integrator: {distribution: choice, values: [ode3, rk4]}
+  plant.substeps: {distribution: choice, values: [1, 2]}
+"""
+
+
+def planned(text=STUDY, **changes):
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    return plan(study.parse(text))
+
+
+def study_of(scenarios='[paper_circle]', **more):
+    text = STUDY.replace('[paper_circle, axes_step]', scenarios)
+    return planned(text, **more)
+
+
+def test_rows_are_counted_sample_by_sample_and_paired():
+    found = planned(STUDY.replace('set: {safety: {min_sin_psi: 0.04}}', ''))
+    rows = [found.row(number) for number in range(found.count)]
+    assert [row.row for row in rows] == list(range(32))
+    assert [row.sample for row in rows] == [k // 4 for k in range(32)]
+    assert [(row.scenario, row.law) for row in rows[:4]] == [
+        ('paper_circle', 'smc'),
+        ('paper_circle', 'soft'),
+        ('axes_step', 'smc'),
+        ('axes_step', 'soft'),
+    ]
+    for a, b in zip(rows[::2], rows[1::2], strict=True):
+        assert a.drawn == b.drawn and a.seed == b.seed
+        assert (a.overrides['smc.z'], b.overrides['smc.z']) == (22.0, 5.0)
+        assert a.overrides['law'] == b.overrides['law'] == 'smc'
+    assert len({row.seed for row in rows}) == 8
+    assert len({row.drawn['friction.viscous[0]'] for row in rows}) == 16
+    assert len(rows[0].drawn) == 5 and len(rows[2].drawn) == 7  # three joints, five axes
+    assert set(found.columns()) == set(rows[2].drawn)
+    assert found.columns()['plant.substeps'] and not found.columns()['plant.integrator']
+
+
+@pytest.mark.parametrize('method', ['sobol', 'random'])
+def test_more_runs_only_add_samples_and_blocks_are_parts_of_the_whole(method):
+    few, many = (study_of(**{'runs: 8': f'runs: {n}\nmethod: {method}'}) for n in (8, 30))
+    blocks = np.concatenate([sample(many.study, 5, k, 5) for k in range(0, 30, 5)])
+    np.testing.assert_array_equal(blocks, sample(many.study, 5, 0, 30))
+    assert ((blocks >= 0.0) & (blocks < 1.0)).all() and len(np.unique(blocks)) == 150
+    assert [few.row(n) for n in range(few.count)] == [many.row(n) for n in range(few.count)]
+    assert many.rows(1, 3, 4) == [many.row(2 * k + 1) for k in range(3, 7)]
+
+
+def test_the_seed_changes_samples_and_seeds():
+    a, b = study_of().row(3), study_of(**{'seed: 7': 'seed: 8'}).row(3)
+    assert a.seed != b.seed and a.drawn != b.drawn
+
+
+def test_sobol_fills_the_cube_evenly():
+    points = sample(study_of().study, 3, 0, 64)
+    for column in points.T:
+        assert sorted(np.floor(64 * column)) == list(range(64))
+
+
+def test_configurations_are_those_that_are_built_from_nothing():
+    built = Configurations()
+    overrides = [
+        {},
+        {'friction.viscous': [1.0, 2.0, 3.0]},
+        {'law': 'smc', 'smc.z': 20.0},
+        {'robot.m1': 5.0},
+        {'circle.radius': 0.02, 'duration': 3.0},
+        {'true_robot.m1': 5.0, 'plant.substeps': 2},
+        {},
+    ]
+    first = None
+    for changed in overrides:
+        values = resolve('paper_circle', changed)
+        found, expected = built.build(values), configure(values)
+        assert found.values == expected.values and found.loop == expected.loop
+        assert found.plant == expected.plant
+        for name in found.control._fields:
+            pair = getattr(found.control, name), getattr(expected.control, name)
+            assert np.all(pair[0] == pair[1]) if name == 'guess' else pair[0] == pair[1]
+        np.testing.assert_array_equal(
+            found.trajectory.sample(0.3).position, expected.trajectory.sample(0.3).position
+        )
+        first = first or found
+    assert found.trajectory is first.trajectory and found.control is first.control
+
+
+def test_a_value_out_of_range_is_refused_though_its_part_was_built_before():
+    built = Configurations()
+    built.build(resolve('paper_circle'))
+    with pytest.raises(InputError, match=r'friction\.viscous\[0\] must be'):
+        built.build(resolve('paper_circle', {'friction.viscous': [-1.0, 1.0, 1.0]}))

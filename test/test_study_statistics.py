@@ -1,0 +1,163 @@
+"""What follows from many runs, against what is known of the numbers; and how it is written."""
+
+import csv
+import io
+import math
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from parallel_robot_analysis.study import picture, statistics, study, summary
+from parallel_robot_analysis.study.plan import plan
+from parallel_robot_analysis.study.results import (
+    ERRORS,
+    OTHERS,
+    LawResult,
+    ScenarioResult,
+)
+from parallel_robot_analysis.study.statistics import Duel, Estimate
+
+RANDOM = np.random.default_rng(0)
+
+
+def test_the_interval_of_a_median_covers_it_as_often_as_it_says():
+    samples = RANDOM.exponential(size=(200, 60))
+    found = [statistics.median(values) for values in samples]
+    assert [one.value for one in found] == pytest.approx(np.median(samples, axis=1))
+    covered = np.mean([one.low <= math.log(2.0) <= one.high for one in found])
+    assert 0.88 <= covered <= 1.0
+
+
+def test_a_median_with_failures_is_finite_while_most_runs_are():
+    values = np.array([1.0, 2.0, 3.0, np.inf, np.inf])
+    found = statistics.median(values)
+    assert found.value == 3.0 and found.low == 1.0 and found.high == math.inf
+    assert statistics.median(np.array([1.0, np.inf, np.inf])).value == math.inf
+    same = statistics.median(np.full(4, 2.5))
+    assert same == Estimate(2.5, 2.5, 2.5)
+    assert statistics.median(np.array([7.0])) == Estimate(7.0, 7.0, 7.0)
+    assert statistics.median(np.full(3, np.inf)).low == math.inf
+
+
+def test_duels_are_in_the_same_samples():
+    base = RANDOM.lognormal(0.0, 2.0, 400)
+    (duel,) = statistics.duels({'a': base * 1.01, 'b': base})  # b wins though they overlap
+    assert (duel.winner, duel.loser, duel.probability.value) == ('b', 'a', 1.0)
+    assert 0.98 < duel.probability.low < 1.0 == duel.probability.high
+
+
+def test_wilsons_interval_of_a_duel():
+    ours = np.zeros(100)
+    theirs = np.where(np.arange(100) < 80, 1.0, -1.0)
+    (duel,) = statistics.duels({'ours': ours, 'theirs': theirs})
+    # Wilson (1927): (p + z^2/2n -+ z sqrt(p q / n + z^2 / 4 n^2)) / (1 + z^2 / n)
+    z, p, n = 1.959964, 0.8, 100
+    middle, half = p + z**2 / 2 / n, z * math.sqrt(p * (1 - p) / n + z**2 / 4 / n**2)
+    expected = [(middle + sign * half) / (1 + z**2 / n) for sign in (-1, 1)]
+    assert duel.winner == 'ours' and duel.probability.value == pytest.approx(0.8)
+    assert [duel.probability.low, duel.probability.high] == pytest.approx(expected, abs=1e-6)
+
+
+def test_failures_of_both_are_a_tie_and_of_one_a_defeat():
+    ours = np.array([1.0, np.inf, np.inf, 1.0])
+    theirs = np.array([np.inf, np.inf, np.inf, np.inf])
+    (duel,) = statistics.duels({'ours': ours, 'theirs': theirs})
+    assert (duel.winner, duel.probability.value) == ('ours', 0.75)
+    (tie,) = statistics.duels({'a': theirs, 'b': theirs})
+    assert tie.probability.value == 0.5
+
+
+def test_drivers_are_found_and_the_interval_covers_the_rank_correlation():
+    covered = []
+    for _ in range(100):
+        cause, other, noise = RANDOM.normal(size=(3, 80))
+        found = statistics.drivers({'other': other, 'cause': cause}, np.exp(cause + noise))
+        assert found[0].parameter == 'cause' and abs(found[1].correlation.value) < 0.5
+        # of bivariate normal numbers: 6 / pi asin(r / 2)
+        expected = 6.0 / math.pi * math.asin(math.sqrt(0.5) / 2.0)
+        covered.append(found[0].correlation.low <= expected <= found[0].correlation.high)
+    assert np.mean(covered) > 0.85
+
+
+def test_drivers_of_nothing():
+    numbers = np.arange(20.0)
+    assert statistics.drivers({'a': numbers}, np.full(20, np.inf)) == []
+    assert statistics.drivers({'a': np.ones(20)}, numbers) == []
+    assert statistics.drivers({'a': numbers[:9]}, numbers[:9]) == []
+    (sure,) = statistics.drivers({'a': numbers}, numbers**3)
+    assert sure.correlation.value == sure.correlation.high == 1.0 and sure.correlation.low > 0.9
+
+
+def test_a_distribution_ends_below_one_where_runs_failed():
+    values, shares = statistics.distribution(np.array([3.0, 1.0, np.inf, 2.0]))
+    assert values.tolist() == [1.0, 2.0, 3.0] and shares.tolist() == [0.25, 0.5, 0.75]
+
+
+@pytest.fixture(scope='module')
+def planned():
+    return plan(study.parse('scenarios: [paper_circle]\nlaws: [smc, s_smc]\nruns: 4\n'))
+
+
+@pytest.fixture(scope='module')
+def results():
+    def law(error):
+        medians = (Estimate(error, 0.5 * error, math.inf), *[Estimate(1.0, 0.5, 2.0)] * 2)
+        reasons = {'<b>driven</b> & out': 1}
+        errors = np.array([error, 2.0 * error, np.inf])
+        return LawResult({'ok': 2, 'failed': 1}, reasons, medians, (), errors)
+
+    laws = {'smc': law(10.0), '<i>$x_1&': law(20.0)}
+    duels = (Duel('smc', '<i>$x_1&', Estimate(0.75, 0.5, 0.9)),)
+    return {'paper_circle': ScenarioResult((ERRORS[0], *OTHERS), laws, duels)}
+
+
+def test_the_text_tells_medians_duels_and_failures(planned, results):
+    found = summary.text(planned, results)
+    assert '  smc       2/3  10.00 [5.000, failed]' in found
+    assert '  smc     <i>$x_1&  0.750 [0.500, 0.900]' in found
+    assert '  smc, 1 runs: <b>driven</b> & out' in found
+    assert all(len(line) < 150 for line in found.splitlines())
+
+
+def test_the_csv_reads_back(results):
+    rows = list(csv.DictReader(io.StringIO(summary.table(results))))
+    first = rows[0]
+    assert (first['law'], first['unit'], float(first['value'])) == ('smc', 'um', 10.0)
+    assert float(first['high']) == math.inf and first['runs'] == '3'
+    assert {row['quantity'] for row in rows} >= {
+        'median of end-effector error, rms',
+        'runs failed',
+        'probability of a smaller error than <i>$x_1&',
+    }
+
+
+def test_latex_is_escaped(results):
+    found = summary.latex(results)
+    assert r'<i>\$x\_1\& & 2/3 & 20.00' in found
+    assert found.count(r'\begin{tabular}{lrrrr}') == found.count(r'\end{tabular}') == 1
+
+
+def test_the_page_is_escaped_and_closed(planned, results):
+    open_tags, seen = [], []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag, attributes):
+            seen.append(tag)
+            if tag not in ('meta', 'img'):
+                open_tags.append(tag)
+
+        def handle_endtag(self, tag):
+            assert open_tags.pop() == tag
+
+    pictures = picture.draw(results)
+    page = summary.page(planned, results, pictures['png'])
+    Reader().feed(page)
+    assert not open_tags and not {'i', 'b', 'script'} & set(seen) and 'img' in seen
+    assert 'http' not in page
+
+
+def test_the_pictures_are_the_same_every_time(results):
+    pictures = picture.draw(results)
+    assert pictures['png'].startswith(b'\x89PNG') and pictures['pdf'].startswith(b'%PDF')
+    assert pictures == picture.draw(results)
