@@ -5,9 +5,10 @@ import pytest
 from geometry import closure, legs, wrap
 
 from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from trajectory_gen.trajectory import Trajectory
 
-SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line']
+SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line', 'excitation']
 
 
 def trajectory(scenario='paper_circle', **changes):
@@ -80,6 +81,36 @@ def test_nothing_jumps_where_the_line_begins_and_ends():
         around = line.sample(corner + np.array([-1e-6, 1e-6]))
         for value in (around.pose, around.pose_rate, around.pose_acceleration):
             assert np.abs(np.diff(value, axis=0)).max() < 1e-7
+
+
+def test_an_excitation_goes_from_rest_to_rest_at_its_centre():
+    motion = trajectory('excitation')
+    for t in (0.0, 15.0, 100.0):
+        at = motion.sample(t)
+        assert np.allclose(at.pose[0], [0.5, 0.29, 0.0], atol=1e-12)
+        for rest in (at.pose_rate, at.pose_acceleration, at.velocity, at.acceleration):
+            assert np.abs(rest).max() < 1e-10
+    assert motion.span == 15.0
+    # Between rise and fall it repeats itself, and is the Fourier series itself.
+    first, second = motion.sample(2.0).pose, motion.sample(5.0).pose
+    assert np.allclose(first, second, atol=1e-12)
+    overrides = {'excitation.sine': [0.01, 0.0, 0.02] + [0.0] * 6, 'excitation.cosine': [0.0] * 9}
+    x = trajectory('excitation', overrides=overrides).sample(2.2).pose[0, 0]
+    w = 2.0 * np.pi * 2.2 / 3.0
+    assert abs(x - 0.5 - 0.01 * np.sin(w) - 0.02 * np.sin(3.0 * w)) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'message'),
+    [
+        ({'excitation.sine': [0.1] * 4}, 'must hold K numbers for each of the 3 coordinates'),
+        ({'excitation.center': []}, 'excitation.center must hold at least one number'),
+        ({'excitation.blend': 8.0}, 'excitation.blend must be at most half'),
+    ],
+)
+def test_an_excitation_that_is_none_is_refused(overrides, message):
+    with pytest.raises(InputError, match=message):
+        trajectory('excitation', overrides=overrides)
 
 
 def test_a_held_pose_stays():

@@ -17,7 +17,7 @@ from parallel_robot_base.vector_select import read_row, write_row
 from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
-from trajectory_gen import circle, hold, line, move
+from trajectory_gen import circle, excitation, hold, line, move
 
 Array = NDArray[np.float64]
 
@@ -34,13 +34,21 @@ class Shape(Protocol):
         """Time after which nothing new happens [s]."""
 
 
-SHAPES: dict[str, Shape] = {'circle': circle, 'line': line, 'hold': hold, 'move': move}
+SHAPES: dict[str, Shape] = {
+    'circle': circle,
+    'line': line,
+    'hold': hold,
+    'move': move,
+    'excitation': excitation,
+}
 
 
 class TrajectoryParameters(NamedTuple):
     """Which motion, how far ahead it is published, and how fast the joints may become."""
 
-    shape: Annotated[Literal['circle', 'line', 'hold', 'move'], Field('', 'the motion')]
+    shape: Annotated[
+        Literal['circle', 'line', 'hold', 'move', 'excitation'], Field('', 'the motion')
+    ]
     lookahead: Annotated[float, Field('s', 'how long before its stamp a sample is sent', 0.0, 0.5)]
     max_joint_speed: Annotated[float, Field('rad/s', 'largest joint speed allowed', 0.0)]
 

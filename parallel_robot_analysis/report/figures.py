@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +95,40 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=2, fontsize='small')
+    rows[-1].set(xlabel='t [s]')
+    _save(figure, path)
+
+
+def draw_prediction(
+    time: np.ndarray,
+    joints: Sequence[str],
+    measured: np.ndarray,
+    predicted: np.ndarray,
+    path: str | Path,
+) -> None:
+    """Draw measured and predicted torques, joint by joint.
+
+    Args:
+        time: Times [s], shape (T,).
+        joints: Names of the joints.
+        measured: Measured torques [N m], shape (T, n).
+        predicted: Predicted torques [N m], shape (T, n).
+        path: File to write, which must not exist; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file exists or cannot be written; with its name.
+    """
+    count = len(joints)
+    figure = _figure('Torques by the identified robot', path, max(HEIGHT, ROW * count))
+    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for axes, joint, before, after in zip(rows, joints, measured.T, predicted.T, strict=True):
+        axes.plot(time, before, color='0.6', lw=2.0, label='measured')
+        axes.plot(time, after, color=COLOURS[0], lw=0.8, label='predicted')
+        axes.plot(time, before - after, color=COLOURS[1], lw=0.8, label='difference')
+        axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
+        axes.grid(alpha=0.3)
+    rows[0].legend(loc='upper right', ncols=3, fontsize='small')
     rows[-1].set(xlabel='t [s]')
     _save(figure, path)
 

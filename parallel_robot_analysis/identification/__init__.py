@@ -1,0 +1,1 @@
+"""Inertia and friction of a robot from its recorded motion."""

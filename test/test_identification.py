@@ -1,0 +1,298 @@
+"""Identification against Table 1 of the paper, with noise, and on motions that do not suffice."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from assembly import simulated
+
+from parallel_robot_analysis.identification import identified, recording, regression_rows
+from parallel_robot_analysis.identification.recording import Recording
+from parallel_robot_bags.statuses import ControllerStatus
+from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.robots import robot_of
+
+CUTOFF = 10.0  # Hz
+# Table 1: a, b, h of a leg and Ip, mp of the platform; friction of section 4.
+A = 0.091 + 5.12 * 0.2**2 + 7.39 * 0.4**2
+B = 0.267 + 7.39 * 0.3**2
+H = 7.39 * 0.4 * 0.3
+TABLE_1 = {
+    # The platform on its three joints: each adds mp / 3 to the end of a distal link.
+    'a + 0.05333 mp': A + 3.84 / 3.0 * 0.4**2,
+    'b + 0.12 mp': B + 3.84 / 3.0 * 0.6**2,
+    'h + 0.08 mp': H + 3.84 / 3.0 * 0.4 * 0.6,
+    'Ip - 0.04 mp': 0.065 - 3.84 * 0.2**2,
+    **{f'viscous{k}': 2.5 for k in (1, 2, 3)},
+    **{f'coulomb{k}': 0.5 for k in (1, 2, 3)},
+}
+TRUTH = np.array([*TABLE_1.values()])
+
+
+def motion(scenario='excitation', **overrides):
+    """A simulated run as a recording, with the nominal robot of its configuration."""
+    changes = {'duration': 15.0, 'time_mode': 'lockstep'} | overrides
+    values = resolve(scenario, changes)
+    made = simulated(values)
+    run, robot = made.run, robot_of(values)
+    friction = FrictionParameters(
+        *(tuple(np.broadcast_to(values[f'friction.{key}'], run.position.shape[1]).tolist())
+          for key in ('viscous', 'coulomb')),
+        0.0,
+    )  # fmt: skip
+    return SimpleNamespace(
+        values=values,
+        run=run,
+        nominal=identified.Nominal(robot, friction, run.pose[0]),
+        recording=Recording(
+            np.arange(len(run.position)) * values['period'],
+            run.position,
+            run.effort,
+            np.ones(len(run.position), bool),
+        ),
+    )
+
+
+@pytest.fixture(scope='module')
+def excited():
+    return motion()
+
+
+def identify(case, recorded=None, cutoff=CUTOFF):
+    return identified.identify(case.nominal, recorded or case.recording, cutoff)
+
+
+def noisy(case, rng, position=1e-5, torque=0.5):
+    """The recording with white noise of these standard deviations [rad, N m]."""
+    kept = case.recording
+    shape = kept.position.shape
+    return Recording(
+        kept.time,
+        kept.position + position * rng.normal(size=shape),
+        kept.effort + torque * rng.normal(size=shape),
+        kept.usable,
+    )
+
+
+def replaced(case, **parts):
+    return Recording(**{**vars(case.recording), **parts})
+
+
+def test_table_1_from_a_noiseless_motion(excited):
+    found = identify(excited)
+    assert found.base.names == tuple(TABLE_1)
+    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.01
+    assert not found.poor and not found.robot.active
+    assert np.allclose(found.robot.values, found.fit.values, rtol=1e-5)
+
+
+def test_the_nominal_values_do_not_matter(excited):
+    robot = excited.nominal.robot
+    wrong = robot.parameters._replace(m1=3.0, m2=9.0, mp=6.0, I1=0.2, I2=0.1, Ip=0.2)
+    nominal = identified.Nominal(
+        robot._replace(parameters=wrong), excited.nominal.friction, excited.nominal.guess
+    )
+    found = identified.identify(nominal, excited.recording, CUTOFF)
+    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.01
+    chosen = found.robot.robot
+    assert min(chosen.values()) > 0.0
+    # The centres of mass, which need not change, stay.
+    assert abs(chosen['lc1'] - 0.2) < 1e-3 and abs(chosen['lc2'] - 0.3) < 1e-3
+    a = chosen['I1'] + chosen['m1'] * chosen['lc1'] ** 2 + chosen['m2'] * 0.4**2
+    assert abs((a + chosen['mp'] / 3.0 * 0.4**2) / TRUTH[0] - 1.0) < 0.01
+
+
+def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(excited):
+    rng = np.random.default_rng(1)
+    robot, guess = excited.nominal.robot, excited.nominal.guess
+    base = regression_rows.base_of(excited.recording, robot, guess)
+    inertia = excited.nominal.inertia
+    scale = base.scale(inertia, *excited.nominal.both_frictions)
+    covered = np.zeros(len(TRUTH), int)
+    for _ in range(100):
+        recorded = noisy(excited, rng, 5e-5, 0.5)
+        rows = regression_rows.rows(recorded, robot, base, guess, 0.0, CUTOFF)
+        fit = identified.least_squares.fit(rows, 0.9 * TRUTH, scale)
+        half = fit.interval * fit.standard_errors
+        covered += np.abs(fit.values - TRUTH) <= half
+    assert covered.min() >= 90 and covered.max() <= 99, covered
+    assert half.max() < 0.1  # and they say something
+
+
+@pytest.mark.parametrize(
+    ('scenario', 'changes', 'truth'),
+    [
+        (
+            'axes_step',
+            {'plant.initial_pose': [0.0] * 5},
+            {f'inertia{k}': v for k, v in enumerate([0.12, 0.2, 0.28, 0.38, 0.5], start=1)},
+        ),
+        (
+            'serial_2r_circle',
+            {'plant.initial_pose': [0.3, 0.2]},
+            {
+                'a': 0.0225 + 3.0 * 0.15**2 + 3.5 * 0.3**2,
+                'b': 0.01875 + 2.5 * 0.15**2 + 0.3**2,
+                'h': 0.3 * (2.5 * 0.15 + 0.3),
+                'w': 3.0 * 0.15 + 3.5 * 0.3,
+            },
+        ),
+    ],
+)
+def test_other_robots(scenario, changes, truth):
+    case = motion(scenario, **{'trajectory.shape': 'excitation', **changes})
+    found = identify(case)
+    values = dict(zip(found.base.names, found.fit.values, strict=True))
+    for name, value in truth.items():
+        assert abs(values[name] / value - 1.0) < 0.01, name
+    friction = [case.values['friction.viscous'], case.values['friction.coulomb']]
+    assert np.allclose(found.fit.values[len(truth) :], np.ravel(friction), rtol=0.02)
+
+
+def test_what_a_motion_does_not_show_is_named_and_stays():
+    """Axis 3 is held: nothing of it is known, all of the others."""
+    center = [0.0] * 5
+    sine = [0.3, 0.2, 0.1, 0.05, 0.05] * 5
+    sine[10:15] = [0.0] * 5
+    case = motion(
+        'axes_step',
+        **{
+            'law': 'computed_torque',  # which does not couple the axes
+            'trajectory.shape': 'excitation',
+            'excitation.sine': sine,
+            'excitation.cosine': [0.0] * 25,
+            'plant.initial_pose': center,
+        },
+    )
+    found = identify(case)
+    unknown = {'inertia3', 'viscous3', 'coulomb3'}
+    assert {name for name, _ in found.poor} == unknown
+    for name, value, before in zip(found.base.names, found.fit.values, found.before, strict=True):
+        assert (value == before) if name in unknown else abs(value / before - 1.0) < 0.02
+
+
+def test_a_slow_circle_tells_little_of_the_inertia():
+    case = motion('paper_circle', duration=6.0)
+    rng = np.random.default_rng(2)
+    found = identify(case, noisy(case, rng, 1e-5, 0.5))
+    assert any('Ip' in name for name, _ in found.poor)
+    assert not any(name.startswith('viscous1') for name, _ in found.poor)
+
+
+def test_a_robot_that_cannot_be_built_is_replaced_by_the_nearest(excited):
+    """A torque along the velocity, as if friction drove the robot: there is no such friction."""
+    driven = excited.recording.effort - 3.0 * excited.run.velocity
+    found = identify(excited, replaced(excited, effort=driven))
+    assert found.robot.active and found.robot.misfit > 1.0
+    assert found.fit.values[4:7].max() < 0.0  # the estimates are reported as they are
+    assert (found.robot.viscous >= 0.0).all() and (found.robot.viscous < 1e-6).all()
+    module, parameters = excited.nominal.robot.module, excited.nominal.robot.parameters
+    module.validate(parameters._replace(**found.robot.robot))
+
+
+def test_torques_of_another_motion_are_predicted(excited):
+    robot = excited.nominal.robot
+    wrong = robot.parameters._replace(m1=4.0, m2=8.5)
+    friction = excited.nominal.friction
+    nominal = identified.Nominal(robot._replace(parameters=wrong), friction, excited.run.pose[0])
+    found = identified.identify(nominal, excited.recording, CUTOFF)
+    circle = motion('paper_circle', **{'circle.rate': 4.0, 'circle.radius': 0.06})
+    result = identified.predict(found, circle.recording, circle.run.pose[0], CUTOFF)
+    assert (result.error < 0.02 * result.size).all()
+    assert (result.nominal_error > 3.0 * result.error).all()
+
+
+def test_jitter_and_lost_states_do_not_matter(excited):
+    rng = np.random.default_rng(4)
+    kept = rng.random(len(excited.recording.time)) > 0.02
+    time = excited.recording.time + rng.uniform(-2e-4, 2e-4, len(kept))
+    dense = excited.recording.time
+    position = np.column_stack([np.interp(time, dense, row) for row in excited.run.position.T])
+    found = identify(
+        excited,
+        Recording(time[kept], position[kept], excited.run.effort[kept], np.ones(kept.sum(), bool)),
+    )
+    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.02
+
+
+def test_the_effort_acted_before_its_state(excited):
+    """A shift by half a period is seen: the alignment is right, not nearly right."""
+    right = identify(excited)
+    late = np.roll(excited.run.effort, 1, axis=0)
+    assert identify(excited, replaced(excited, effort=late)).fit.residual.min() > (
+        3.0 * right.fit.residual.max()
+    )
+
+
+def log_of(case, **parts):
+    """What the recording is made of."""
+    stamps = 10**9 + np.arange(len(case.run.position)) * 10**6
+    arrays = {'stamps': stamps, 'position': case.run.position, 'effort': case.run.effort} | parts
+    time = (arrays['stamps'] - 10**9) / 1e9
+    return SimpleNamespace(joints=('joint1', 'joint2', 'joint3'), time=time, **arrays)
+
+
+LIMIT = np.full(3, 200.0)
+
+
+def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):
+    statuses = [
+        ControllerStatus(10**9, 's_fotsmc', 'none', '', ()),
+        ControllerStatus(6 * 10**9, 's_fotsmc', 'emergency_stop', 'emergency stop', ()),
+        ControllerStatus(7 * 10**9, 's_fotsmc', 'none', '', ()),
+    ]
+    effort = excited.run.effort.copy()
+    effort[8000:8500, 1] = 200.0
+    effort[5000:6000] = 77.0  # as after an emergency stop
+    found = recording.of(log_of(excited, effort=effort), statuses, LIMIT)
+    assert found.left_out == ('1 s: after a fault', '0.5 s: motors saturated')
+    result = identify(excited, found)
+    assert np.abs(result.fit.values / TRUTH - 1.0).max() < 0.01
+    assert result.rows.duration < 13.0
+
+
+def test_a_gap_separates_two_stretches(excited):
+    kept = np.ones(len(excited.run.position), bool)
+    kept[7000:7600] = False
+    parts = {
+        name: value[kept] for name, value in vars(log_of(excited)).items() if name not in
+        ('joints', 'time')
+    }  # fmt: skip
+    found = recording.of(log_of(excited, **parts), (), LIMIT)
+    pieces = recording.stretches(found, 100)
+    assert [(part.start, part.stop) for part in pieces] == [(0, 7000), (7000, 14401)]
+    assert np.abs(identify(excited, found).fit.values / TRUTH - 1.0).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ('parts', 'message'),
+    [
+        ({'effort': np.zeros((15001, 3))}, 'effort of joint1, joint2, joint3 is zero'),
+        ({'position': np.ones((15001, 3))}, 'the robot stood still'),
+    ],
+)
+def test_a_recording_without_torques_or_motion_is_refused(excited, parts, message):
+    with pytest.raises(BagError, match=message):
+        recording.of(log_of(excited, **parts), (), LIMIT)
+
+
+def test_too_short_a_motion_is_refused_with_the_reason(excited):
+    statuses = [ControllerStatus(15 * 10**8, 's_fotsmc', 'speed', 'too fast', ())]
+    found = recording.of(log_of(excited), statuses, LIMIT)
+    with pytest.raises(BagError, match=r'too little motion .* of 15 s; 14\.5 s: after a fault'):
+        identify(excited, found)
+
+
+@pytest.mark.parametrize('cutoff', [0.0, -1.0, 101.0])
+def test_a_cutoff_that_does_not_fit_is_refused(excited, cutoff):
+    with pytest.raises(InputError, match='--cutoff must be positive and at most 100 Hz'):
+        identify(excited, cutoff=cutoff)
+
+
+def test_a_robot_without_a_linear_model_is_refused(excited):
+    robot = excited.nominal.robot._replace(name='mine', module=SimpleNamespace())
+    nominal = identified.Nominal(robot, excited.nominal.friction, excited.nominal.guess)
+    with pytest.raises(InputError, match='the robot mine cannot be identified'):
+        identified.identify(nominal, excited.recording, CUTOFF)

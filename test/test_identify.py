@@ -1,0 +1,132 @@
+"""The command ``identify``."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+
+from parallel_robot_analysis.command_line import main
+from parallel_robot_base import config
+from parallel_robot_control.configuration import resolve
+
+TRUE = ['--set', 'true_robot.m1=6.0', '--set', 'true_robot.mp=5.5']
+MP = 5.5 / 3.0
+TRUTH = {  # Table 1 with these masses; the platform on its three joints
+    'a + 0.05333 mp': 0.091 + 6.0 * 0.04 + 7.39 * 0.16 + MP * 0.16,
+    'b + 0.12 mp': 0.267 + 7.39 * 0.09 + MP * 0.36,
+    'h + 0.08 mp': 7.39 * 0.12 + MP * 0.24,
+    'Ip - 0.04 mp': 0.065 - 5.5 * 0.04,
+}
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """A bag that excites, one to validate with, and one of a robot at rest."""
+    directory = tmp_path_factory.mktemp('bags')
+    excited, circle, still = (directory / name for name in ('excited', 'circle', 'still'))
+    assert run('simulate', 'excitation', '--duration', 15, *TRUE, '--out', excited) == 0
+    assert run('simulate', 'paper_circle', '--duration', 6, *TRUE, '--out', circle) == 0
+    hold = ['--set', 'trajectory.shape=hold', '--set', 'plant.initial_pose=[0.52,0.37,1.570796]']
+    assert run('simulate', 'paper_circle', '--duration', 2, *hold, '--out', still) == 0
+    return excited, circle, still
+
+
+def test_a_bag_gives_the_true_robot_within_1_percent_as_yaml_and_json(bags, tmp_path, capsys):
+    excited, circle, _ = bags
+    out, figure = tmp_path / 'robot.yaml', tmp_path / 'torques.png'
+    capsys.readouterr()
+    words = ['identify', excited, '--validate', circle, '--out', out, '--figure', figure]
+    assert run(*words, '--format', 'json') == 0
+    found = json.loads(capsys.readouterr().out)
+    values = {item['name']: item['estimate'] for item in found['base_parameters']}
+    for name, value in TRUTH.items():
+        assert abs(values[name] / value - 1.0) < 0.01, name
+    for errors in found['torque_error_rms_nm'].values():
+        assert errors['identified'] < 0.1 * errors['before']
+    assert not found['constraint_active'] and not found['not_told']
+    assert figure.read_bytes().startswith(b'\x89PNG')
+    # The file is a configuration, and its robot has the true base parameters.
+    overrides = config.flat(yaml.safe_load(out.read_text()))
+    robot = resolve('paper_circle', overrides)
+    a = robot['robot.I1'] + robot['robot.m1'] * robot['robot.lc1'] ** 2
+    a += robot['robot.m2'] * 0.4**2 + robot['robot.mp'] / 3.0 * 0.16
+    assert abs(a / TRUTH['a + 0.05333 mp'] - 1.0) < 0.01
+    assert np.allclose(robot['friction.viscous'], 2.5, rtol=0.01)
+
+
+def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
+    capsys.readouterr()
+    assert run('identify', bags[1]) == 0
+    out = capsys.readouterr().out
+    assert 'a + 0.05333 mp' in out and '95 % interval' in out and 'condition number' in out
+    assert 'robot.m1' in out and 'same bag' in out
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        (['{still}'], 'the robot stood still'),
+        (['{tmp}/none'], 'none'),
+        (['{excited}', '--validate', '{excited}'], '--validate needs another bag'),
+        (['{excited}', '--validate', '{still}'], 'the robot stood still'),
+        (['{excited}', '--cutoff', 'nan'], '--cutoff must be a frequency in Hz, not nan'),
+        (['{excited}', '--cutoff', '0'], '--cutoff must be positive and at most 100 Hz'),
+        (['{excited}', '--cutoff', '0.2'], 'too little motion to identify a robot'),
+        (['{excited}', '--figure', '{tmp}/x.txt'], "unknown picture format '.txt'"),
+        (['{excited}', '--out', '{tmp}/no/where.yaml'], 'cannot write'),
+        (['{excited}', '--set', 'law=pid'], '--set goes with --design alone'),
+        ([], 'takes either a bag or --design SCENARIO'),
+        (['{excited}', '--design', 'excitation'], 'takes either a bag or --design SCENARIO'),
+        (['--design', 'excitation'], '--design needs --out FILE'),
+        (['--design', 'excitation', '--out', '{tmp}/y', '--trials', '0'], '--trials must be'),
+        (['--design', 'paper_circle', '--out', '{tmp}/y'], '--design needs trajectory.shape'),
+        (['--design', 'exitation', '--out', '{tmp}/y'], "did you mean 'excitation'?"),
+    ],
+)
+def test_what_is_wrong_costs_one_line(bags, tmp_path, capsys, words, message):
+    excited, _, still = bags
+    names = {'still': still, 'excited': excited, 'tmp': tmp_path}
+    capsys.readouterr()
+    assert run('identify', *(word.format(**names) for word in words)) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count('\n') == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_overwritten(bags, tmp_path, capsys):
+    out = tmp_path / 'robot.yaml'
+    out.write_text('mine')
+    assert run('identify', bags[0], '--out', out) == 2
+    assert 'exists; nothing is overwritten' in capsys.readouterr().err
+    assert out.read_text() == 'mine'
+
+
+def test_another_robot_does_not_validate(bags, tmp_path, capsys):
+    other = tmp_path / 'other'
+    assert run('simulate', 'paper_circle', '--duration', 1, '--set', 'robot.l3=0.19',
+               '--out', other) == 0  # fmt: skip
+    capsys.readouterr()
+    assert run('identify', bags[0], '--validate', other) == 2
+    assert 'a bag of the same robot: robot.l3 is 0.19, not 0.2' in capsys.readouterr().err
+    shutil.rmtree(other)
+
+
+def test_a_designed_motion_is_feasible_and_repeatable(tmp_path, capsys):
+    first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
+    words = ['identify', '--design', 'serial_2r_circle', '--set', 'trajectory.shape=excitation']
+    for out in (first, second):
+        assert run(*words, '--trials', 3, '--seed', 5, '--out', out) == 0
+    assert first.read_text() == second.read_text()
+    assert 'condition number' in capsys.readouterr().out
+    overrides = config.flat(yaml.safe_load(first.read_text()))
+    bag = tmp_path / 'bag'
+    sets = [word for key, value in overrides.items() for word in ('--set', f'{key}={value}')]
+    shape = ['--set', 'trajectory.shape=excitation']
+    words = ['simulate', 'serial_2r_circle', *shape, *sets, '--duration', 1, '--out', bag]
+    assert run(*words) == 0
