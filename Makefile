@@ -22,7 +22,7 @@ unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOO
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo docs faults soak test clean
+.PHONY: help setup demo docs bench faults soak test clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -36,8 +36,12 @@ demo: setup ## run the paper's circle in real time over ROS 2, then analyse it
 	$(BIN)/parallel_robot run paper_circle --law s_fotsmc --time-mode wall --duration 12 --out $$run && \
 	$(BIN)/parallel_robot analyze $$run
 
-docs: setup ## write docs/parameters.md anew
+docs: setup ## write docs/parameters.md anew, run docs/notebook.ipynb
 	$(BIN)/python docs/parameters.py docs/parameters.md
+	$(BIN)/python docs/notebook.py
+
+bench: setup ## measure all, beside the peers, a quarter of an hour; writes docs/benchmarks.md
+	$(BIN)/python benchmarks/all.py
 
 faults: setup ## inject faults into a running loop, a quarter of an hour; writes docs/reliability.md
 	$(BIN)/python benchmarks/faults.py

@@ -98,10 +98,13 @@ setup(
             *CLUSTER,
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
+            'ipykernel>=6.29',
             'mcap-ros2-support>=0.5',
             'ros-jazzy-domain-coordinator==0.12.0',
             'mujoco>=3.2',
             'mypy==2.4.1',
+            'nbclient>=0.10',
+            'nbformat>=5.10',
             'pytest>=8.2,<9.2',  # 9.2 hides from pytest-xdist 3.8 which tests are a group
             'pytest-xdist>=3.6',
             'ruff==0.17.5',

@@ -1,37 +1,51 @@
-"""Plant and closed loop beside MuJoCo's plant, C loop against C loop: time of a step.
+"""Plant and closed loop beside MuJoCo's plant, C loop against C loop: processor time of a step.
 
-Usage: python benchmarks/kernels.py [rounds]
+Usage: python benchmarks/kernels.py [rounds] [seconds of motion of the long run]
 
-Processor time, in rounds that alternate between all rows; medians, and medians of the ratios
-within a round, so that a machine that is not idle harms all rows alike.
+The rounds alternate between all rows; ratios are of the times within a round. MuJoCo has the same
+robot, step and viscous friction, and no controller; `mj_step(model, data, n)` is its own loop. Our
+plant has Coulomb friction as well.
 """
 
 from __future__ import annotations
 
-import json
-import statistics
+import os
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import checkout
 import mujoco
 import numpy as np
+from rows import Row, ratios, row, show
 
 from parallel_robot_base.kernel import kernel
 from parallel_robot_control.configuration import resolve
-from parallel_robot_sim.assembly import assemble
+from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.closed_loops import LANES, run_side_by_side
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.plant import step
+from trajectory_gen.trajectory import Reference
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
-from mujoco_robot import _model
+sys.path.insert(0, str(checkout.ROOT / 'test'))
+from mujoco_robot import coordinates_of, model_of
 
-STEPS = 12_000  # the run of the paper
+STEPS = 12_000  # the run of the paper, two turns of the circle
+SHORT = 1_000  # steps of a second of motion
+PERIOD = 1e-3  # s
 LAW = 's_fotsmc'
+TORQUE = (0.3, -0.2, 0.1)  # N m, of the plants without a controller
+PLANT, LOOP, MANY = 'plant, ode3', f'closed loop, {LAW}', f'{LANES} closed loops side by side'
+FAST, EXACT = 'MuJoCo, implicitfast', 'MuJoCo, RK4'
+RATIOS = (  # times the peer: name of the peer, of ours, target
+    (FAST, PLANT, '>= 6'),
+    (EXACT, PLANT, '>= 20'),
+    (FAST, LOOP, '>= 2.5'),
+    (FAST, MANY, '>= 5'),
+)
 
 
 @kernel
@@ -43,63 +57,106 @@ def plant_alone(setup: Any, state: Any, command: Any, period: float, steps: int)
 
 
 def main() -> None:
-    """Print the table; the last line is the same as JSON."""
+    """Print the figures."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 31
-    cases = _cases()
-    rows: dict[str, list[float]] = {name: [] for name in cases}
+    seconds = int(sys.argv[2]) if len(sys.argv) > 2 else 3600
+    experiment = assemble(
+        configure(resolve('paper_circle', {'law': LAW, 'duration': STEPS * PERIOD}))
+    )
+    runs = cases(experiment)
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for run_it, _ in runs.values():
+        run_it()  # compiles
     for _ in range(rounds):
-        for name, (run_it, steps) in cases.items():
-            begun = time.process_time()
-            run_it()
-            rows[name].append((time.process_time() - begun) / steps * 1e6)
-    peer = rows['MuJoCo, implicitfast']
-    print(f'{rounds} rounds; us a step, median (min); times of MuJoCo implicitfast, median')
-    result = {}
-    for name, times in rows.items():
-        ratio = statistics.median(b / a for a, b in zip(times, peer, strict=True))
-        result[name] = {'us': statistics.median(times), 'ratio': ratio}
-        print(f'  {name:<34}{statistics.median(times):8.3f} ({min(times):.3f}){ratio:8.2f}')
-    print(json.dumps(result))
+        for name, (run_it, steps) in runs.items():
+            times[name].append(cost(run_it, steps))
+    found = [row(name, 'us a step', values) for name, values in times.items()]
+    found += [
+        row(f'{peer}, times that of {ours}', 'x', ratios(times[peer], times[ours]), target)
+        for peer, ours, target in RATIOS
+    ]
+    show(found + long_run(experiment, seconds))
 
 
-def _cases() -> dict[str, tuple[Callable[[], Any], int]]:
-    configuration = configure(resolve('paper_circle', {'law': LAW, 'duration': STEPS * 1e-3}))
-    experiment = assemble(configuration)
+def cost(run_it: Callable[[], Any], steps: int) -> float:
+    """Processor time of a step [us]."""
+    begun = time.process_time()
+    run_it()
+    return (time.process_time() - begun) / steps * 1e6
+
+
+def cases(experiment: Experiment) -> dict[str, tuple[Callable[[], Any], int]]:
+    """What is measured, by name, and its number of steps."""
     control, plant = experiment.control, experiment.plant
-    reference = experiment.trajectory.sample(np.arange(STEPS) * 1e-3)
-    row = plant.state.torque + np.array([0.3, -0.2, 0.1])
-    cases: dict[str, tuple[Callable[[], Any], int]] = {
-        'MuJoCo, implicitfast': (_mujoco(configuration, 'mjINT_IMPLICITFAST'), STEPS),
-        'MuJoCo, RK4': (_mujoco(configuration, 'mjINT_RK4'), STEPS),
-        'plant, ode3': (lambda: plant_alone(plant.setup, plant.state, row, 1e-3, STEPS), STEPS),
-        f'closed loop, {LAW}': (lambda: run(control, plant, reference, 1e-3), STEPS),
-        f'{LANES} closed loops side by side': (
+    reference = experiment.trajectory.sample(np.arange(STEPS) * PERIOD)
+    torque = plant.state.torque + np.array(TORQUE)
+    return {
+        FAST: (mujoco_alone(experiment, mujoco.mjtIntegrator.mjINT_IMPLICITFAST), STEPS),
+        EXACT: (mujoco_alone(experiment, mujoco.mjtIntegrator.mjINT_RK4), STEPS),
+        PLANT: (lambda: plant_alone(plant.setup, plant.state, torque, PERIOD, STEPS), STEPS),
+        LOOP: (lambda: run(control, plant, reference, PERIOD), STEPS),
+        MANY: (
             lambda: run_side_by_side([experiment] * LANES, reference, complete=False),
             STEPS * LANES,
         ),
     }
-    for run_it, _ in cases.values():
-        run_it()  # compiles
-    return cases
 
 
-def _mujoco(configuration: Any, integrator: str) -> Callable[[], None]:
-    model = _model(configuration.plant.robot.parameters, (2.5, 2.5, 2.5), 1e-3)
-    model.opt.integrator = getattr(mujoco.mjtIntegrator, integrator)
+def mujoco_alone(experiment: Experiment, integrator: Any) -> Callable[[], None]:
+    """MuJoCo's plant under a constant torque."""
+    robot = experiment.trajectory.robot.parameters
+    model = model_of(robot, (2.5, 2.5, 2.5), PERIOD)
+    model.opt.integrator = integrator
     data = mujoco.MjData(model)
-    start = np.array(configuration.plant.parameters.initial_pose)
-    experiment = assemble(configuration)
-    joints = experiment.trajectory.sample(0.0)
-    theta, beta = joints.position[0], joints.passive[0]
-    begin = np.array([*start, *np.column_stack([theta, beta - theta]).ravel()])
+    begin = coordinates_of(robot, experiment.trajectory.sample(0.0).pose[0])
 
     def go() -> None:
         mujoco.mj_resetData(model, data)
         data.qpos = begin
-        data.qfrc_applied[3::2] = (0.3, -0.2, 0.1)
+        data.qfrc_applied[3::2] = TORQUE
         mujoco.mj_step(model, data, STEPS)
 
     return go
+
+
+def long_run(experiment: Experiment, seconds: int) -> list[Row]:
+    """A long run second by second, beside its first second, run anew after every two turns."""
+    begin = experiment.control, experiment.plant
+    control, plant = begin
+    turns = experiment.trajectory.sample(np.arange(STEPS) * PERIOD)
+    parts = [
+        Reference(*(values[k : k + SHORT] for values in turns)) for k in range(0, STEPS, SHORT)
+    ]
+    single = experiment.trajectory.sample(0.0)
+    calls, first, later, memory = [], [], [], []
+    for k in range(max(len(parts) + 1, seconds)):
+        begun = time.process_time()
+        block = run(control, plant, parts[k % len(parts)], PERIOD)
+        used = time.process_time() - begun
+        control = control._replace(
+            state=block.cycle, law=control.law._replace(memory=block.memory)
+        )
+        plant = plant._replace(state=block.plant)
+        memory.append(resident())
+        if k and k % len(parts) == 0:
+            later.append(1e6 * used / SHORT)
+            first.append(cost(lambda: run(*begin, parts[0], PERIOD), SHORT))
+            calls.append(1e-3 * cost(lambda: run(*begin, single, PERIOD), 1))
+    motion = f'{seconds / 3600:g} h' if seconds >= 3600 else f'{seconds} s'
+    half = len(memory) // 2
+    return [
+        row('a call of the loop, whatever its length', 'ms', calls),
+        row(f'{LOOP}, the first second, call included', 'us a step', first),
+        row(f'{LOOP}, a second within {motion}, call included', 'us a step', later),
+        row('a second within it, times the first', 'x', ratios(later, first), '<= 1.1'),
+        row('memory that its second half adds', 'MB', [memory[-1] - memory[half]], '<= 1'),
+    ]
+
+
+def resident() -> float:
+    """Resident memory of this process [MB]."""
+    pages = int(Path('/proc/self/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
 if __name__ == '__main__':

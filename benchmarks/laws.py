@@ -6,14 +6,15 @@ Usage: python benchmarks/laws.py [cycles]
 from __future__ import annotations
 
 import os
-import statistics
 import sys
 import time
 from typing import Any
 
+import checkout  # noqa: F401
 import numpy as np
 import rclpy
 from rclpy.context import Context
+from rows import row, show
 
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.kernel import kernel
@@ -112,19 +113,15 @@ def node_cost(law: str, count: int) -> list[float]:
 
 
 def main() -> None:
-    """Print one row a law."""
+    """Print two rows a law: batches of its kernel, cycles of its node."""
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 5000
-    print(f'us a cycle; median (min - max) of {BATCHES} batches, and of {count} cycles')
-    print(f'{"law":<20}{"kernel":>22}{"node":>22}{"99 %":>8}')
+    found = []
     for law in LAWS:
-        alone, whole = kernel_cost(law, count), node_cost(law, count)
-        cells = (
-            f'{statistics.median(figures):.1f} ({min(figures):.1f} - {max(figures):.0f})'
-            for figures in (alone, whole)
-        )
-        print(f'{law:<20}' + ''.join(f'{cell:>22}' for cell in cells), end='')
-        print(f'{np.percentile(whole, 99):>8.0f}', flush=True)
+        found.append(row(f'{law}, kernel', 'us a cycle', kernel_cost(law, count)))
+        found.append(row(f'{law}, node, bytes to command', 'us a cycle', node_cost(law, count)))
+        print(f'... {law}', flush=True)
+    show(found)
 
 
 if __name__ == '__main__':

@@ -27,6 +27,7 @@ import graph_figures as figures
 import rclpy
 from graph_processes import busy, end, start
 from graphs import revision, warm
+from rows import Row, row
 
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import topics
@@ -94,16 +95,17 @@ def compare(rounds: Pairs, get: Callable[[Any], float | None], names: Sequence[s
     """Medians of a figure for the twin and for ours, and the ratio of each pair."""
     empty, ours = ([_try(get, one[name]) for one in rounds] for name in names)
     ratios = [b / a for a, b in zip(empty, ours, strict=True) if a and b is not None]
-    return {'empty': median(empty), 'ours': median(ours), 'ratio': median(ratios), 'all': ratios}
+    medians = {'empty': median(empty), 'ours': median(ours), 'ratio': median(ratios)}
+    return {**medians, 'all': ratios, 'values': [value for value in ours if value is not None]}
 
 
-def show(label: str, row: Any, target: float | None = None, sign: str = '<=') -> None:
+def show(label: str, one: Any, target: float | None = None, sign: str = '<=') -> None:
     """Print one line of a table."""
-    cells = [f'{row[name]:10.3f}' if row[name] is not None else f'{"-":>10}' for name in SIDES]
+    cells = [f'{one[name]:10.3f}' if one[name] is not None else f'{"-":>10}' for name in SIDES]
     text = f'  {label:<34}{"".join(cells)}'
-    if row['ratio'] is not None:
-        text += f'{row["ratio"]:9.2f} ({min(row["all"]):.2f} - {max(row["all"]):.2f})'
-    print(text + (f'  {sign} {target}' if target and row['ratio'] is not None else ''))
+    if one['ratio'] is not None:
+        text += f'{one["ratio"]:9.2f} ({min(one["all"]):.2f} - {max(one["all"]):.2f})'
+    print(text + (f'  {sign} {target}' if target and one['ratio'] is not None else ''))
 
 
 def show_wall(rounds: Pairs) -> dict[str, Any]:
@@ -134,7 +136,7 @@ def show_wall(rounds: Pairs) -> dict[str, Any]:
     ]
     rows = {}
     for label, get, target in wanted:
-        rows[label] = compare(rounds, get, SIDES)
+        rows[label] = {**compare(rounds, get, SIDES), 'target': target}
         show(label, rows[label], target)
     print(f'  of the bags: {_all(rounds, "missing")} missing of {_all(rounds, "messages")}')
     failed = [one[side] for one in rounds for side in SIDES if one[side]['exit_code']]
@@ -149,10 +151,30 @@ def show_lockstep(rounds: Pairs) -> dict[str, Any]:
     rows = {}
     for kind, label in (('', 'three nodes'), ('_recorded', 'with recorder')):
         names = f'empty{kind}', f'ours{kind}'
-        row = compare(rounds, lambda run: run['steps_per_s'], names)
-        rows[label] = row
-        show(f'steps/s, {label}', row, LOCKSTEP, '>=')
+        rows[label] = {
+            **compare(rounds, lambda run: run['steps_per_s'], names),
+            'target': LOCKSTEP,
+        }
+        show(f'steps/s, {label}', rows[label], LOCKSTEP, '>=')
     return rows
+
+
+def rows_of(result: dict[str, Any]) -> list[Row]:
+    """All figures of ours, and their ratios to the twin's."""
+    found = [
+        row(f'{name}: start to first message', 's', seconds)
+        for name, seconds in result.get('start', {}).items()
+    ]
+    for part, sign in (('wall', '<='), ('lockstep', '>=')):
+        for label, one in result.get(part, {}).get('table', {}).items():
+            name, _, unit = label.removesuffix(']').partition(' [')
+            unit = 'steps/s' if part == 'lockstep' else unit
+            if one['values']:
+                found.append(row(f'{part}: {name}', unit, one['values']))
+            if one['all']:
+                target = f'{sign} {one["target"]}' if one['target'] else ''
+                found.append(row(f'{part}: {name}, times the twin', 'x', one['all'], target))
+    return found
 
 
 def machine() -> dict[str, Any]:
@@ -237,6 +259,7 @@ def main() -> None:
         listener.node.destroy_node()
     if given.json:
         given.json.write_text(json.dumps(result, indent=1))
+    print(json.dumps(rows_of(result)))
 
 
 def _try(get: Callable[[Any], float | None], run: Any) -> float | None:

@@ -15,11 +15,13 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
+import checkout  # noqa: F401
 import rclpy
 from mcap.reader import make_reader
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.task import Future
+from rows import Row, row, show
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.processes import command
@@ -33,7 +35,7 @@ NAMES = [f'/{topic.name}' for topic in PLAYED]
 QUIET = 1.0  # s without a message: there will be no more
 
 
-def reading(bag: Path) -> None:
+def reading(bag: Path) -> list[Row]:
     """Time to read one message, beside the reader of mcap."""
     begun = time.perf_counter()
     reader = BagReader(bag)
@@ -45,13 +47,14 @@ def reading(bag: Path) -> None:
         begun_peer = time.perf_counter()
         peer = sum(1 for _ in make_reader(stream).iter_messages(NAMES))
         theirs = (time.perf_counter() - begun_peer) / peer
-    print(
-        f'open {1e3 * (opened - begun):.1f} ms, read {1e6 * own:.2f} us a message '
-        f'(mcap: {1e6 * theirs:.2f})'
-    )
+    return [
+        row('open a bag', 'ms', [1e3 * (opened - begun)]),
+        row('read a message', 'us', [1e6 * own]),
+        row('read a message by the reader of mcap', 'us', [1e6 * theirs]),
+    ]
 
 
-def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> None:
+def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> list[Row]:
     """Play once and compare what arrives with the bag."""
     heard: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
 
@@ -85,34 +88,38 @@ def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> None:
     expected: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     for message in BagReader(bag).messages(NAMES, 0):
         expected[message.topic].append((message.log_time, message.data))
-    print(f'{" ".join(words) or "--rate 1"}, exit code {process.returncode}')
+    if process.returncode:
+        sys.exit(f'the player ended with exit code {process.returncode}')
+    mode = ' '.join(words) or '--rate 1'
+    rates, late, drifts, missing, wrong = [], [], [], 0, 0
     for name in NAMES:
         arrivals = [when for when, _ in heard[name]]
-        missing = len(expected[name]) - len(arrivals)
-        same = [data for _, data in heard[name]] == [data for _, data in expected[name]]
+        missing += len(expected[name]) - len(arrivals)
+        wrong += [data for _, data in heard[name]] != [data for _, data in expected[name]]
         seconds = (arrivals[-1] - arrivals[0]) * 1e-9
-        rate = (len(arrivals) - 1) / seconds
+        rates.append((len(arrivals) - 1) / seconds)
         due = (expected[name][-1][0] - expected[name][0][0]) * 1e-9
-        print(
-            f'  {name:<28}{missing} of {len(expected[name])} missing, '
-            f'{"same bytes in the same order" if same else "NOT the same"}, {rate:.2f} Hz, '
-            f'{100 * (due / seconds - 1):+.4f} %'
-        )
-        late = [
-            (when - arrivals[0]) - (log_time - expected[name][0][0])
+        drifts.append(100 * (due / seconds - 1))
+        late += [
+            1e-6 * ((when - arrivals[0]) - (log_time - expected[name][0][0]))
             for when, (log_time, _) in zip(arrivals, expected[name], strict=False)
         ]
-        if '--fast' not in words:
-            quantiles = statistics.quantiles(late, n=100)
-            print(
-                f'  {"":<28}arrival after its time, less the first: '
-                f'p50 {1e-6 * quantiles[49]:.3f}, p99 {1e-6 * quantiles[98]:.3f}, '
-                f'max {1e-6 * max(late):.3f} ms'
-            )
-    print(f'  processor of the player: {used - idle:.2f} s, and {idle:.2f} s to start')
+    found = [
+        row(f'{mode}: messages missing', '', [missing], '<= 0'),
+        row(f'{mode}: topics that are not the same bytes in order', '', [wrong], '<= 0'),
+        row(f'{mode}: rate of a topic', 'Hz', rates),
+    ]
+    if '--fast' not in words:
+        found.append(row(f'{mode}: deviation of the rate', '%', drifts))
+        found.append(row(f'{mode}: arrival after its time, less the first', 'ms', late))
+        last = statistics.quantiles(late, n=100)[98]
+        found.append(row(f'{mode}: the same, 99 % of the messages', 'ms', [last]))
+        share = 100 * (used - idle) / (1e-3 * len(expected[NAMES[0]]))
+        found.append(row(f'{mode}: processor', '% of a core', [share]))
     node.destroy_client(client)
     for subscription in subscriptions:
         node.destroy_subscription(subscription)
+    return found
 
 
 def processor_seconds(pid: int) -> float:
@@ -135,14 +142,15 @@ def main() -> None:
         words = ['simulate', 'paper_circle', '--duration', duration, '--out', str(bag)]
         module = 'parallel_robot_analysis.command_line'
         subprocess.run(command(module, *words), check=True)
-        reading(bag)
+        found = reading(bag)
         for number, words in enumerate(([], ['--fast'])):
             node = rclpy.create_node(f'benchmark_{number}')
             executor.add_node(node)
-            play(node, executor, bag, *words)
+            found += play(node, executor, bag, *words)
             executor.remove_node(node)
             node.destroy_node()
     rclpy.shutdown()
+    show(found)
 
 
 if __name__ == '__main__':

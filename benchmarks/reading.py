@@ -6,15 +6,16 @@ Usage: python benchmarks/reading.py [runs]
 from __future__ import annotations
 
 import gc
-import statistics
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import checkout  # noqa: F401
 import numpy as np
 from rosbags.highlevel import AnyReader
+from rows import ratios, row, show
 
 from parallel_robot_bags import run_log, simulation_bag
 from parallel_robot_base import config, topics
@@ -63,14 +64,15 @@ def main() -> None:
         count = 3 * len(run_log.read(bag).time)  # also loads the kernels
         size = sum(file.stat().st_size for file in bag.iterdir())
         pairs = [(seconds(ours, bag, count), seconds(peer, bag, count)) for _ in range(runs)]
-    print(f'{runs} runs, {count} messages, {size / 1e6:.1f} MB; median (min - max)')
-    for name, unit, figures in (
-        ('run_log.read', 's', [own for own, _ in pairs]),
-        ('rosbags AnyReader, deserialize', 's', [other for _, other in pairs]),
-        ('ratio', '', [own / other for own, other in pairs]),
-    ):
-        span = f'({min(figures):.3f} - {max(figures):.3f})'
-        print(f'  {name:<32}{statistics.median(figures):8.3f} {unit:<2}{span}')
+    print(f'{runs} runs, {count} messages, {size / 1e6:.1f} MB')
+    own, other = zip(*pairs, strict=True)
+    show(
+        [
+            row(f'{DURATION:g} s of a run into arrays', 's', own),
+            row('the same topics by rosbags AnyReader, deserialize', 's', other),
+            row('ours, times rosbags', 'x', ratios(own, other)),
+        ]
+    )
 
 
 if __name__ == '__main__':

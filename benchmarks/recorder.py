@@ -15,10 +15,12 @@ import time
 from multiprocessing import get_context
 from pathlib import Path
 
+import checkout  # noqa: F401
 import rclpy
 from mcap.reader import make_reader
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from rows import row, show
 
 from parallel_robot_analysis.processes import command
 from parallel_robot_bags.record_names import MESSAGES
@@ -99,12 +101,17 @@ def main() -> None:
             channel.topic: summary.statistics.channel_message_counts[channel.id]
             for channel in summary.channels.values()
         }
-        print(f'{seconds} s, exit code {code}, {100 * share:.0f} % of a core')
-        for name in TOPICS:
-            print(
-                f'  {name:<12}{1000 * seconds} published, {counts[f"/{name}"]} in the bag; '
-                f'certificate: {certificate[name]}'
-            )
+    if code:
+        sys.exit(f'the recorder ended with exit code {code}')
+    missing = [1000 * seconds - counts[f'/{name}'] for name in TOPICS]
+    print(f'{seconds} s, {1000 * seconds * len(TOPICS)} messages')
+    print(f'certificates: {", ".join(f"{name} {certificate[name]}" for name in TOPICS)}')
+    show(
+        [
+            row('messages missing', '', [sum(missing)], '<= 0'),
+            row('processor', '% of a core', [100 * share]),
+        ]
+    )
 
 
 def processor_seconds(pid: int) -> float:

@@ -5,11 +5,13 @@ Usage: python benchmarks/sweep.py [runs] [repetitions]
 
 from __future__ import annotations
 
-import statistics
 import sys
 import tempfile
 import time
 from pathlib import Path
+
+import checkout  # noqa: F401
+from rows import ratios, row, show
 
 from parallel_robot_analysis.study import study
 from parallel_robot_analysis.study.configurations import Configurations
@@ -36,17 +38,17 @@ def main() -> None:
                 begun = time.perf_counter()
                 sweep(planned, TEXT, out, Processes(count), count)
                 found.append(runs / (time.perf_counter() - begun))
-    duration = planned.study.duration
-    print(f'{runs} runs of {duration:g} s, s_fotsmc; median (min - max) of {repetitions}')
-    for count, found in rates.items():
-        name = f'{count} worker{"s" * (count > 1)}'
-        print(f'  {name:<10} {shown(found, 1)} runs/s, start and end included')
-    ratios = [b / a for a, b in zip(rates[1], rates[2], strict=True)]
-    print(f'  ratio      {shown(ratios, 2)}')
-    print('processor time of a run in a chunk')
-    print(f'  build its configuration  {1e3 * build:7.2f} ms')
-    print(f'  run and measure it       {1e3 * run:7.2f} ms, of which {1e3 * fixed:.2f} ms do not')
-    print('                                      depend on its length')
+    print(f'{runs} runs of {planned.study.duration:g} s, s_fotsmc, in {repetitions} repetitions')
+    show(
+        [
+            row('one worker, start and end included', 'runs/s', rates[1]),
+            row('two workers', 'runs/s', rates[2]),
+            row('two workers, times one', 'x', ratios(rates[2], rates[1]), '>= 1.8'),
+            row('processor time to build a configuration', 'ms', [1e3 * build]),
+            row('to run and measure it', 'ms', [1e3 * run]),
+            row('of which does not depend on its length', 'ms', [1e3 * fixed]),
+        ]
+    )
 
 
 def alone(planned, count: int) -> tuple[float, float, float]:
@@ -68,12 +70,6 @@ def alone(planned, count: int) -> tuple[float, float, float]:
             ended = time.process_time()
         times.append(((middle - begun) / count, (ended - middle) / count))
     return times[0][0], times[0][1], times[1][1]
-
-
-def shown(values: list[float], digits: int) -> str:
-    """Median with its span."""
-    low, middle, high = min(values), statistics.median(values), max(values)
-    return f'{middle:.{digits}f} ({low:.{digits}f} - {high:.{digits}f})'
 
 
 if __name__ == '__main__':

@@ -19,6 +19,7 @@ from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_base.fields import PerJoint, parameters
 from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_base.scenario_file import stem
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
@@ -194,6 +195,8 @@ def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]])
                     if key in common
                     or ('.' in key and (key in values or key.partition('.')[0] in custom))
                 }
+    if isinstance(merged.get('scenario'), str):  # nodes keep the path of one that is not shipped
+        merged['scenario'] = stem(merged['scenario'])
     return merged
 
 

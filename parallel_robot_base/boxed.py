@@ -18,6 +18,7 @@ from numba.extending import NativeValue, intrinsic, models, register_model, unbo
 from parallel_robot_base.kernel import kernel
 
 ALIGNMENT = 64  # bytes, of the widest register
+LARGEST = 256  # bytes, of anything that is no array: a number, a text, a kernel, an array's header
 
 
 class BoxedType(types.Type):  # type: ignore[misc]
@@ -50,7 +51,7 @@ class Boxed:
         """Copy a tuple into memory; what it refers to is kept by `value`."""
         self.value = value
         self._numba_type_ = BoxedType(typeof(value))
-        self._memory = np.zeros(_size(value) + ALIGNMENT, np.uint8)
+        self._memory = np.zeros(_room(value) + ALIGNMENT, np.uint8)
         start = self._memory.ctypes.data
         self.address = start + -start % ALIGNMENT
         _store(value, self.address)
@@ -62,13 +63,12 @@ class Boxed:
         return getattr(self.value, name)
 
 
-@intrinsic
-def _size_of(context: Any, value: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        size = context.get_abi_sizeof(context.get_value_type(value))
-        return context.get_constant(types.intp, size)
-
-    return types.intp(value), generate
+def _room(value: Any) -> int:
+    """More memory than a value needs [bytes]; the exact size would have to be compiled for."""
+    if isinstance(value, tuple):
+        return sum(map(_room, value))
+    size = LARGEST + getattr(value, 'nbytes', 0)
+    return (size // ALIGNMENT + 1) * ALIGNMENT
 
 
 @intrinsic
@@ -79,11 +79,6 @@ def _write(context: Any, value: Any, address: Any) -> Any:
         return context.get_dummy_value()
 
     return types.none(value, types.intp), generate
-
-
-@kernel
-def _size(value: Any) -> int:
-    return _size_of(value)
 
 
 @kernel

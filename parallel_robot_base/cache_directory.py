@@ -27,7 +27,7 @@ KEPT = 5  # versions, this one included
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 119  # approximate number of pieces of machine code after `make setup`
 SOURCES = (  # what kernels are made of
-    b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)', b'@lower_builtin', b'@register_model',
+    b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)', b'numba.extending', b'@lower_builtin',
 )  # fmt: skip
 PREFIX = 'parallel_robot_custom_'  # prefix of the names of custom modules
 ROOM = re.compile('parallel_robot_[a-z]+|trajectory_gen')  # packages of the suite

@@ -264,7 +264,8 @@ def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
     start = f'{prefix}.' if prefix else ''
     keys = [parameter.key for parameter in parameters(kind)]
     values = {key: config[start + key] for key in keys if start + key in config}
-    return build(kind, values, start, len(config['joints']) if 'joints' in config else None)
+    joints = config.get('joints')
+    return build(kind, values, start, len(joints) if isinstance(joints, list) else None)
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from parallel_robot_base.printable import printable
 
 NEAR = 0.6  # similarity of names, from 0 to 1, from which one is suggested for the other
+FEW = 20  # names that a message lists
 DRIVEN_OUT = 'the robot was driven out of its workspace'  # prefix of the plant's alarm, too
 
 
@@ -34,7 +35,7 @@ class UnknownNameError(InputError):
         self.choices = sorted(choices)
         name = printable(name)
         near = difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
-        shown = ', '.join(self.choices) if len(self.choices) <= 12 else ''
+        shown = ', '.join(self.choices) if len(self.choices) <= FEW else ''
         hint = f'; did you mean {near[0]!r}?' if near else ''
         super().__init__(
             f'unknown {kind} {name!r}{hint}' + (f' (known: {shown})' if shown else '')

@@ -8,7 +8,8 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core.registry import CPUDispatcher
 
-import parallel_robot_base.vector_operators  # noqa: F401 so that every kernel knows them
+import parallel_robot_base.vector_functions
+import parallel_robot_base.vector_operators  # noqa: F401 and these
 from parallel_robot_base.kernel_cache import cache_of
 from parallel_robot_base.vector_types import holds_vectors
 

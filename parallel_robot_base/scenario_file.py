@@ -23,6 +23,14 @@ def absolute(scenario: str) -> str:
     return str(_place(scenario)) if is_path(scenario) else scenario
 
 
+def stem(scenario: str) -> str:
+    """Name of a scenario that is given by name or path, whether or not it exists."""
+    path = Path(scenario)
+    if not is_path(scenario):
+        return scenario
+    return path.stem if path.suffix in SUFFIXES else path.name
+
+
 def names(shipped: Path) -> list[str]:
     """Names of the shipped scenarios.
 
@@ -44,7 +52,7 @@ def name_of(scenario: str, shipped: Path) -> str:
             raise UnknownNameError('scenario', scenario, names(shipped))
         return scenario
     place = _place(scenario)
-    name = place.stem if place.suffix in SUFFIXES else place.name
+    name = stem(str(place))
     if name in names(shipped) and place != _shipped(name, shipped):
         raise InputError(f'{scenario}: there is already a scenario {name}; rename the file')
     if len(name) > LONGEST or not name.isprintable():

@@ -1,7 +1,7 @@
-"""Decisions without branches, rows of arrays, and single lanes, in kernels.
+"""Decisions without branches, in kernels.
 
 Lanes cannot branch: a kernel that is to run side by side computes both results and selects. What
-only some lanes need is done lane by lane, see :func:`lanes_of`.
+only some lanes need is done lane by lane, see :mod:`parallel_robot_base.lanes`.
 """
 
 from __future__ import annotations
@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.imputils import impl_ret_new_ref, lower_builtin
-from numba.extending import intrinsic, overload, type_callable
+from numba.extending import overload, type_callable
 
-from parallel_robot_base.boxed import BoxedType
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.vector_operators import pack, splat
-from parallel_robot_base.vector_types import LanesType, VectorType, load, shape_of, store
+from parallel_robot_base.vector_types import LanesType, VectorType, tuple_like
 
 _INT32 = ir.IntType(32)
 
@@ -41,7 +39,7 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
         if len(a) != len(b):
             return None
         kinds = [_selected(condition, *pair) for pair in zip(a.types, b.types, strict=True)]
-        return None if None in kinds else _tuple_like(a, kinds)
+        return None if None in kinds else tuple_like(a, kinds)
     vectors = [kind for kind in (condition, a, b) if isinstance(kind, VectorType)]
     if vectors:
         if len({kind.count for kind in vectors}) > 1:
@@ -61,11 +59,6 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
         return types.float64
     a, b = types.unliteral(a), types.unliteral(b)
     return a if a == b else None
-
-
-def _tuple_like(kind: Any, kinds: list[Any]) -> Any:
-    """Type of a tuple of the same class with other elements."""
-    return types.BaseTuple.from_types(kinds, getattr(kind, 'instance_class', None))
 
 
 def _scalar(kind: Any) -> Any:
@@ -162,186 +155,3 @@ _reduces(some, 'or_')
 def clip(x: Any, low: Any, high: Any) -> Any:
     """`x` within its limits, element by element; NaN stays NaN."""
     return select(x > high, high, select(x < low, low, x))
-
-
-def in_a_lane(condition: Any) -> bool:
-    """Whether a condition holds in any lane: the only one on which lanes may branch."""
-    return bool(np.any(condition))
-
-
-@type_callable(in_a_lane)
-def _type_of_in_a_lane(context: Any) -> Any:
-    ours = (LanesType, types.Boolean)
-    return lambda x: types.boolean if isinstance(x, ours) else None
-
-
-@lower_builtin(in_a_lane, types.Boolean)
-def _in_the_only_lane(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    return values[0]
-
-
-@lower_builtin(in_a_lane, LanesType)
-def _in_a_lane(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    count = signature.args[0].count
-    bits = builder.bitcast(values[0], ir.IntType(count))
-    return builder.icmp_unsigned('!=', bits, ir.Constant(bits.type, 0))
-
-
-def _row(context: Any, builder: Any, kind: Any, value: Any, index: Any) -> Any:
-    """Emit a pointer to a row of an array."""
-    array = context.make_array(kind)(context, builder, value)
-    shape = cgutils.unpack_tuple(builder, array.shape, kind.ndim)
-    for length in shape[1:]:
-        index = builder.mul(index, length)
-    return builder.gep(array.data, [index])
-
-
-def rows_for(value: Any, count: int) -> Any:
-    """An array for `count` values of this type, one a row; lanes are its last axis."""
-    raise NotImplementedError('only in kernels')
-
-
-@overload(rows_for, strict=False)
-def _rows_for(value: Any, count: int) -> Any:
-    shape, scalar = shape_of(types.unliteral(value))
-    dtype = np.int64 if isinstance(scalar, types.Integer) else np.float64
-    if len(shape) == 0:
-        return lambda value, count: np.empty(count, dtype)
-    if len(shape) == 1:
-        (n,) = shape
-        return lambda value, count: np.empty((count, n), dtype)
-    n, lanes = shape
-    return lambda value, count: np.empty((count, n, lanes), dtype)
-
-
-def _holds(array: Any, value: Any) -> bool:
-    """Whether a type is that of consecutive elements of an array."""
-    if not isinstance(array, types.Array) or array.layout != 'C':
-        return False
-    return bool(shape_of(value)[1] == array.dtype)
-
-
-@intrinsic
-def read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
-    """Row `index` of an array as a value of the type of `like`; neither is checked.
-
-    A row of shape (n,) is a vector, one of shape (n, lanes) a vector of lanes.
-    """
-    if not _holds(array, like):
-        return None
-    signature = like(array, types.intp, like)
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        pointer = _row(context, builder, array, values[0], values[1])
-        return load(context, builder, like, pointer)
-
-    return signature, generate
-
-
-@intrinsic
-def write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write a number, a vector or lanes to row `index` of an array; neither is checked."""
-    value = types.unliteral(value)
-    ours = isinstance(value, (VectorType, LanesType))
-    if not _holds(array, value if ours else array.dtype) or not array.mutable:
-        return None
-    signature = types.none(array, types.intp, value)
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        pointer = _row(context, builder, array, values[0], values[1])
-        if ours:
-            store(context, builder, value, values[2], pointer)
-        else:
-            given = context.cast(builder, values[2], value, array.dtype)
-            store(context, builder, array.dtype, given, pointer)
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
-@intrinsic
-def lane(context: Any, value: Any, index: Any) -> Any:
-    """What a number, a vector, or a tuple of them, boxed or not, is in one lane."""
-    to = _in_one(value)
-    signature = to(value, types.intp)
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return _extract(context, builder, value, values[0], values[1])
-
-    return signature, generate
-
-
-def _in_one(kind: Any) -> Any:
-    if isinstance(kind, BoxedType):
-        return _in_one(kind.content)
-    if isinstance(kind, LanesType):
-        return kind.scalar
-    if isinstance(kind, VectorType):
-        return VectorType(kind.count, _in_one(kind.element))
-    if isinstance(kind, types.BaseTuple):
-        return _tuple_like(kind, list(map(_in_one, kind.types)))
-    return kind
-
-
-def _extract(context: Any, builder: Any, kind: Any, value: Any, index: Any) -> Any:
-    if isinstance(kind, BoxedType):
-        pointer = context.get_value_type(kind.content).as_pointer()
-        content = builder.load(builder.bitcast(value, pointer))
-        return _extract(context, builder, kind.content, content, index)
-    if isinstance(kind, LanesType):
-        return builder.extract_element(value, index)
-    if isinstance(kind, VectorType):
-        elements = [
-            _extract(context, builder, kind.element, builder.extract_value(value, i), index)
-            for i in range(kind.count)
-        ]
-        return pack(context, builder, _in_one(kind), elements)
-    if isinstance(kind, types.BaseTuple):
-        elements = [
-            _extract(context, builder, each, builder.extract_value(value, i), index)
-            for i, each in enumerate(kind.types)
-        ]
-        return context.make_tuple(builder, _in_one(kind), elements)
-    context.nrt.incref(builder, kind, value)
-    return value
-
-
-@intrinsic
-def with_lane(context: Any, value: Any, index: Any, one: Any) -> Any:
-    """A value with another one in one lane; the other one itself where there are no lanes."""
-    signature = value(value, types.intp, one)
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return _insert(context, builder, value, one, values)
-
-    return signature, generate
-
-
-def _insert(context: Any, builder: Any, kind: Any, one: Any, values: Any) -> Any:
-    value, index, given = values
-    if isinstance(kind, LanesType):
-        cast = context.cast(builder, given, one, kind.scalar)
-        return builder.insert_element(value, cast, index)
-    if isinstance(kind, VectorType):
-        kinds, others = [kind.element] * kind.count, [one.element] * kind.count
-    elif isinstance(kind, types.BaseTuple):
-        kinds, others = kind.types, one.types
-    else:
-        return context.cast(builder, given, one, kind)
-    result = value
-    for i, (each, other) in enumerate(zip(kinds, others, strict=True)):
-        parts = (builder.extract_value(value, i), index, builder.extract_value(given, i))
-        part = _insert(context, builder, each, other, parts)
-        result = builder.insert_value(result, part, i)
-    return result
-
-
-@intrinsic
-def lanes_of(context: Any, value: Any) -> Any:
-    """Number of lanes of a number; 1 of one that has none."""
-    count = value.count if isinstance(value, LanesType) else 1
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return context.get_constant(types.intp, count)
-
-    return types.intp(value), generate

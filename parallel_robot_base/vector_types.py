@@ -267,3 +267,8 @@ def as_arrays(values: Any) -> Any:
         parts = map(as_arrays, values)
         return type(values)(*parts) if hasattr(values, '_fields') else tuple(parts)
     return np.array(values) if type(values) is Vector else values
+
+
+def tuple_like(kind: Any, kinds: list[Any]) -> Any:
+    """Type of a tuple of the same class with other elements."""
+    return types.BaseTuple.from_types(kinds, getattr(kind, 'instance_class', None))

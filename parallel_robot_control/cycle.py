@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import inner, kernel
-from parallel_robot_base.vector_select import every, in_a_lane, select
+from parallel_robot_base.lanes import in_a_lane
+from parallel_robot_base.vector_select import every, select
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference

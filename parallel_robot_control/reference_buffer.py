@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from parallel_robot_base import layouts
 from parallel_robot_base.kernel import entry_point, inner, kernel
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.vector_select import read_row
+from parallel_robot_base.vector_rows import read_row
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import in_a_lane, some
+from parallel_robot_base.lanes import in_a_lane
+from parallel_robot_base.vector_select import some
 from parallel_robot_base.vector_types import vector
 
 Array = NDArray[np.float64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -51,11 +52,7 @@ class RobotModel(NamedTuple):
     @property
     def constants(self) -> Any:
         """What its kernels take, boxed: the constants of its module, or else the parameters."""
-        made = getattr(self.module, 'constants', None)  # optional in the contract
-        with custom_module.blaming(self.name):
-            values = made(self.parameters) if made else self.parameters
-        distinguish(values)
-        return Boxed(values)
+        return _constants(self)
 
     @property
     def pose_size(self) -> int:
@@ -110,6 +107,15 @@ def _wrong(name: str, kind: Any, sizes: Mapping[str, int]) -> str:
     if name in sizes and set(shape) != {sizes[name]}:
         return f'{name} of shape {shape}, not of size {sizes[name]}'
     return ''
+
+
+@functools.lru_cache(maxsize=64)
+def _constants(robot: RobotModel) -> Boxed:
+    made = getattr(robot.module, 'constants', None)  # optional in the contract
+    with custom_module.blaming(robot.name):
+        values = made(robot.parameters) if made else robot.parameters
+    distinguish(values)
+    return Boxed(values)
 
 
 def module_of(values: Mapping[str, Any]) -> Robot:

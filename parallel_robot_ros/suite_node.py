@@ -18,7 +18,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import config, fields, loop
+from parallel_robot_base import config, fields, loop, scenario_file
 from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError, first_line
 from parallel_robot_base.topics import Topic
@@ -75,8 +75,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._thread: DeadlineThread | None = None
         self._usage = Usage()
         given = parameters.overrides(self)
-        scenario = given.pop('scenario', 'paper_circle')
-        self.values = resolve(str(scenario), given)
+        self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
+        self.values = resolve(self._scenario, given)
         self.loop = loop.validate(config.group(self.values, loop.LoopParameters, ''))
         self.lockstep = self.loop.lockstep
         self.period_ns, self.last_index = self.loop.period_ns, self.loop.last_index
@@ -185,7 +185,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         Raises:
             InputError: a value is wrong.
         """
-        values = config.group(self.values, group, prefix)
+        # A node that is started with its own parameters must find the file of its scenario.
+        values = config.group({**self.values, 'scenario': self._scenario}, group, prefix)
         for parameter, value in zip(fields.parameters(group), values, strict=True):
             key = f'{prefix}.{parameter.key}' if prefix else parameter.key
             parameters.declare(self, key, parameter.field, value, not self.is_settable(key))

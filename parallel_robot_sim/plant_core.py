@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.vector_select import read_row, write_row
+from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_control.cycle import is_finite
 from parallel_robot_control.wire import joint_row, lay_open
 from parallel_robot_sim.plant import PlantSetup, PlantState, step

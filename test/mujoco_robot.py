@@ -36,9 +36,9 @@ def open_loop(
     Returns:
         Pose (x, y, phi) after 0, 1 ... N periods [m, m, rad], phi unwrapped, shape (N + 1, 3).
     """
-    model = _model(robot, friction_viscous, step)
+    model = model_of(robot, friction_viscous, step)
     data = mujoco.MjData(model)
-    data.qpos = [*pose, *(angle for leg in range(3) for angle in _leg_angles(robot, pose, leg))]
+    data.qpos = coordinates_of(robot, pose)
     poses = [data.qpos[:3].copy()]
     for torque in torques:
         data.qfrc_applied[3::2] = torque
@@ -47,7 +47,7 @@ def open_loop(
     return np.array(poses)
 
 
-def _model(robot: Any, friction_viscous: Sequence[float], step: float) -> mujoco.MjModel:
+def model_of(robot: Any, friction_viscous: Sequence[float], step: float) -> mujoco.MjModel:
     """Build the robot with every link along +x at qpos = 0, so that no frame is rotated."""
     spec = mujoco.MjSpec()
     spec.option.timestep = step
@@ -93,6 +93,11 @@ def _add_body(
         inertia=(inertia, inertia, inertia),
         explicitinertial=True,
     )
+
+
+def coordinates_of(robot: Any, pose: Sequence[float]) -> list[float]:
+    """Return qpos of the robot at a pose."""
+    return [*pose, *(angle for leg in range(3) for angle in _leg_angles(robot, pose, leg))]
 
 
 def _leg_angles(robot: Any, pose: Sequence[float], leg: int) -> tuple[float, float]:

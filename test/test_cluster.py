@@ -4,14 +4,14 @@ import os
 import signal
 
 import pytest
-from test_sweep import TEXT, Inline, content, planned
+from sweeping import TEXT, content, swept
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study.cluster import Cluster
-from parallel_robot_analysis.study.sweep import sweep
 from parallel_robot_base.errors import RunError
 
 distributed = pytest.importorskip('distributed')
+pytest_plugins = ['sweeping']
 
 
 @pytest.fixture(scope='module')
@@ -35,11 +35,10 @@ class Killing(Cluster):
         return ended
 
 
-def test_a_cluster_of_which_one_worker_is_killed_makes_the_same_file(scheduler, tmp_path):
-    whole, killed = tmp_path / 'whole', tmp_path / 'killed'
-    sweep(planned(), TEXT, whole, Inline(), 2)
+def test_a_cluster_of_which_one_worker_is_killed_makes_the_same_file(scheduler, whole, tmp_path):
+    killed = tmp_path / 'killed'
     workers = Killing(scheduler.scheduler_address)
-    sweep(planned(), TEXT, killed, workers, 4)
+    swept(killed, workers=workers, count=4)
     assert workers.victim
     assert content(killed) == content(whole)
 
@@ -61,6 +60,7 @@ def test_a_scheduler_that_is_not_there_costs_one_line(address, tmp_path, capsys,
     assert main(words) == 2
     error = capsys.readouterr().err
     assert f'cannot reach {address}' in error and error.count('\n') == 1
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_a_scheduler_that_goes_away_costs_one_line_and_no_row(tmp_path):
@@ -77,5 +77,5 @@ def test_a_scheduler_that_goes_away_costs_one_line_and_no_row(tmp_path):
                 return ended
 
         with pytest.raises(RunError, match='the scheduler'):
-            sweep(planned(), TEXT, tmp_path, Leaving(cluster.scheduler_address), 4)
+            swept(tmp_path, workers=Leaving(cluster.scheduler_address), count=4)
     assert len(list((tmp_path / 'parts').iterdir())) == 1

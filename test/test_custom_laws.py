@@ -201,9 +201,10 @@ def test_what_a_law_does_wrong_is_found_before_it_acts(name, write):
         prepare(name, values_of(write(name, replaced)))
 
 
-def test_the_trial_takes_no_code_of_the_ordinary_cache(write, monkeypatch):
+def test_the_trial_takes_no_code_of_the_ordinary_cache(write, monkeypatch, tmp_path):
     """Not even where the user has chosen that cache (NUMBA_CACHE_DIR)."""
     monkeypatch.setattr(cache_directory, 'OWN', '')
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'chosen'))
     replaced, reason = UNFIT['beyond']
     with pytest.raises(InputError, match=reason):
         prepare('aloof', values_of(write('aloof', replaced)))
@@ -291,7 +292,7 @@ def test_a_law_that_works_with_arrays_has_the_bits_of_one_with_vectors(mine, wri
     assert type(expected.run.memory.integral) is Vector
     for name, text in (('in_place', IN_PLACE), ('sliced', SLICED)):
         made = simulated(values_of(write(name, (FORMULA, text)), duration=1.0))
-        assert type(made.experiment.control.law.constants) is ArrayLaw
+        assert type(made.experiment.control.law.constants.value) is ArrayLaw
         assert type(made.run.memory.integral) is np.ndarray
         assert np.array_equal(made.run.command, expected.run.command)
         assert np.array_equal(made.run.memory.integral, expected.run.memory.integral)
@@ -301,7 +302,7 @@ def test_a_law_may_make_vectors_which_only_the_trial_with_other_joints_refuses(m
     path = write('made', (FORMULA, OF_VECTORS), (IMPORTED.splitlines()[0] + '\n', IMPORTED))
     values = values_of(path, duration=1.0)
     prepared = prepare('made', values)
-    assert prepared.constants is prepared.gains
+    assert prepared.constants.value is prepared.gains
     (warning,) = prepared.warnings
     assert warning.startswith('made: written for 3 joints; with 1: ')
     expected = simulated(values_of(mine, duration=1.0))

@@ -170,6 +170,23 @@ def test_it_comes_from_the_bag(gone, capsys):
     assert run_log.read(again).config['robot.tool'] == 3.0
 
 
+def test_it_comes_from_the_bag_as_its_scenario_does(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
+    scenario, bag = tmp_path / 'mine.yaml', tmp_path / 'bag'
+    scenario.write_text(
+        'base: paper_circle\nrobot_model: example_robot\nduration: 0.1\nrobot.tool: 3.0\n'
+        'plant.initial_pose: [0.231, 0.2]\ncircle.center: [0.2, 0.2]\n'
+    )
+    words = ['--set', f'custom_robots=[{EXAMPLE}]', '--out', str(bag)]
+    assert main(['simulate', str(scenario), *words]) == 0
+    scenario.unlink()
+    assert main(['rerun', str(bag), '--trust']) == 0
+    assert 'identical: 382 messages' in capsys.readouterr().out
+    log = run_log.read(tmp_path / 'bag_rerun')
+    assert (log.scenario, log.config['robot_model']) == ('mine', 'example_robot')
+    assert (log.config['robot.tool'], log.config['true_robot.tool']) == (3.0, 3.0)
+
+
 @pytest.mark.parametrize('command', ['rerun', 'replay'])
 def test_the_code_of_the_bag_is_refused_in_one_line(command, gone, capsys):
     bag, _ = gone

@@ -2,6 +2,7 @@
 
 import contextlib
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
@@ -52,6 +53,15 @@ def test_a_configuration_is_like_the_default_or_refused(changes):
         number = isinstance(default, (int, float)) and not isinstance(default, bool)
         kinds = (int, float) if number else (type(default), bool)
         assert isinstance(values[key], kinds), key
+
+
+@pytest.mark.parametrize('scenario', ['/home/me/mine.yaml', 'mine.yml', 'mine'])
+def test_a_scenario_has_the_name_of_the_file_that_nodes_were_given(scenario):
+    facts = {'config': plain_data.dump(DEFAULTS)}
+    values, loop, _ = experiment.configuration(
+        'bag', facts, {'/trajectory': {'scenario': scenario}}
+    )
+    assert (values['scenario'], loop.scenario) == ('mine', 'mine')
 
 
 @given(st.dictionaries(st.sampled_from(['config', 'law', 'start_stamp']), st.text(), max_size=3))

@@ -2,6 +2,7 @@
 
 import numpy as np
 from test_robots import case, estimate, measure, states  # noqa: F401
+from vectors import on_vectors
 
 from parallel_robot_model.contract import FOUND, inverse_dynamics
 
@@ -14,7 +15,7 @@ def test_the_regressor_gives_the_torques_of_the_model(case):  # noqa: F811
         found = estimate(case, measured)
         assert found.fault == FOUND
         acceleration = case.rng.normal(size=case.n)
-        expected = inverse_dynamics(found.model, acceleration, measured.velocity)
+        expected = on_vectors(inverse_dynamics)(found.model, acceleration, measured.velocity)
         Y = linear.regressor(
             case.parameters,
             measured.pose[np.newaxis],

@@ -3,8 +3,10 @@
 import json
 
 import pytest
+import yaml
 from bags import content
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import parameter_value_to_python
 from test_command_line import refused
 
 from parallel_robot_analysis.command_line import main
@@ -146,7 +148,6 @@ def test_nodes_run_it_in_lockstep(launch, domain, here):
     assert (log.scenario, log.config['circle.radius'], len(log.time)) == ('mine', 0.02, 101)
     process = launch('parallel_robot_analysis.command_line', 'rerun', 'bag')
     assert process.wait() == 0, process.stderr
-    assert 'identical: ' in process.stdout
     first, again = (content(next((here / name).glob('*.mcap'))) for name in ('bag', 'bag_rerun'))
     assert first == again
 
@@ -160,8 +161,30 @@ def test_a_node_takes_it_and_what_show_writes(launch, peer, here, capsys):
     names = ['scenario', 'duration', 's_fotsmc.G', 'smc.z', 'robot.m1']
     request = GetParameters.Request(names=names)
     name, *numbers = peer.call(GetParameters, 'controller/get_parameters', request, node).values
-    assert name.string_value == 'mine'
+    assert name.string_value == str(here / 'mine.yaml')
     assert [value.double_value for value in numbers] == [0.1, 12.0, 21.0, 6.0]
+
+
+def dumped(peer, name, node):
+    """All parameters of a node that have a value in a parameter file."""
+    listed = peer.call(ListParameters, f'{name}/list_parameters', ListParameters.Request(), node)
+    request = GetParameters.Request(names=listed.result.names)
+    found = peer.call(GetParameters, f'{name}/get_parameters', request, node).values
+    values = dict(zip(request.names, map(parameter_value_to_python, found), strict=True))
+    values = {key: v if isinstance(v, str) or not hasattr(v, '__iter__') else list(v)
+              for key, v in values.items()}  # fmt: skip
+    return {key: value for key, value in values.items() if value not in ([], None)}
+
+
+@pytest.mark.xdist_group('processes')
+def test_a_node_is_started_again_with_its_own_parameters(launch, peer, here):
+    node = launch(MODULES['trajectory'], '--ros-args', '-p', 'scenario:=mine.yaml')
+    values = dumped(peer, 'trajectory', node)
+    assert (values['scenario'], values['duration']) == (str(here / 'mine.yaml'), 0.1)
+    (here / 'own.yaml').write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
+    words = ['--params-file', 'own.yaml', '-r', '__ns:=/again']
+    node = launch(MODULES['trajectory'], '--ros-args', *words)
+    assert dumped(peer, 'again/trajectory', node) == values
 
 
 def test_a_node_says_in_one_line_what_is_wrong(launch, domain, here):

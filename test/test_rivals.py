@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from assembly import prepare
 from scipy.integrate import quad
+from vectors import on_vectors
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
@@ -11,6 +12,7 @@ from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import adrc, fixed_time_smc, tdc
 from parallel_robot_model.contract import Model
 
+observed = on_vectors(adrc.observed)
 VALUES = config.resolve('paper_circle')
 DT = 1e-3
 
@@ -35,7 +37,7 @@ class Joints:
         """One sample under a load that is constant in it; returns the acceleration."""
         zero = np.zeros(self.n)
         feedback = Feedback(self.position, self.velocity, self.excess if self.heard else zero)
-        out = self.law.update(
+        out = on_vectors(self.law.update)(
             self.gains, self.model, JointReference(zero, zero, zero), feedback, self.memory, dt
         )
         self.memory, self.sliding = out.memory, out.sliding_variable
@@ -60,7 +62,7 @@ def test_the_poles_of_the_observer_are_where_its_bandwidth_says(w_o, dt):
     """Its map is linear: column by column, and then its characteristic polynomial."""
     zero = np.zeros(1)
     columns = [
-        rows_of(adrc.observed(w_o, adrc.Observer(*unit.reshape(3, 1)), zero, zero, dt))
+        rows_of(observed(w_o, adrc.Observer(*unit.reshape(3, 1)), zero, zero, dt))
         for unit in np.eye(3)
     ]
     wanted = np.poly(3 * [np.exp(-w_o * dt)])
@@ -74,7 +76,7 @@ def test_the_observer_follows_what_obeys_its_model_without_an_error():
     for dt in (1e-3, 2e-3, 5e-3, 1e-3):
         t += dt
         position = 0.3 - 0.2 * t + (1.5 - 4.0) * t * t / 2
-        z = adrc.observed(200.0, z, u, np.array([position]), dt)
+        z = observed(200.0, z, u, np.array([position]), dt)
     assert np.allclose(rows_of(z), [position, -0.2 - 2.5 * t, 1.5], atol=1e-9)
 
 

@@ -63,7 +63,6 @@ def test_with_changes_it_is_the_same_too(form, tmp_path, capsys):
         assert all(len({*map(type, v)}) == 1 for v in given.values() if isinstance(v, list))
         again = resolve('heavy_circle', given)
         assert given.pop('custom_laws') and given['scenario'] == 'heavy_circle'
-    expected['realtime'] = again['realtime'] = 'off'  # False for YAML
     assert same(again, expected)
 
 
@@ -89,7 +88,8 @@ def test_the_table_names_value_unit_and_source(tmp_path, capsys):
     mine.write_text('base: heavy_circle\ncircle.radius: 0.02\nsmc.z: 21.0\n')
     more = tmp_path / 'more.yaml'
     more.write_text('line.duration: 3.0\nmonitor.window: 2.0\n')
-    words = ['--param-file', str(more), '--set', 'monitor.window=3', '--law', 'smc']
+    words = ['--param-file', str(more), '--set', 'monitor.window=3', '--set', 'realtime=off']
+    words += ['--law', 'smc']
     lines = shown(capsys, str(mine), *words).splitlines()
     assert re.split('  +', lines[0]) == ['key', 'value', 'source']
     rows = {row[0]: row[1:] for row in (re.split('  +', line) for line in lines[1:])}
@@ -98,6 +98,7 @@ def test_the_table_names_value_unit_and_source(tmp_path, capsys):
     expected = {
         'scenario': ['mine', str(mine)],
         'law': ['smc', '--law'],
+        'realtime': ['off', '--set'],
         'period': ['0.001 s', 'defaults.yaml'],
         'circle.radius': ['0.02 m', str(mine)],
         'circle.center': ['[0.49, 0.37] m', 'scenarios/paper_circle.yaml'],

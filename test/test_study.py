@@ -135,6 +135,7 @@ def test_a_bad_study_costs_one_line_and_leaves_nothing(name, tmp_path, capsys):
         (['robustness', '--workers', '0'], '--workers must be from 1'),
         (['robustness', '--workers', '2', '--scheduler', 'x'], '--workers is for processes'),
         (['robustness', '--set', 'law=smc'], '--set: law cannot stand there'),
+        (['robustness', '--set', 'true_robot.m1=3'], '--set true_robot.m1: it is uncertain'),
         (['robustness', '--set', 'custom_laws=[nowhere.py]'], 'nowhere.py'),
     ],
     ids=' '.join,

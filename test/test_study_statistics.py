@@ -22,7 +22,7 @@ RANDOM = np.random.default_rng(0)
 
 
 def test_the_interval_of_a_median_covers_it_as_often_as_it_says():
-    samples = RANDOM.exponential(size=(200, 60))
+    samples = RANDOM.exponential(size=(100, 60))
     found = [statistics.median(values) for values in samples]
     assert [one.value for one in found] == pytest.approx(np.median(samples, axis=1))
     covered = np.mean([one.low <= math.log(2.0) <= one.high for one in found])

@@ -1,96 +1,23 @@
-"""Sweeps: every row once, whatever is killed, and each row the one that runs alone."""
+"""Sweeps: one row a run, each the one that runs alone, and nothing of others touched."""
 
 import io
 import math
-import os
-import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-from bags import full_disk
+from sweeping import FAILING, TEXT, Inline, content, planned, runs, swept
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.study import results, study
-from parallel_robot_analysis.study.plan import plan
+from parallel_robot_analysis.study import results
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_analysis.study.store import Store
-from parallel_robot_analysis.study.sweep import sweep
 from parallel_robot_analysis.study.table import schema, table
-from parallel_robot_analysis.study.tasks import Task, run_task, tasks, version
-from parallel_robot_analysis.study.workers import MOST_LOSSES, Processes, completed
+from parallel_robot_analysis.study.tasks import Task, run_task, tasks
 from parallel_robot_bags import run_log
 from parallel_robot_base.errors import InputError, RunError
 
-ROOT = Path(__file__).parents[1]
-TEXT = """
-scenarios: [paper_circle]
-laws: [smc, computed_torque]
-runs: 40
-seed: 3
-duration: 0.2
-uncertainty:
-  true_robot.m1: {distribution: uniform, relative: 0.2}
-  friction.viscous: {distribution: log_uniform, factor: [0.5, 2.0], common: true}
-  plant.integrator: {distribution: choice, values: [ode3, rk4]}
-"""
-FAILING = """
-scenarios: [paper_circle]
-laws: [smc]
-runs: 6
-method: random
-duration: 0.2
-uncertainty:
-  circle.radius: {distribution: choice, values: [0.03, 3.0]}
-  true_robot.m1: {distribution: normal, mean: 1.0, std: 2.0}
-"""
-
-
-class Inline:
-    """Workers that run a task in this process when they are waited for."""
-
-    slots = 1
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    def submit(self, task):
-        self.task = task
-
-    def wait(self):
-        return [(self.task, run_task(self.task))]
-
-
-def planned(text=TEXT, runs=None):
-    return plan(study.parse(text).changed(runs, {}))
-
-
-def swept(out, text=TEXT, runs=None, workers=None, count=2):
-    return sweep(planned(text, runs), text, out, workers or Inline(), count)
-
-
-@pytest.fixture(scope='module')
-def whole(tmp_path_factory):
-    """A sweep that ran through in one process."""
-    out = tmp_path_factory.mktemp('sweep') / 'whole'
-    swept(out)
-    return out
-
-
-def runs(out):
-    return pq.read_table(out / 'runs.parquet')
-
-
-def content(out):
-    return (out / 'runs.parquet').read_bytes()
+pytest_plugins = ['sweeping']
 
 
 def test_there_is_one_row_a_run_with_units_in_the_columns(whole):
@@ -161,70 +88,11 @@ def test_a_directory_that_is_no_sweep_has_no_rows(tmp_path, capsys):
     assert 'is not the directory of a sweep' in capsys.readouterr().err
 
 
-def test_two_processes_make_the_same_file(whole, tmp_path):
-    with_processes = tmp_path / 'processes'
-    swept(with_processes, workers=Processes(2))
-    assert content(with_processes) == content(whole)
-
-
 def test_more_runs_of_a_sweep_only_add_rows(whole, tmp_path):
     swept(tmp_path, runs=13)
     assert runs(tmp_path).num_rows == 26
     swept(tmp_path)
     assert content(tmp_path) == content(whole)
-
-
-def command(out, *words):
-    """A sweep as a process."""
-    module = 'parallel_robot_analysis'
-    file = out.with_suffix('.yaml')
-    file.write_text(TEXT)
-    return [sys.executable, '-m', module, 'sweep', str(file), '--out', str(out), *words]
-
-
-def children(pid):
-    return Path(f'/proc/{pid}/task/{pid}/children').read_text().split()
-
-
-def runs_on(pid):
-    stat = Path(f'/proc/{pid}/stat')
-    return stat.exists() and stat.read_text().rpartition(')')[2].split()[0] != 'Z'
-
-
-def until(condition, seconds=30.0):
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.01)
-    return condition()
-
-
-def test_a_sweep_that_is_killed_three_times_ends_as_one_that_ran_through(whole, tmp_path):
-    out = tmp_path / 'killed'
-    parts = out / 'parts'
-    for _ in range(3):
-        before = set(parts.glob('*.parquet'))
-        process = subprocess.Popen(command(out, '--workers', '2'), cwd=ROOT)
-        while not set(parts.glob('*.parquet')) - before:
-            assert process.poll() is None, 'it ended before it could be killed'
-            time.sleep(0.01)
-        workers = children(process.pid)
-        process.kill()
-        process.wait()
-        assert len(workers) == 2 and until(lambda pids=workers: not any(map(runs_on, pids)))
-        assert before < set(parts.glob('*.parquet')) and not (out / 'runs.parquet').exists()
-    done = subprocess.run(command(out), cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stderr == '' and '40 runs of each law and scenario' in done.stdout
-    assert content(out) == content(whole)
-
-
-def test_ctrl_c_says_what_is_kept(tmp_path):
-    out = tmp_path / 'interrupted'
-    process = subprocess.Popen(command(out), cwd=ROOT, stderr=subprocess.PIPE, text=True)
-    assert until(lambda: list((out / 'parts').glob('*.parquet')))
-    process.send_signal(signal.SIGINT)
-    error = process.communicate()[1]
-    assert process.returncode == 130 and error.count('\n') == 1
-    assert 'of 80 rows are kept, the same command continues' in error
 
 
 def test_a_terminal_sees_how_long_it_takes(tmp_path, monkeypatch):
@@ -238,70 +106,6 @@ def test_a_terminal_sees_how_long_it_takes(tmp_path, monkeypatch):
     assert '/8 [' in screen.getvalue() and 'run/s]' in screen.getvalue()
 
 
-class Killing:
-    """Worker processes of which each is killed once, with its task in hand."""
-
-    def __init__(self, count):
-        self.inner = Processes(count)
-        self.victims = []
-
-    def __enter__(self):
-        self.inner.__enter__()
-        return self
-
-    def __exit__(self, *_):
-        self.inner.__exit__()
-
-    @property
-    def slots(self):
-        return self.inner.slots
-
-    def submit(self, task):
-        self.inner.submit(task)
-
-    def wait(self):
-        ended = self.inner.wait()
-        if len(self.victims) < 2:
-            pid = next(pid for pid in self.inner.pids if pid not in self.victims)
-            self.victims.append(pid)
-            os.kill(pid, signal.SIGKILL)
-        return ended
-
-
-def test_the_rows_of_killed_workers_are_run_again(whole, tmp_path):
-    workers = Killing(2)
-    swept(tmp_path / 'killed', workers=workers)
-    assert len(workers.victims) == 2
-    assert content(tmp_path / 'killed') == content(whole)
-
-
-class Deadly:
-    """A value that ends the process that takes it out of a pipe."""
-
-    def __reduce__(self):
-        return os._exit, (9,)
-
-
-def test_a_row_that_kills_its_workers_is_a_failure_and_no_other_row_is():
-    good = next(tasks(planned(), np.zeros(80, dtype=bool), 2))
-    bad = Task(good.scenario, good.numbers[:3], (*good.overrides[:2], {'x': Deadly()}), version())
-    with Processes(2) as workers:
-        found = {
-            task.numbers: outcomes for task, outcomes in completed(workers, iter([bad, good]))
-        }
-    assert set(found) == {good.numbers, *((number,) for number in bad.numbers)}
-    statuses = [found[(number,)][0].status for number in bad.numbers]
-    assert statuses == ['ok', 'ok', 'failed']
-    assert found[(bad.numbers[2],)][0].reason.endswith(f'was lost, {MOST_LOSSES} times')
-    assert found[good.numbers][2] != found[(bad.numbers[2],)][0]
-
-
-def test_workers_that_cannot_start_end_the_sweep_with_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr('parallel_robot_analysis.study.workers.MODULE', 'parallel_robot_missing')
-    with pytest.raises(RunError, match=r'cannot start: .*parallel_robot_missing'):
-        swept(tmp_path / 'out', workers=Processes(2))
-
-
 def test_a_worker_of_another_version_is_refused():
     one = next(tasks(planned(), np.zeros(80, dtype=bool), 2))
     with pytest.raises(RunError, match='a worker has another version of the suite'):
@@ -309,7 +113,7 @@ def test_a_worker_of_another_version_is_refused():
 
 
 def test_failures_are_rows_with_their_reason(tmp_path):
-    summary = swept(tmp_path, FAILING)
+    summary = swept(tmp_path, FAILING, summarised=True)
     found = runs(tmp_path).to_pylist()
     assert [row['row'] for row in found] == list(range(6))
     assert {row['status'] for row in found} == {'ok', 'failed'}
@@ -377,39 +181,6 @@ def test_two_sweeps_do_not_share_a_directory(whole):
         assert 'another sweep is writing' in refused(whole)
 
 
-def test_a_full_disk_costs_one_line_and_no_row(whole, tmp_path, capsys):
-    file, out = tmp_path / 'study.yaml', tmp_path / 'out'
-    file.write_text(TEXT)
-    swept(out, runs=10)
-    before = content(out)
-    with full_disk(4096):
-        assert main(['sweep', str(file), '--out', str(out), '--workers', '1']) == 1
-    error = capsys.readouterr().err
-    assert 'cannot write' in error and '20 of 80 rows are kept' in error
-    assert error.count('\n') == 1 and content(out) == before
-    assert not list(out.rglob('*.unfinished'))
-    swept(out)
-    assert content(out) == content(whole)
-
-
-def test_a_part_that_is_cut_off_is_run_again(whole, tmp_path):
-    found = planned()
-    with Store(tmp_path, found, TEXT) as store:
-        for task in list(tasks(found, store.done, 2))[:4]:
-            rows = [found.row(number) for number in task.numbers]
-            outcomes = run_task(task)
-            store.add(table(schema(found), zip(rows, outcomes, strict=True)))
-        done = int(store.done.sum())
-        assert 0 < done < 80
-    part = min((tmp_path / 'parts').iterdir())
-    part.write_bytes(part.read_bytes()[:-20])
-    (tmp_path / 'parts' / 'x.parquet.unfinished').write_bytes(b'')
-    with Store(tmp_path, found, TEXT) as store:
-        assert 0 < store.done.sum() < done
-    swept(tmp_path)
-    assert content(tmp_path) == content(whole)
-
-
 def test_many_rows_are_merged_window_by_window(whole, tmp_path, monkeypatch):
     monkeypatch.setattr('parallel_robot_analysis.study.store.WINDOW', 7)
     swept(tmp_path)
@@ -452,29 +223,3 @@ def test_the_order_of_the_rows_does_not_matter(whole, tmp_path):
 
     swept(tmp_path, workers=Backwards(), count=7)
     assert content(tmp_path) == content(whole)
-
-
-def test_lost_workers_do_not_stop_others():
-    class Losing:
-        """Loses every task at first sight."""
-
-        slots = 3
-
-        def __init__(self):
-            self.waiting = []
-
-        def submit(self, task):
-            self.waiting.append(task)
-
-        def wait(self):
-            task = self.waiting.pop(0)
-            lost = task.losses == 0 or task.numbers == (4,)
-            return [(task, None if lost else [Outcome('ok')] * len(task.numbers))]
-
-    made = [Task('', tuple(range(k, k + 4)), ({},) * 4, '') for k in range(0, 12, 4)]
-    found = [
-        (number, outcome.status)
-        for task, outcomes in completed(Losing(), iter(made))
-        for number, outcome in zip(task.numbers, outcomes, strict=True)
-    ]
-    assert sorted(found) == [(n, 'failed' if n == 4 else 'ok') for n in range(12)]

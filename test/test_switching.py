@@ -173,7 +173,7 @@ def test_a_switch_takes_no_time_that_a_sample_could_miss():
     rig.run(5)
     opened = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(config, '_read', opened.append)
+        patch.setattr(config, 'read', opened.append)
         for name in LAWS:
             compiled = len(LAWS[name].update.signatures)
             rig.change(law=name)

@@ -11,20 +11,11 @@ import pytest
 from numba.core.errors import NumbaError
 
 from parallel_robot_base.kernel import entry_point, kernel
+from parallel_robot_base.lanes import in_a_lane, lane, lanes_of, with_lane
 from parallel_robot_base.linear_algebra import multiply
 from parallel_robot_base.vector_operators import BINARY, UNARY
-from parallel_robot_base.vector_select import (
-    clip,
-    every,
-    in_a_lane,
-    lane,
-    lanes_of,
-    read_row,
-    select,
-    some,
-    with_lane,
-    write_row,
-)
+from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_base.vector_select import clip, every, select, some
 from parallel_robot_base.vector_types import (
     Lanes,
     LaneVector,

@@ -13,7 +13,7 @@ from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import inlined, kernel
-from parallel_robot_base.vector_select import read_row, write_row
+from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of

@@ -46,7 +46,8 @@ def execute(arguments: argparse.Namespace) -> int:
         layers.append(('--law', {'law': arguments.law}))
     changed = {key: value for _, values in layers for key, value in values.items()}
     values, sources = config.resolve_with_sources(arguments.scenario, changed, custom_defaults)
-    configure(values)  # a wrong value is refused here as in a run
+    loop = configure(values).loop  # a wrong value is refused here as in a run
+    values['realtime'] = loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
     for name, layer in layers:
         sources |= {key: name for key in layer if key in overridden}
@@ -152,7 +153,9 @@ def _source(key: str, sources: Mapping[str, str]) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value for people, numbers with ten digits."""
+    """A value for people: numbers with ten digits, words without quotes."""
     if isinstance(value, list):
         return f'[{", ".join(map(_short, value))}]'
+    if isinstance(value, str) and value.isalpha():  # also off, which YAML quotes
+        return value
     return f'{value:.10g}' if isinstance(value, float) else text_of(value)

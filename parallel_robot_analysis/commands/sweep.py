@@ -9,12 +9,10 @@ from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.study import study
 from parallel_robot_analysis.study.cluster import Cluster
 from parallel_robot_analysis.study.plan import plan
-from parallel_robot_analysis.study.sweep import default_workers, sweep
+from parallel_robot_analysis.study.sweep import MOST_WORKERS, default_workers, sweep
 from parallel_robot_analysis.study.workers import Processes, Workers
 from parallel_robot_base import assignments
 from parallel_robot_base.errors import InputError
-
-MOST_WORKERS = 1024
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

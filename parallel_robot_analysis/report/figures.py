@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from parallel_robot_analysis.metrics import Poses
+from parallel_robot_analysis.metrics import Motion, Poses
 from parallel_robot_analysis.report.labels import joint_label, label
 from parallel_robot_bags import new_files
 from parallel_robot_bags.printable_output import without_mathematics
@@ -23,10 +23,24 @@ DASHES = ('-', '--')  # of as many joints as there are colours each
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 
 
-def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
-    """Draw path, errors and torques of a run to a PNG or vector file.
+class NamedMotion(Motion, Protocol):
+    """What is drawn of a run: a run log, or anything with these names and arrays."""
 
-    A robot that does not move in a plane has no path; its synchronisation errors are drawn.
+    @property
+    def scenario(self) -> str:
+        """Name of the scenario."""
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the actuated joints."""
+
+
+def draw_run(log: NamedMotion, pose: Poses, path: str | Path) -> None:
+    """Draw path, errors and torques of a run to a PNG or vector file.
 
     Args:
         log: The run.
@@ -37,7 +51,19 @@ def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    figure = _figure(f'{label(log.scenario)}, {label(log.law)}', path)
+    save(figure_of_run(log, pose), path)
+
+
+def figure_of_run(log: NamedMotion, pose: Poses) -> Any:
+    """Path, errors and torques of a run as a figure of matplotlib.
+
+    A robot that does not move in a plane has no path; its synchronisation errors are drawn.
+
+    Args:
+        log: The run.
+        pose: Poses of the run.
+    """
+    figure = _figure(f'{label(log.scenario)}, {label(log.law)}')
     names = [without_mathematics(joint_label(name)) for name in log.joints]
     error = log.reference_position - log.position
     if pose.planar:
@@ -66,7 +92,7 @@ def draw_run(log: RunLog, pose: Poses, path: str | Path) -> None:
         axes.legend(loc='upper right', ncols=3, fontsize='small')
     for axes in figure.axes:
         axes.grid(alpha=0.3)
-    _save(figure, path)
+    return figure
 
 
 def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) -> None:
@@ -84,7 +110,7 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
     """
     count = len(log.joints)
     title = f'{label(log.scenario)}: torques on the same motion'
-    figure = _figure(title, path, max(HEIGHT, ROW * count))
+    figure = _figure(title, max(HEIGHT, ROW * count))
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
     for axes, joint, recorded, replayed in curves:
@@ -96,7 +122,7 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=2, fontsize='small')
     rows[-1].set(xlabel='t [s]')
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_prediction(
@@ -120,7 +146,7 @@ def draw_prediction(
         OSError: the file exists or cannot be written; with its name.
     """
     count = len(joints)
-    figure = _figure('Torques by the identified robot', path, max(HEIGHT, ROW * count))
+    figure = _figure('Torques by the identified robot', max(HEIGHT, ROW * count))
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for axes, joint, before, after in zip(rows, joints, measured.T, predicted.T, strict=True):
         axes.plot(time, before, color='0.6', lw=2.0, label='measured')
@@ -130,7 +156,7 @@ def draw_prediction(
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=3, fontsize='small')
     rows[-1].set(xlabel='t [s]')
-    _save(figure, path)
+    save(figure, path)
 
 
 def _draw_path(axes: Any, pose: Poses) -> None:
@@ -155,7 +181,14 @@ def _look(column: int) -> dict[str, Any]:
     return {'color': COLOURS[column % len(COLOURS)], 'linestyle': dashes, 'lw': 0.8}
 
 
-def _save(figure: Any, path: str | Path) -> None:
+def save(figure: Any, path: str | Path) -> None:
+    """Write a figure to a file that must not exist; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file exists or cannot be written; with its name.
+    """
+    check_format(path)
     content = io.BytesIO()
     figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
     new_files.write(Path(path), content.getbuffer())
@@ -172,11 +205,10 @@ def check_format(path: str | Path) -> None:
         raise UnknownNameError('picture format', suffix, FORMATS)
 
 
-def _figure(title: str, path: str | Path, height: float = HEIGHT) -> Any:
+def _figure(title: str, height: float = HEIGHT) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
     from matplotlib.figure import Figure
 
-    check_format(path)
     figure = Figure(figsize=(11.0, height), layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(without_mathematics(title), fontweight='bold')

@@ -266,5 +266,4 @@ def _as_drawn(study: Study, case: Case) -> dict[str, Any]:
         if each.distribution != 'choice':
             listed = isinstance(nominal, list)
             floats[each.key] = [*map(float, nominal)] if listed else float(nominal)
-    values = resolve(case.scenario, {**case.overrides, **floats})
-    return values
+    return resolve(case.scenario, {**case.overrides, **floats})

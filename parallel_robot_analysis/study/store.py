@@ -10,6 +10,8 @@ import contextlib
 import fcntl
 import json
 import os
+import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -54,6 +56,7 @@ class Store:
         self._text = text
         self._schema = schema(plan)
         self._lock: IO[str] | None = None
+        self._new = False
         self.done: NDArray[np.bool_] = np.zeros(plan.count, dtype=bool)
 
     def __enter__(self) -> Store:
@@ -61,10 +64,10 @@ class Store:
         try:
             self._open()
         except OSError as error:
-            self.__exit__(None, None, None)
+            self.__exit__(type(error), error, None)
             raise InputError(f'cannot write to {self.directory}: {error.strerror}') from None
-        except BaseException:
-            self.__exit__(None, None, None)
+        except BaseException as error:
+            self.__exit__(type(error), error, None)
             raise
         return self
 
@@ -74,7 +77,13 @@ class Store:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Release the lock."""
+        """Release the lock; of a new sweep that failed before its first row, nothing is left."""
+        if error is not None and self._new and not self.done.any():
+            shutil.rmtree(self.directory / PARTS, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                for name in (MANIFEST, STUDY, LOCK):
+                    (self.directory / name).unlink(missing_ok=True)
+                self.directory.rmdir()
         if self._lock is not None:
             self._lock.close()
 
@@ -102,7 +111,8 @@ class Store:
             self._merge(parts, runs)
         for *_, path in parts:
             path.unlink()
-        (self.directory / PARTS).rmdir()
+        with contextlib.suppress(OSError):  # somebody else's file is in it
+            (self.directory / PARTS).rmdir()
 
     def _merge(self, parts: list[tuple[int, int, Path]], runs: Path) -> None:
         pa = arrow()
@@ -157,7 +167,8 @@ class Store:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise InputError(f'another sweep is writing to {self.directory}') from None
-        if manifest.exists():
+        self._new = not manifest.exists()
+        if not self._new:
             self._check(manifest_of(self.directory))
         (self.directory / PARTS).mkdir(exist_ok=True)
         for name, text in (STUDY, self._text), (MANIFEST, json.dumps(self._manifest(), indent=1)):
@@ -194,7 +205,7 @@ class Store:
         for path in [runs] * runs.exists() + [path for *_, path in self._parts()]:
             try:
                 numbers = self._read(path, columns=['row'])['row'].to_numpy()
-            except (OSError, ValueError):  # pyarrow's errors are ValueErrors
+            except (OSError, ValueError, KeyError, IndexError):  # not a table, or another one
                 if path == runs:
                     raise InputError(f'{path} cannot be read; choose another --out') from None
                 path.unlink()  # cut off with the power: its rows are run again
@@ -208,8 +219,9 @@ class Store:
         """First and last row of each part, and its file."""
         found = []
         for path in sorted((self.directory / PARTS).glob('*.parquet')):
-            first, last, _ = path.stem.split('_')
-            found.append((int(first), int(last), path))
+            name = re.fullmatch(r'(\d+)_(\d+)_\d+', path.stem)
+            if name:
+                found.append((int(name[1]), int(name[2]), path))
         return found
 
     def _read(self, path: Path, filters: Any = None, columns: Any = None) -> Arrow:

@@ -59,9 +59,16 @@ class Study:
     uncertainties: tuple[Uncertainty, ...]
 
     def changed(self, runs: int | None, fixed: Mapping[str, Any]) -> Study:
-        """The study with another number of runs and more fixed values."""
+        """The study with another number of runs and more fixed values.
+
+        Raises:
+            InputError: a value is wrong, or a key cannot be fixed.
+        """
         if runs is None:
             runs = self.runs
+        for uncertain in self.uncertainties:
+            if uncertain.key in fixed:
+                raise InputError(f'--set {uncertain.key}: it is uncertain in this study')
         return replace(
             self,
             runs=check('--runs', int, Field('', '', 1, MOST_RUNS), runs),

@@ -18,6 +18,7 @@ from parallel_robot_analysis.study.workers import Workers, completed
 from parallel_robot_bags.printable_output import as_it_is
 from parallel_robot_base.errors import InputError, RunError
 
+MOST_WORKERS = 1024
 FILES = ('summary.txt', 'summary.csv', 'summary.tex', 'summary.html')
 
 

@@ -1,0 +1,105 @@
+"""docs/benchmarks.md: what was measured in plain words, beside the figures of a run of all.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rows import Row, cells
+
+PAGE = Path(__file__).parents[1] / 'docs' / 'benchmarks.md'
+HEAD = """\
+# Benchmarks
+
+Written by `make bench`, which runs all of [benchmarks/](../benchmarks) in turn and keeps every
+figure in `runs/bench_DATE.json`. What is compared with a peer is measured in the same process
+or in turns, and the ratio is that of one round, so that other work on the machine harms both
+alike. Each figure is the median of its rounds, with the smallest and the largest. A target is
+what we ask of the median.
+"""
+TEXTS = {
+    'kernels': (
+        'Plant and closed loop, beside MuJoCo',
+        """\
+Time of a step of 1 ms of the simulated robot, without ROS. The peer is MuJoCo with the same
+robot (three two-link legs held to the platform by constraints), the same step and viscous
+friction, stepped by its own loop in C, `mj_step(model, data, n)`; it has no controller. Ours is
+a compiled loop: *plant* is the robot alone under a constant torque, with Coulomb friction as
+well, *closed loop* also the law S-FOTSMC, the estimate of the pose, all limits and safety
+checks and the record of the run. *Side by side* runs eight closed loops in one compiled loop,
+and its time is that of one step of one of them. Targets: the plant 6 times as fast as
+`implicitfast` and 20 times as fast as RK4; the whole closed loop 2.5 times as fast as
+`implicitfast` alone; side by side, 5 times, which is a million steps a second and core where
+`implicitfast` takes 5 us. A call costs something whatever
+its length: arguments are passed to compiled code. Beyond that, a second late in an hour of
+motion must cost what the first did, and memory must not grow; the hour runs second by second,
+and its record is dropped.""",
+    ),
+    'reading': (
+        'Reading a bag',
+        """\
+From a bag on disk to aligned arrays. The peer is `AnyReader` of rosbags with `deserialize()` of
+each message of the same topics, without keeping them. A ratio below 1 is faster.""",
+    ),
+    'sweep': (
+        'Sweeps',
+        """\
+Runs of 12 s of motion each, with uncertain masses and friction. The start of the workers, which
+takes some seconds, is included, so that long sweeps are faster than this. Two workers need two
+idle cores.""",
+    ),
+    'laws': (
+        'Control laws',
+        """\
+One control cycle of each law: as a kernel, and in the controller node, from the bytes of a
+state to the published command. The loop has 1000 us.""",
+    ),
+    'player': (
+        'Player',
+        'What arrives at a subscriber of three topics of 1 kHz, beside what is in the bag.',
+    ),
+    'recorder': ('Recorder', 'Six topics of 1 kHz, recorded for a minute.'),
+    'nodes': (
+        'Nodes, beside an empty twin',
+        """\
+The four nodes, and the same four processes that exchange messages of the same size and compute
+nothing, in turns. See
+[benchmarks/README.md](../benchmarks/README.md#the-nodes-beside-an-empty-twin) for what each
+figure means.""",
+    ),
+}
+
+
+def page(found: dict[str, Any]) -> str:
+    """The page.
+
+    Args:
+        found: What all.py has measured.
+    """
+    parts = [HEAD, f'Measured on {machine(found)}.\n']
+    for name, outcome in found['benchmarks'].items():
+        title, text = TEXTS[name]
+        words = ' '.join(['.venv/bin/python', f'benchmarks/{name}.py', *outcome['arguments']])
+        parts.append(f'## {title}\n\n{text}\n\n{table(outcome["rows"])}\n\n`{words}`\n')
+    return '\n'.join(parts)
+
+
+def machine(found: dict[str, Any]) -> str:
+    """Machine, versions and date in a sentence."""
+    of = found['machine']
+    versions = ', '.join(f'{name} {version}' for name, version in of['versions'].items())
+    return (
+        f'{of["processor"]}, {of["cores"]} cores, {of["system"]}, at a load of '
+        f'{of["load_average"]:.1f} before the start; Python {of["python"]}, {versions}; '
+        f'{found["date"][:10]}, revision {of["revision"]}'
+    )
+
+
+def table(rows: list[Row]) -> str:
+    """Figures as a table."""
+    lines = ['| figure | median | smallest - largest | rounds | target |', '|---|---|---|---|---|']
+    for row in rows:
+        median, span, verdict = cells(row)
+        span = span if row['count'] > 1 else ''
+        lines.append(f'| {row["name"]} | {median} | {span} | {row["count"]} | {verdict} |')
+    return '\n'.join(lines)

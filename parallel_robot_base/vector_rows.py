@@ -1,0 +1,90 @@
+"""Rows of arrays as values, in kernels: vectors, numbers and lanes are read and written whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
+
+from parallel_robot_base.vector_types import (
+    LanesType,
+    VectorType,
+    load,
+    shape_of,
+    store,
+)
+
+
+def _row(context: Any, builder: Any, kind: Any, value: Any, index: Any) -> Any:
+    """Emit a pointer to a row of an array."""
+    array = context.make_array(kind)(context, builder, value)
+    shape = cgutils.unpack_tuple(builder, array.shape, kind.ndim)
+    for length in shape[1:]:
+        index = builder.mul(index, length)
+    return builder.gep(array.data, [index])
+
+
+def rows_for(value: Any, count: int) -> Any:
+    """An array for `count` values of this type, one a row; lanes are its last axis."""
+    raise NotImplementedError('only in kernels')
+
+
+@overload(rows_for, strict=False)
+def _rows_for(value: Any, count: int) -> Any:
+    shape, scalar = shape_of(types.unliteral(value))
+    dtype = np.int64 if isinstance(scalar, types.Integer) else np.float64
+    if len(shape) == 0:
+        return lambda value, count: np.empty(count, dtype)
+    if len(shape) == 1:
+        (n,) = shape
+        return lambda value, count: np.empty((count, n), dtype)
+    n, lanes = shape
+    return lambda value, count: np.empty((count, n, lanes), dtype)
+
+
+def _holds(array: Any, value: Any) -> bool:
+    """Whether a type is that of consecutive elements of an array."""
+    if not isinstance(array, types.Array) or array.layout != 'C':
+        return False
+    return bool(shape_of(value)[1] == array.dtype)
+
+
+@intrinsic
+def read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
+    """Row `index` of an array as a value of the type of `like`; neither is checked.
+
+    A row of shape (n,) is a vector, one of shape (n, lanes) a vector of lanes.
+    """
+    if not _holds(array, like):
+        return None
+    signature = like(array, types.intp, like)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointer = _row(context, builder, array, values[0], values[1])
+        return load(context, builder, like, pointer)
+
+    return signature, generate
+
+
+@intrinsic
+def write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
+    """Write a number, a vector or lanes to row `index` of an array; neither is checked."""
+    value = types.unliteral(value)
+    ours = isinstance(value, (VectorType, LanesType))
+    if not _holds(array, value if ours else array.dtype) or not array.mutable:
+        return None
+    signature = types.none(array, types.intp, value)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointer = _row(context, builder, array, values[0], values[1])
+        if ours:
+            store(context, builder, value, values[2], pointer)
+        else:
+            given = context.cast(builder, values[2], value, array.dtype)
+            store(context, builder, array.dtype, given, pointer)
+        return context.get_dummy_value()
+
+    return signature, generate

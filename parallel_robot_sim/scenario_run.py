@@ -1,0 +1,204 @@
+"""A run of a scenario by its name, for scripts and notebooks: plain arrays over time."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base import config, parameter_file
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.printable import printable
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.messages import limits_text
+from parallel_robot_sim import simulation
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulation import Simulation
+
+Array = NDArray[np.float64]
+File = str | Path
+
+DURATION = 12.0  # s, of a scenario that has no duration
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A run as arrays, one row for each state: N states, n actuated joints, m coordinates.
+
+    Attributes:
+        scenario: Name of the scenario.
+        law: Name of the law.
+        joints: Names of the actuated joints.
+        values: The resolved configuration, by key.
+        time: Since the start [s], shape (N,).
+        position: Actuated joints [rad], shape (N, n).
+        velocity: Their rates [rad/s], shape (N, n).
+        reference: Their desired positions [rad], shape (N, n).
+        reference_velocity: Their desired rates [rad/s], shape (N, n).
+        torque: Torque applied during the step that ended at the state [N m], shape (N, n).
+        pose: Pose of the end effector, shape (N, m); (x, y, phi) [m, m, rad] for the 3-RRR. Of a
+            simulation the true one, of a bag that of the measured joints by the nominal robot.
+        pose_reference: Desired pose, shape (N, m).
+        planar: Whether a pose begins with x and y [m] in a plane.
+        fault: Time [s] and text of the first fault, None without one.
+        limits: Limits that acted, by name; empty when none did.
+        warnings: What to know of the run, one line each.
+        simulation: All that the simulation has recorded; None for a run from a bag.
+    """
+
+    scenario: str
+    law: str
+    joints: tuple[str, ...]
+    values: Mapping[str, Any]
+    time: Array
+    position: Array
+    velocity: Array
+    reference: Array
+    reference_velocity: Array
+    torque: Array
+    pose: Array
+    pose_reference: Array
+    planar: bool = True
+    fault: tuple[float, str] | None = None
+    limits: str = ''
+    warnings: tuple[str, ...] = ()
+    simulation: Simulation | None = None
+
+    @property
+    def error(self) -> Array:
+        """Error of the joints, reference - position [rad], shape (N, n)."""
+        return self.reference - self.position
+
+    @property
+    def velocity_error(self) -> Array:
+        """Error of the rates of the joints [rad/s], shape (N, n)."""
+        return self.reference_velocity - self.velocity
+
+    @property
+    def pose_error(self) -> Array:
+        """Error of the pose, desired - actual, shape (N, m)."""
+        return self.pose_reference - self.pose
+
+    def __repr__(self) -> str:
+        """The run in a line; others for a fault, limits and warnings."""
+        return '\n'.join(self._lines())
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        head, *others = map(html.escape, self._lines())
+        return '<br>'.join([f'<b>{head}</b>', *others])
+
+    def _lines(self) -> list[str]:
+        names = f'{printable(self.scenario)}, {printable(self.law)}'
+        duration = self.time[-1] - self.time[0]
+        rms = 1e6 * np.sqrt(np.mean(self.error**2))
+        lines = [
+            f'Run of {names}: {duration:g} s, {len(self.time)} states of {len(self.joints)} joints'
+            f', joint error {rms:.4g} urad rms'
+        ]
+        if self.fault is not None:
+            lines.append(f'fault at t = {self.fault[0]:.3f} s: {printable(self.fault[1])}')
+        if self.limits:
+            lines.append(f'limits acted: {printable(self.limits)}')
+        return [*lines, *(f'warning: {printable(text)}' for text in self.warnings)]
+
+
+def simulate(
+    scenario: File,
+    *,
+    law: str | None = None,
+    duration: float | None = None,
+    param_file: File | Iterable[File] | None = None,
+    **values: Any,
+) -> Run:
+    """Run the closed loop without ROS, as ``parallel_robot simulate`` does.
+
+    >>> from parallel_robot_sim import simulate
+    >>> run = simulate('paper_circle', law='smc', duration=2, **{'smc.z': 25})
+    >>> run.error.shape
+    (2001, 3)
+    >>> print(run.fault)
+    None
+
+    Args:
+        scenario: Name of a scenario in ``config/scenarios``, or the path of a YAML file.
+        law: Control law; default: that of the scenario.
+        duration: Length of the motion [s]; default: that of the scenario, else DURATION.
+        param_file: YAML file with keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values; they win over `param_file`.
+
+    Raises:
+        InputError: a name, a key, a value or a file is wrong, or the robot cannot perform the
+            motion.
+        RunError: the robot left its workspace.
+    """
+    name = _text('scenario', scenario)
+    own = config.scenario_values(name).get('duration')
+    changed: dict[str, Any] = {} if own else {'duration': DURATION}
+    for path in _files(param_file):
+        changed |= config.renamed(parameter_file.read(path))
+    changed |= config.renamed(values)
+    given = {'law': law, 'duration': duration}
+    changed |= {key: value for key, value in given.items() if value is not None}
+    resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
+    return run_of(resolved, simulation.simulate(configure(resolved)))
+
+
+def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
+    """A simulation as a Run.
+
+    Args:
+        values: Its resolved configuration.
+        made: The simulation.
+    """
+    loop, record, desired = made.experiment.loop, made.run, made.reference
+    acted = int(np.bitwise_or.reduce(record.acted))
+    fault = made.fault
+    return Run(
+        loop.scenario,
+        loop.law,
+        tuple(loop.joints),
+        values,
+        loop.period * np.arange(len(record.position), dtype=np.float64),
+        record.position,
+        record.velocity,
+        desired.position,
+        desired.velocity,
+        record.effort,
+        record.pose,
+        desired.pose,
+        made.experiment.trajectory.robot.module.PLANAR,
+        None if fault is None else (fault[0], fault[1].text),
+        limits_text(acted) if acted else '',
+        tuple(made.experiment.control.law.warnings),
+        made,
+    )
+
+
+def _text(what: str, given: Any) -> str:
+    """A name or a path as text.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if not isinstance(given, str | Path):
+        raise InputError(f'{what} must be a name or a path, not {given!r}')
+    return str(given)
+
+
+def _files(given: File | Iterable[File] | None) -> list[Path]:
+    """Parameter files, one or several.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if given is None:
+        return []
+    if isinstance(given, str | Path) or not isinstance(given, Iterable):
+        given = [given]
+    return [Path(_text('param_file', file)) for file in given]

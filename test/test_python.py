@@ -1,0 +1,250 @@
+"""Runs, bags, metrics, pictures and sweeps from Python, and the examples of its docstrings."""
+
+import doctest
+import re
+import subprocess
+import sys
+import warnings
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+import parallel_robot_sim
+from parallel_robot_analysis import command_line, notebook
+from parallel_robot_analysis.commands import simulate as command
+from parallel_robot_bags import run_log
+from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_sim import Run, scenario_run, simulate
+
+ROOT = Path(__file__).parents[1]
+STUDY = {
+    'scenarios': ['paper_circle'],
+    'laws': ['smc', 's_smc'],
+    'runs': 2,
+    'duration': 0.1,
+    'uncertainty': {'true_robot.mp': {'distribution': 'uniform', 'relative': 0.2}},
+}
+
+
+@pytest.fixture(scope='module')
+def run():
+    return simulate('paper_circle', law='smc', duration=1, **{'smc.z': 25})
+
+
+def messages(bag):
+    """All messages of a bag, with topic and time, in order."""
+    (file,) = bag.glob('*.mcap')
+    with file.open('rb') as stream:
+        found = make_reader(stream).iter_messages(log_time_order=False)
+        return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
+
+
+@pytest.mark.parametrize('module', [parallel_robot_sim, scenario_run, notebook])
+def test_the_examples_of_the_docstrings_do_what_they_say(module):
+    found = doctest.testmod(module)
+    assert found.attempted > 0
+    assert found.failed == 0
+
+
+def test_a_run_is_the_simulation_of_the_command_line(run, tmp_path):
+    words = ['paper_circle', '--law', 'smc', '--duration', '1', '--set', 'smc.z=25']
+    assert command_line.main(['simulate', *words, '--out', str(tmp_path / 'bag')]) == 0
+    log = run_log.read(tmp_path / 'bag')
+    for ours, theirs in (
+        (run.time, log.time),
+        (run.position, log.position),
+        (run.velocity, log.velocity),
+        (run.reference, log.reference_position),
+        (run.reference_velocity, log.reference_velocity),
+        (run.torque, log.effort),
+        (run.error, log.reference_position - log.position),
+        (run.velocity_error, log.reference_velocity - log.velocity),
+    ):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)
+    assert run.values == log.config
+    notebook.save(run, tmp_path / 'saved')
+    assert messages(tmp_path / 'saved') == messages(tmp_path / 'bag')
+
+
+def test_a_saved_run_comes_back(run, tmp_path):
+    notebook.save(run, tmp_path / 'bag')
+    loaded = notebook.load(tmp_path / 'bag')
+    assert (loaded.scenario, loaded.law, loaded.joints) == (run.scenario, run.law, run.joints)
+    np.testing.assert_array_equal(loaded.position, run.position)
+    np.testing.assert_array_equal(loaded.torque, run.torque)
+    np.testing.assert_allclose(loaded.pose_error, run.pose_error, atol=1e-9)
+    ours, theirs = notebook.metrics(run), notebook.metrics(loaded)
+    assert theirs.steady.xy_rms_m == pytest.approx(ours.steady.xy_rms_m, rel=1e-6)
+    assert (loaded.fault, loaded.limits) == (run.fault, run.limits)
+    with pytest.raises(InputError, match='from a bag'):
+        notebook.save(loaded, tmp_path / 'again')
+    with pytest.raises(BagError, match='exist'):
+        notebook.save(run, tmp_path / 'bag')
+    assert not (tmp_path / 'again').exists()
+
+
+def test_a_fault_is_told_by_the_run_and_by_its_bag(tmp_path):
+    run = simulate('paper_circle', duration=1, **{'safety.speed_limit': 0.1})
+    assert run.fault is not None
+    assert 0.0 <= run.fault[0] < 1.0
+    assert f'fault at t = {run.fault[0]:.3f} s: {run.fault[1]}' in repr(run)
+    notebook.save(run, tmp_path / 'bag')
+    time, text = notebook.load(tmp_path / 'bag').fault
+    assert (time, text) == (pytest.approx(run.fault[0]), run.fault[1])
+
+
+def test_files_of_parameters_stand_below_values(tmp_path):
+    (tmp_path / 'one.yaml').write_text('smc: {z: 11.0}\nlaw: s_smc\n')
+    (tmp_path / 'two.yaml').write_text('smc.z: 12.0\nduration: 0.1\n')
+    files = [tmp_path / 'one.yaml', str(tmp_path / 'two.yaml')]
+    run = simulate('paper_circle', param_file=files, law='smc')
+    assert (run.values['smc.z'], run.law, run.time[-1]) == (12.0, 'smc', 0.1)
+    run = simulate('paper_circle', param_file=tmp_path / 'two.yaml', **{'smc.z': np.float64(13)})
+    assert (run.values['smc.z'], run.law) == (13.0, 's_fotsmc')
+
+
+def test_a_run_without_a_duration_is_as_long_as_that_of_the_command():
+    assert scenario_run.DURATION == command.DURATION
+    assert simulate('paper_circle').time[-1] == command.DURATION
+
+
+def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
+    run = simulate('axes_step', duration=0.2)
+    assert run.planar is False
+    assert run.error.shape == (201, len(run.joints))
+    assert np.isnan(notebook.metrics(run).steady.xy_rms_m)
+    assert notebook.plot(run)._repr_png_().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize(
+    ('call', 'text'),
+    [
+        (lambda: simulate(3), 'scenario must be a name or a path, not 3'),
+        (lambda: simulate('nowhere'), "unknown scenario 'nowhere'"),
+        (lambda: simulate('paper_circle', law=3), 'law must be text, not 3'),
+        (lambda: simulate('paper_circle', law='smcc'), "did you mean 'smc'"),
+        (lambda: simulate('paper_circle', duration='long'), 'duration must be a number'),
+        (lambda: simulate('paper_circle', duration=0), 'duration must be positive'),
+        (lambda: simulate('paper_circle', smc={'z': 3}), "did you mean 'smc.z'"),
+        (lambda: simulate('paper_circle', joints=3), 'joints must be a list'),
+        (lambda: simulate('paper_circle', param_file=3), 'param_file must be a name or a path'),
+        (lambda: simulate('paper_circle', param_file='no.yaml'), 'no.yaml does not exist'),
+        (lambda: notebook.load('nowhere'), 'nowhere'),
+        (lambda: notebook.metrics('bag'), "a run is wanted, as of simulate or load, not 'bag'"),
+        (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
+        (lambda: notebook.compare(3), 'compare takes several runs'),
+        (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
+        (lambda: notebook.sweep(3, 'out'), 'study must be a name, a path or keys and values'),
+        (lambda: notebook.sweep('no', 'out'), "unknown study 'no'"),
+        (lambda: notebook.sweep({'a': object()}, 'out'), 'study must hold plain numbers'),
+        (lambda: notebook.sweep({'laws': ['smc']}, 'out'), 'study: scenarios is missing'),
+        (lambda: notebook.sweep(STUDY, 'out', workers=0), 'workers must be from 1 to 1024, not 0'),
+        (lambda: notebook.sweep(STUDY, 'out', runs='2'), 'runs must be'),
+    ],
+)
+def test_what_is_wrong_costs_one_clear_line(call, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as error:
+        call()
+    assert text in str(error.value)
+    assert '\n' not in str(error.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_says_in_few_lines_what_it_is(run):
+    assert repr(run).startswith('Run of paper_circle, smc: 1 s, 1001 states of 3 joints, joint')
+    assert len(repr(run).splitlines()) == 1
+    assert repr(run) in run._repr_html_()
+
+
+def test_names_from_a_bag_cannot_write_html(run):
+    shown = replace(run, scenario='<script>', warnings=('\x1b[2J&',))._repr_html_()
+    assert '<script>' not in shown
+    assert '\x1b' not in shown
+    assert '&lt;script&gt;' in shown
+
+
+def test_runs_are_compared_in_a_table(run):
+    other = simulate('paper_circle', law='smc', duration=1)
+    found = notebook.compare([run, other])
+    assert list(found.index) == ['smc', 'smc #2']
+    assert found.loc['smc', 'xy_rms_m'] == notebook.metrics(run).steady.xy_rms_m
+    assert found.xy_rms_m.iloc[0] != found.xy_rms_m.iloc[1]
+    assert list(notebook.compare({'z = 25': run}).index) == ['z = 25']
+
+
+def test_a_picture_is_small_in_a_notebook_and_overwrites_nothing(run, tmp_path):
+    picture = notebook.plot(run)
+    assert len(picture._repr_png_()) < 100_000
+    picture.save(tmp_path / 'run.pdf')
+    before = (tmp_path / 'run.pdf').read_bytes()
+    assert before.startswith(b'%PDF')
+    with pytest.raises(InputError, match=r'run\.pdf'):
+        picture.save(tmp_path / 'run.pdf')
+    with pytest.raises(InputError, match='picture format'):
+        picture.save(tmp_path / 'run.txt')
+    assert (tmp_path / 'run.pdf').read_bytes() == before
+
+
+@pytest.mark.xdist_group('processes')
+def test_a_study_of_keys_and_values_is_swept(tmp_path):
+    found = notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
+    assert found.law.tolist() == ['smc', 's_smc'] * 2
+    assert set(found.status) == {'ok'}
+    row = found.iloc[0]
+    alone = simulate(
+        'paper_circle', law='smc', duration=0.1,
+        **{'smc.z': 20, 'true_robot.mp': row['true_robot.mp']},
+    )  # fmt: skip
+    assert row.xy_rms_m == pytest.approx(notebook.metrics(alone).steady.xy_rms_m, rel=1e-9)
+    assert notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20}).equals(found)
+
+
+def test_the_compiler_is_imported_only_when_it_is_needed():
+    code = (
+        'import sys, parallel_robot_sim; assert "numba" not in sys.modules; '
+        'assert {"Run", "simulate"} <= set(dir(parallel_robot_sim)); '
+        'from parallel_robot_sim import simulate; assert "numba" in sys.modules'
+    )
+    subprocess.run([sys.executable, '-c', code], check=True, cwd=ROOT)
+
+
+def test_older_ways_in_stay():
+    from parallel_robot_sim.simulation import simulate as older
+
+    assert older is not simulate
+    assert Run is scenario_run.Run
+    with pytest.raises(AttributeError, match='nothing'):
+        _ = parallel_robot_sim.nothing
+
+
+def test_nothing_warns(run):
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        notebook.plot(run)._repr_png_()
+        notebook.compare([run])
+
+
+def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / 'docs' / 'python.md').read_text()
+    code = re.findall(r'```python\n(.*?)```', text, re.DOTALL)
+    assert len(code) == 4
+    names = {}
+    exec('\n'.join(code[:2]), names)
+    assert names['run'].error.shape == (12001, 3)
+    assert (tmp_path / 'run.pdf').is_file()
+    assert names['load']('runs/smc').law == 'smc'
+    exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), names)
+    assert list(names['runs'].law) == ['smc', 's_fotsmc']
+    with pytest.raises(InputError, match=re.escape(code[3].splitlines()[1].partition(': ')[2])):
+        exec(code[3], names)
+
+
+def test_every_array_of_a_run_is_on_the_page():
+    text = (ROOT / 'docs' / 'python.md').read_text()
+    names = [field.name for field in fields(Run)] + ['error', 'velocity_error', 'pose_error']
+    assert all(f'`{name}`' in text for name in names if name != 'planar')
