@@ -12,6 +12,7 @@ MAINTAINER = PACKAGE.find('maintainer')
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
 STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
+TUNE = [*STUDY, 'optuna>=5,<6']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
@@ -45,6 +46,7 @@ setup(
         'parallel_robot_analysis.report',
         'parallel_robot_analysis.study',
         'parallel_robot_analysis.top',
+        'parallel_robot_analysis.tuning',
     ],
     package_data={'parallel_robot_analysis.report': ['templates/*']},
     data_files=[
@@ -90,12 +92,14 @@ setup(
         # `parallel_robot sweep`, and `sweep --scheduler`.
         'study': STUDY,
         'cluster': CLUSTER,
+        # `parallel_robot tune`.
+        'tune': TUNE,
         # Exact where another version may judge the same code differently.
         'test': [
             *EXPORT,
             *TOP,
-            *STUDY,
             *CLUSTER,
+            *TUNE,
             'hypothesis>=6.100',
             'import-linter>=2.3,<3',
             'ipykernel>=6.29',

@@ -28,6 +28,7 @@ COMMANDS = {
     'recover': 'a whole bag of what is intact in a broken one',
     'show': 'the effective configuration of a scenario, and the source of each value',
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
+    'tune': 'gains of a law: error against chattering, under the uncertainty of a study',
     'identify': 'masses, inertias and friction of the robot from its motion in a bag',
     'compare': "all laws on one scenario, without ROS, beside the paper's claims",
 }

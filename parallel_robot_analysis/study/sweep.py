@@ -49,7 +49,7 @@ def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) 
 def _run(plan: Plan, store: Store, workers: Workers, count: int) -> None:
     columns = schema(plan)
     try:
-        with workers as started, _progress(store) as bar:
+        with workers as started, progress(len(store.done), int(store.done.sum()), 'run') as bar:
             for task, outcomes in completed(started, tasks(plan, store.done, count)):
                 rows = zip(_rows(plan, task), outcomes, strict=True)
                 store.add(table(columns, rows))
@@ -69,8 +69,13 @@ def _rows(plan: Plan, task: Task) -> list[Row]:
 
 
 @contextlib.contextmanager
-def _progress(store: Store) -> Iterator[Any]:
+def progress(total: int, done: int, unit: str) -> Iterator[Any]:
     """A bar with an estimate of the time left, on a terminal.
+
+    Args:
+        total: What there is to do.
+        done: What of it was done before.
+        unit: What is counted.
 
     Raises:
         InputError: tqdm is not installed.
@@ -80,10 +85,7 @@ def _progress(store: Store) -> Iterator[Any]:
     except ImportError:
         raise InputError('tqdm is not installed; pip install tqdm') from None
     stream = as_it_is(sys.stderr)
-    done = int(store.done.sum())
-    with tqdm(
-        total=len(store.done), initial=done, unit='run', file=stream, disable=None, leave=False
-    ) as bar:
+    with tqdm(total=total, initial=done, unit=unit, file=stream, disable=None, leave=False) as bar:
         yield bar
 
 

@@ -1,0 +1,1 @@
+"""Tuning: gains of a law by their tracking error and their chattering, under uncertainty."""

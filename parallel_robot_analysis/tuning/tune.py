@@ -1,0 +1,172 @@
+"""A tuning: batches of trials, each run on the same samples of the uncertainty, and kept."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from parallel_robot_analysis.study.plan import Plan
+from parallel_robot_analysis.study.results import ERRORS, Quantity
+from parallel_robot_analysis.study.run_chunk import Outcome
+from parallel_robot_analysis.study.sweep import progress
+from parallel_robot_analysis.study.tasks import Task, version
+from parallel_robot_analysis.study.workers import Workers, completed
+from parallel_robot_analysis.tuning.sampler import BATCH, propose
+from parallel_robot_analysis.tuning.space import Space, Value, objection
+from parallel_robot_analysis.tuning.store import Store
+from parallel_robot_analysis.tuning.trial import Trial, evaluated, forbidden
+from parallel_robot_analysis.tuning.weights import Weights
+from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_control.configuration import available
+from parallel_robot_model.robots import module_of
+from parallel_robot_sim.closed_loops import LANES
+
+Choice = dict[str, Value] | None
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What is tuned, and how.
+
+    Attributes:
+        plan: The law in its scenario, with the samples of the uncertainty.
+        space: The search space.
+        weights: Weights of a single objective; None: a Pareto front.
+        seed: Seed of the proposals.
+    """
+
+    plan: Plan
+    space: Space
+    weights: Weights | None
+    seed: int
+
+    @property
+    def nominal(self) -> Mapping[str, Any]:
+        """The resolved configuration without uncertainty."""
+        return self.plan.cases[0].nominal
+
+    @property
+    def error(self) -> Quantity:
+        """Which metric is the tracking error: that of the end effector in a plane, or joints."""
+        return ERRORS[0] if module_of(self.nominal).PLANAR else ERRORS[1]
+
+    def identity(self) -> dict[str, Any]:
+        """What the trials depend on, by names for people."""
+        of_study = self.plan.description()
+        return {
+            'law': self.space.law,
+            'scenario': self.plan.study.scenarios[0],
+            'version of the suite': version(),
+            'seed': self.seed,
+            'weights': None if self.weights is None else self.weights._asdict(),
+            'number of runs': self.plan.study.runs,
+            'uncertainty': [of_study[key] for key in ('seed', 'method', 'uncertainty')],
+            'configuration': of_study['configuration'],
+            'search space': self.space.description(),
+        }
+
+
+def run(tuning: Tuning, store: Store, count: int, workers: Workers) -> list[Trial]:
+    """Run what is left of a tuning.
+
+    Args:
+        tuning: The tuning.
+        store: Its directory.
+        count: Number of trials in total.
+        workers: Who runs them; they are started only if something is left.
+
+    Returns:
+        All trials by number, the first of which is that of the default gains.
+
+    Raises:
+        InputError: the directory holds more trials, or weights have nothing to be relative to.
+        RunError: workers cannot run them, or the disk is full; finished trials are kept.
+    """
+    held = max(store.trials, default=-1) + 1
+    if held > count:
+        raise InputError(
+            f'{store.directory} holds {held} trials, --trials must be at least that, not {count}'
+        )
+    if any(number not in store.trials for number in range(count)):
+        try:
+            with workers as started, progress(count, len(store.trials), 'trial') as bar:
+                for batch in range(-(-count // BATCH)):
+                    for _ in _run_batch(tuning, store, batch, count, started):
+                        bar.update(1)
+                    _check_default(tuning, store)
+        except KeyboardInterrupt:
+            kept = f'{len(store.trials)} of {count} trials are kept'
+            print(f'interrupted: {kept}, the same command continues', file=sys.stderr)
+            raise
+    _check_default(tuning, store)
+    return [store.trials[number] for number in range(count)]
+
+
+def infeasible(trials: list[Trial]) -> dict[str, int]:
+    """Reasons why trials are infeasible, without the numbers in them, the most frequent first."""
+    reasons = Counter(trial.reason for trial in trials if not trial.feasible)
+    return dict(reasons.most_common())
+
+
+def _run_batch(
+    tuning: Tuning, store: Store, batch: int, count: int, workers: Workers
+) -> Iterator[Trial]:
+    """Run the trials of a batch that are left; yields each when it is kept."""
+    first = batch * BATCH
+    left = [n for n in range(first, min(first + BATCH, count)) if n not in store.trials]
+    if not left:
+        return
+    history = [store.trials[number] for number in range(first)]
+    choices: list[Choice] = [*propose(tuning.space, history, tuning.weights, tuning.seed, batch)]
+    if batch == 0:
+        choices[0] = tuning.space.start()
+    law = available(tuning.nominal)[tuning.space.law]
+    joints = len(tuning.nominal['joints'])
+    trials: dict[int, tuple[Choice, dict[str, Any]]] = {}
+    for number in left:
+        choice = choices[number - first]
+        gains = dict(tuning.space.default) if number == 0 else tuning.space.gains(choice or {})
+        reason = objection(tuning.space, law, gains, joints)
+        if reason:
+            store.add(forbidden(number, choice, gains, reason))
+            yield store.trials[number]
+        else:
+            trials[number] = choice, gains
+    outcomes: dict[int, dict[int, Outcome]] = {number: {} for number in trials}
+    runs = tuning.plan.study.runs
+    for task, found in completed(workers, _tasks(tuning, trials)):
+        number = task.numbers[0] // runs
+        outcomes[number] |= zip(task.numbers, found, strict=True)
+        if len(outcomes[number]) == runs:
+            ordered = [outcomes[number][key] for key in sorted(outcomes[number])]
+            store.add(evaluated(number, *trials[number], ordered, tuning.error))
+            yield store.trials[number]
+
+
+def _tasks(tuning: Tuning, trials: Mapping[int, tuple[Choice, dict[str, Any]]]) -> Iterator[Task]:
+    """The runs of trials, as many at once as run side by side."""
+    runs = tuning.plan.study.runs
+    for number, (_, gains) in trials.items():
+        own = {f'{tuning.space.law}.{key}': value for key, value in gains.items()}
+        for first in range(0, runs, LANES):
+            rows = tuning.plan.rows(0, first, min(LANES, runs - first))
+            numbers = tuple(number * runs + row.sample for row in rows)
+            overrides = tuple({**row.overrides, **own} for row in rows)
+            yield Task(rows[0].scenario, numbers, overrides, version())
+
+
+def _check_default(tuning: Tuning, store: Store) -> None:
+    """Refuse weights when the default gains have no figures.
+
+    Raises:
+        RunError: they are infeasible.
+    """
+    default = store.trials.get(0)
+    if tuning.weights is not None and default is not None and not default.feasible:
+        raise RunError(
+            '--weights are relative to the default gains, which are infeasible '
+            f'({default.reason}); set others by --set, or leave --weights out'
+        )
