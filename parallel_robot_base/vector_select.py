@@ -40,6 +40,8 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
             return None
         kinds = [_selected(condition, *pair) for pair in zip(a.types, b.types, strict=True)]
         return None if None in kinds else tuple_like(a, kinds)
+    if isinstance(a, VectorType) and a == b and a.count == 0:
+        return a  # the memory of a law that has none
     vectors = [kind for kind in (condition, a, b) if isinstance(kind, VectorType)]
     if vectors:
         if len({kind.count for kind in vectors}) > 1:

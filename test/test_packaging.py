@@ -28,7 +28,7 @@ DEPENDENCIES = {element.text for element in PACKAGE.iter('exec_depend')}
 ROS = {key for key in DEPENDENCIES if not key.startswith('python3-')}
 PIP = {'lz4', 'mcap', 'plotly', 'zstandard'}  # of which rosdep knows nothing
 WITH_NUMBA = {'llvmlite'}  # a dependency of Numba, of the version that it needs
-OPTIONAL = ('export', 'top', 'study', 'cluster')  # extras without which the suite works
+OPTIONAL = ('export', 'top', 'study', 'cluster', 'tune')  # extras without which the suite works
 ROSDEP_KEYS = {  # that exist
     *('python3-hypothesis', 'python3-jinja2', 'python3-matplotlib', 'python3-numba'),
     *('python3-numpy', 'python3-pytest', 'python3-rosbags-pip', 'python3-scipy', 'python3-yaml'),

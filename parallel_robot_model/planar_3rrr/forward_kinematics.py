@@ -119,21 +119,22 @@ def _newton(
     active = bound * math.sqrt(norm) * size <= 0.5
     # 4. Newton: X <- X - J^-1 r until the step vanishes.
     found = select(active, pose - step, pose)
-    reached = 0.0 * determinant
+    reached, turn = 0.0 * determinant, step[2]
     for _ in range(20):
         if not in_a_lane(active):
             break
-        arm_x, arm_y = arms(robot, found[2])
-        residual, jacobian = _closure(robot, elbow_x, elbow_y, found, arm_x, arm_y)
+        next_x, next_y = arms(robot, found[2])
+        residual, jacobian = _closure(robot, elbow_x, elbow_y, found, next_x, next_y)
         ix, iy, ip, determinant = inverse_rows(jacobian)
         step = vector((dot(ix, residual), dot(iy, residual), dot(ip, residual)))
         found = select(active, found - step, found)
+        turn = select(active, step[2], turn)
+        arm_x, arm_y = select(active, next_x, arm_x), select(active, next_y, arm_y)
         left = abs(step[0]) + abs(step[1]) + abs(step[2])
         done = active & (left < 1e-9)  # quadratic: the error is round-off
         reached = select(done, determinant * robot.per_l3, reached)
         active = active & (done == False)  # noqa: E712 `not` would branch
     # 5. The last step turned the arms by less than 1e-9 rad.
-    turn = step[2]
     arm_x, arm_y = arm_x + turn * arm_y, arm_y - turn * arm_x
     return found, arm_x, arm_y, select(active, 0.0, reached)
 
