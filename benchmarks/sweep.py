@@ -21,7 +21,7 @@ from parallel_robot_analysis.study.sweep import sweep
 from parallel_robot_analysis.study.workers import Processes
 from parallel_robot_control.configuration import resolve
 
-TEXT = study.read(study.file_of('robustness')).replace('laws: [', 'laws: [s_fotsmc] # ')
+TEXT = study.read(study.file_of('uncertain_robot')).replace('laws: [', 'laws: [s_fotsmc] # ')
 
 
 def main() -> None:

@@ -10,11 +10,17 @@ from parallel_robot_base.fields import Field, parameters
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control.configuration import ControllerParameters, available
 from parallel_robot_control.contract import Law
+from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.contract import Robot
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import module_of
+from parallel_robot_sim.imperfections import (
+    ActuatorParameters,
+    LoadParameters,
+    SensorParameters,
+)
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
 
@@ -34,13 +40,22 @@ def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
         'Motion': {'trajectory': TrajectoryParameters},
         'What the motion must spare this robot': {'trajectory': robot.MotionLimits},
         'Shapes of the motion': {name: shape.Parameters for name, shape in SHAPES.items()},
-        'Controller': {'controller': ControllerParameters, 'safety': SafetyParameters},
+        'Controller': {
+            'controller': ControllerParameters,
+            'estimator': EstimatorParameters,
+            'safety': SafetyParameters,
+        },
         'What is a fault of this robot': {'safety': robot.SafetyMargins},
         'Laws': {name: law.Gains for name, law in laws.items()},
         'Plant': {
             'plant': PlantParameters,
             'friction': FrictionParameters,
             'disturbance': DisturbanceParameters,
+        },
+        'Imperfections of the plant': {
+            'sensor': SensorParameters,
+            'actuator': ActuatorParameters,
+            'disturbance': LoadParameters,
         },
     }
 

@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from parallel_robot_analysis.metrics import Metrics
 from parallel_robot_bags.counts import TopicCount
 
@@ -53,6 +55,23 @@ TORQUE = (
     Metric('torque, chattering', 'chatter', 'N m', lambda m: m.torque.chattering_nm),
 )
 METRICS = (*TRANSIENT, *STEADY, *TORQUE)
+
+# Parameters by which the joints of a bag are not the true ones, see docs/noise.md.
+UNTRUE = ('sensor.position_noise', 'sensor.resolution', 'sensor.delay', 'sensor.jitter')
+AS_SENSED = (
+    'the sensors are not ideal ({0}): errors are computed from what they tell; parallel_robot '
+    'compare and sweep measure the true motion'
+)
+
+
+def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
+    """A line that says that errors of a bag are not the true ones, if they are not.
+
+    Args:
+        values: The resolved configuration.
+    """
+    acting = [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0)) != 0.0)]
+    return [AS_SENSED.format(', '.join(acting))] if acting else []
 
 
 def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:

@@ -20,10 +20,16 @@ from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_base.fields import PerJoint, parameters
 from parallel_robot_base.loop import LoopParameters, validate
 from parallel_robot_base.scenario_file import stem
+from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import ROBOTS
+from parallel_robot_sim.imperfections import (
+    ActuatorParameters,
+    LoadParameters,
+    SensorParameters,
+)
 from parallel_robot_sim.plant import PlantParameters
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
@@ -138,6 +144,10 @@ def _per_joint() -> frozenset[str]:
         ('plant', PlantParameters),
         ('friction', FrictionParameters),
         ('disturbance', DisturbanceParameters),
+        ('disturbance', LoadParameters),
+        ('sensor', SensorParameters),
+        ('actuator', ActuatorParameters),
+        ('estimator', EstimatorParameters),
         ('safety', SafetyParameters),
     ]
     for robot in ROBOTS.values():

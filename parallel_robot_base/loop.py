@@ -12,6 +12,8 @@ from parallel_robot_base.units import NANOSECONDS
 STEP_START = NANOSECONDS  # stamp of t = 0 in lockstep; 0 would mean "no time yet" in ROS
 WAIT = -1  # start_stamp of a node that waits for the common start
 
+DURATION = 12.0  # s, of a simulation whose scenario says nothing: two turns of the paper's circle
+
 
 class LoopParameters(NamedTuple):
     """What all nodes of a loop must agree on."""
@@ -28,6 +30,7 @@ class LoopParameters(NamedTuple):
     joints: Annotated[tuple[str, ...], Field('', 'names of the actuated joints, in order')]
     period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
     duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]
+    seed: Annotated[int, Field('', 'of all that is random in the plant', 0, 2**53)]
     time_mode: Annotated[
         Literal['wall', 'lockstep'],
         Field('', 'wall: real time; lockstep: the plant waits for each command'),

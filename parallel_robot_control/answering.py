@@ -22,6 +22,7 @@ from parallel_robot_control.cycle import (
     CycleState,
     is_finite,
 )
+from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import Last
 from parallel_robot_control.shared_arrays import (
@@ -44,12 +45,14 @@ from parallel_robot_control.shared_arrays import (
     NEVER,
     OFFSET,
     POSITION,
+    RATE,
     REFERENCE,
     SKIPPED,
     SLIDING,
     START,
     TAKES_OVER,
     TORQUE,
+    TRACKED,
     VELOCITY,
 )
 from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message
@@ -204,6 +207,7 @@ def _open(
         read_row(vectors, EXCESS, row),
         read_row(vectors, HELD, row),
         numbers[FAULT],
+        Estimated(read_row(vectors, TRACKED, row), read_row(vectors, RATE, row)),
     )
     return Question(code, stamp, known, before, fault, reference, position, velocity, state, dt)
 
@@ -224,6 +228,8 @@ def _close(
     write_row(v, OFFSET, after.last.offset)
     write_row(v, EXCESS, after.excess)
     write_row(v, HELD, after.held)
+    write_row(v, TRACKED, after.estimated.position)
+    write_row(v, RATE, after.estimated.velocity)
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)

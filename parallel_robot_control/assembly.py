@@ -11,6 +11,7 @@ from parallel_robot_base.function_value import distinguish
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
+from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
 
@@ -47,8 +48,11 @@ def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
     distinguish(configuration.margins)
     estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
     limits = Boxed(limits_of(configuration.safety, configuration.margins))
+    estimator = Boxed(estimator_of(configuration.estimator))
     return Control(
         prepared,
-        ControlSetup(prepared.update, estimate, prepared.constants, robot.constants, limits),
+        ControlSetup(
+            prepared.update, estimate, prepared.constants, robot.constants, limits, estimator
+        ),
         initial_state(guess, configuration.joints),
     )

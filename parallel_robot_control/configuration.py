@@ -15,6 +15,7 @@ from parallel_robot_base.fields import Field, build, parameters, plain
 from parallel_robot_base.loop import LoopParameters, validate
 from parallel_robot_control import law_loader
 from parallel_robot_control.contract import Law
+from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.safety import SafetyParameters
@@ -42,6 +43,7 @@ class ControlConfiguration(NamedTuple):
         safety: Limits and the safe action.
         margins: SafetyMargins of the robot.
         guess: Pose from which the first forward kinematics starts, shape (m,).
+        estimator: Where the velocities come from.
         laws: All laws by name.
         gains: Gains of each law.
         preset: Gains of each law in the preset.
@@ -52,6 +54,7 @@ class ControlConfiguration(NamedTuple):
     safety: SafetyParameters
     margins: Any
     guess: Array
+    estimator: EstimatorParameters
     laws: Mapping[str, Law]
     gains: Mapping[str, Any]
     preset: Mapping[str, Any]
@@ -102,6 +105,7 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         config.group(values, SafetyParameters, 'safety'),
         config.group(values, robot.module.SafetyMargins, 'safety'),
         first_guess(values, robot),
+        config.group(values, EstimatorParameters, 'estimator'),
         laws,
         gains,
         {name: config.group(preset, law.Gains, name) for name, law in laws.items()},

@@ -33,6 +33,7 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
+from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.exchange import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
@@ -61,6 +62,7 @@ class ControllerNode(SuiteNode):
         robot, laws = configured.robot.module, configured.laws
         self.declare_group('robot', robot.Parameters)
         self.declare_group('controller', ControllerParameters)
+        self.declare_group('estimator', EstimatorParameters)
         self.declare_group('safety', SafetyParameters)
         self.declare_group('safety', robot.SafetyMargins)
         for name, law in laws.items():

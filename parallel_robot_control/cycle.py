@@ -14,6 +14,8 @@ from parallel_robot_base.vector_select import every, select
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.estimator import NONE as AS_MEASURED
+from parallel_robot_control.estimator import Estimated, estimated
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
 from parallel_robot_model.contract import Estimate
 
@@ -29,6 +31,7 @@ class CycleState(NamedTuple):
         excess: Torque of the law that the limits cut off [N m], shape (n,).
         held: Joint angles at the moment of the fault [rad], shape (n,).
         fault: NONE or the number of the fault, see faults.py; it is latched.
+        estimated: Estimates of the estimator; not used without one.
     """
 
     pose: Array
@@ -36,6 +39,7 @@ class CycleState(NamedTuple):
     excess: Array
     held: Array
     fault: int
+    estimated: Estimated
 
 
 class ControlSetup(NamedTuple):
@@ -47,6 +51,7 @@ class ControlSetup(NamedTuple):
         gains: Gains of the law, boxed.
         robot: Constants of the nominal robot, boxed.
         limits: Limits, boxed.
+        estimator: Estimator, boxed.
     """
 
     update: Any
@@ -54,6 +59,7 @@ class ControlSetup(NamedTuple):
     gains: Any
     robot: Any
     limits: Any
+    estimator: Any
 
 
 class Asked(NamedTuple):
@@ -103,7 +109,7 @@ def initial_state(pose: Array, joints: int) -> CycleState:
     """
     zero = vector(np.zeros(joints))
     last = Last(zero, zero, zero, zero, False, False)
-    return CycleState(vector(pose), last, zero, zero, faults.NONE)
+    return CycleState(vector(pose), last, zero, zero, faults.NONE, Estimated(zero, zero))
 
 
 @inner
@@ -181,7 +187,7 @@ def act(
     over, known = fault != fault, fault == fault  # False and True, in all lanes
     led = select(known, reference.position, last.reference)  # in lanes, if these share it
     last = Last(position, led, torque, offset, over, known)
-    after = CycleState(sensed.pose, last, excess, held, fault)
+    after = CycleState(sensed.pose, last, excess, held, fault, state.estimated)
     return Acted(torque, sliding_variable, coupled_error, acted, after)
 
 
@@ -208,8 +214,13 @@ def run_cycle(
         memory: Memory of the law.
         dt: Time since the previous state [s].
     """
-    # 1. Pose, model and faults of the robot.
-    limits = setup.limits
+    # 1. Velocity, pose, model and faults of the robot.
+    limits, estimator = setup.limits, setup.estimator
+    if estimator.kind != AS_MEASURED:
+        known = state.last.known
+        found = estimated(estimator, state.estimated, known, position, dt)
+        velocity = found.velocity
+        state = CycleState(state.pose, state.last, state.excess, state.held, state.fault, found)
     sensed = sense(setup.estimate, setup.robot, limits, reference, position, velocity, state, dt)
     # 2. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)

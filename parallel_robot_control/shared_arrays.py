@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_base import layouts
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control.cycle import CycleState
+from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
 
 Array = NDArray[np.float64]
@@ -18,7 +19,10 @@ NEVER = -1  # a stamp that no message has
 AGES = 4096  # answers for which the age of the state is kept
 
 # Rows of Shared.vectors,
-POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, VELOCITY, EFFORT = range(8)
+(
+    POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, TRACKED, RATE,  # of the cycle
+    VELOCITY, EFFORT,
+) = range(10)  # fmt: skip
 MEASURED = [POSITION, VELOCITY, EFFORT]
 # of Shared.telemetry,
 ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
@@ -36,7 +40,7 @@ class Shared(NamedTuple):
 
     Attributes:
         pose: Pose of the last cycle, shape (m,).
-        vectors: State of the cycle, one row a vector, shape (8, n).
+        vectors: State of the cycle, one row a vector, shape (10, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
         numbers: Fault, stamps and counts, shape (12,).
         command: The command message of the last answer, serialised.
@@ -61,7 +65,7 @@ def shared(state: CycleState) -> Shared:
     command = layouts.float64_multi_array(joints).draft()
     made = Shared(
         np.array(state.pose),
-        np.zeros((8, joints)),
+        np.zeros((10, joints)),
         np.zeros((4, joints)),
         np.zeros(12, np.int64),
         command.bytes,
@@ -85,7 +89,9 @@ def stored(arrays: Shared) -> CycleState:
         bool(numbers[TAKES_OVER]),
         bool(numbers[KNOWN]),
     )
-    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], int(numbers[FAULT]))
+    estimated = Estimated(v[TRACKED], v[RATE])
+    fault = int(numbers[FAULT])
+    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated)
 
 
 def store(arrays: Shared, state: CycleState) -> None:
@@ -99,5 +105,6 @@ def store(arrays: Shared, state: CycleState) -> None:
         last.offset,
         state.excess,
         state.held,
+        *state.estimated,
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known

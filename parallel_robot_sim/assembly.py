@@ -76,5 +76,6 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         stepping(configuration.parameters),
         robot.constants,
         load,
+        Boxed(configuration.imperfections.with_memory(torque)),
     )
     return Plant(setup, PlantState(start, still, torque, 0.0))

@@ -17,6 +17,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of, is_finite
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from parallel_robot_sim.sensors import sensed
 from trajectory_gen.trajectory import Reference
 
 Array = NDArray[np.float64]
@@ -27,8 +28,9 @@ class ClosedLoopRun(NamedTuple):
 
     Attributes:
         pose: True pose, shape (N, m).
-        position: Actuated joints [rad].
-        velocity: Their rates [rad/s].
+        joints: Actuated joints as they are [rad].
+        position: Actuated joints as they are measured [rad].
+        velocity: Their measured rates [rad/s].
         passive_position: Passive joints [rad], shape (N, p).
         passive_velocity: Their rates [rad/s], shape (N, p).
         effort: Torque applied during the step that ended at the state [N m].
@@ -44,6 +46,7 @@ class ClosedLoopRun(NamedTuple):
     """
 
     pose: Array
+    joints: Array
     position: Array
     velocity: Array
     passive_position: Array
@@ -117,6 +120,7 @@ def compiled_loop(
     first = plant.measure(plant.robot, state.coordinates, state.rate)
     count = len(reference.position)
     more = count if complete else 0
+    joints = rows_for(row, count)
     position = rows_for(row, count)
     effort = rows_for(row, count)
     pose = rows_for(first.pose, more)
@@ -131,38 +135,41 @@ def compiled_loop(
     steps = select(failed == failed, count, count)
     for k in range(count):
         # 2. Measurement of state k; a robot that has left its workspace ends there.
-        joints = plant.measure(plant.robot, state.coordinates, state.rate)
-        gone = is_finite(joints.velocity) == False  # noqa: E712 `not` would branch
+        true = plant.measure(plant.robot, state.coordinates, state.rate)
+        gone = is_finite(true.velocity) == False  # noqa: E712 `not` would branch
         steps = select(gone & (steps == count), k, steps)
         if not in_a_lane(steps == count):
             break
+        angles, rates = true.position, true.velocity
+        if plant.imperfections.on:
+            angles, rates = sensed(plant, true, state.time, period)
         # 3. The torque computed from it.
         desired = JointReference(
             read_row(reference.position, k, reference_row),
             read_row(reference.velocity, k, reference_row),
             read_row(reference.acceleration, k, reference_row),
         )
-        cycle = run_cycle(
-            control, desired, joints.position, joints.velocity, cycle_state, memory, period
-        )
-        write_row(position, k, joints.position)
+        cycle = run_cycle(control, desired, angles, rates, cycle_state, memory, period)
+        write_row(joints, k, true.position)
+        write_row(position, k, angles)
         write_row(effort, k, state.torque)
         write_row(fault, k, cycle.state.fault)
         write_row(acted, k, cycle.acted)
         if complete:
-            write_row(pose, k, joints.pose)
-            write_row(velocity, k, joints.velocity)
+            write_row(pose, k, true.pose)
+            write_row(velocity, k, rates)
             write_row(command, k, cycle.torque)
             write_row(sliding_variable, k, cycle.sliding_variable)
             write_row(coupled_error, k, cycle.coupled_error)
-            write_row(passive_position, k, joints.passive_position)
-            write_row(passive_velocity, k, joints.passive_velocity)
+            write_row(passive_position, k, true.passive_position)
+            write_row(passive_velocity, k, true.passive_velocity)
         cycle_state = cycle.state
         memory = cycle.memory
         # 4. It acts until state k + 1.
         state = step(plant, state, cycle.torque, period)
     return ClosedLoopRun(
         pose,
+        joints,
         position,
         velocity,
         passive_position,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.side_by_side import lane_of, side_by_side
 from parallel_robot_base.vector_types import vector
@@ -71,11 +72,16 @@ def _run(experiments: Sequence[Experiment], reference: Reference, complete: bool
     update = FirstClass(
         setup.update.function, gains, model, motion, feedback, begin.memory, period
     )
-    control = ControlSetup(update, estimate, gains, robot, limits)
+    estimator = side_by_side([control.setup.estimator for control in controls])
+    control = ControlSetup(update, estimate, gains, robot, limits, estimator)
     # 2. The plants.
     setup_of = [plant.setup for plant in plants]
     true = side_by_side([each.robot for each in setup_of])
     load = side_by_side([each.load for each in setup_of])
+    differing = [each.imperfections.value for each in setup_of]
+    on, depth = any(each.on for each in differing), max(each.depth for each in differing)
+    alike = [each._replace(on=on, depth=depth, memory=0, draws=0) for each in differing]
+    imperfections = side_by_side(alike).with_memory(row)
     coordinates, rate = begin.plant.coordinates, begin.plant.rate
     plant = PlantSetup(
         FirstClass(setup_of[0].acceleration.function, true, load, coordinates, rate, row, period),
@@ -83,6 +89,7 @@ def _run(experiments: Sequence[Experiment], reference: Reference, complete: bool
         side_by_side([each.stepping for each in setup_of]),
         true,
         load,
+        Boxed(imperfections),
     )
     # 3. The loop.
     result: ClosedLoopRun = compiled_loop(

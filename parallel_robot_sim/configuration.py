@@ -14,6 +14,13 @@ from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.joint_load import JointLoad
 from parallel_robot_model.robots import RobotModel, robot_of
+from parallel_robot_sim.imperfections import (
+    ActuatorParameters,
+    Imperfections,
+    LoadParameters,
+    SensorParameters,
+    imperfections,
+)
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.trajectory import SHAPES, Trajectory
 
@@ -27,6 +34,7 @@ class PlantConfiguration(NamedTuple):
         parameters: Start, integration and motors.
         load: Friction and disturbance of the actuated joints.
         safety: Gains of the safe action of the motors.
+        imperfections: Those of sensors, motors and loads.
     """
 
     loop: LoopParameters
@@ -34,6 +42,7 @@ class PlantConfiguration(NamedTuple):
     parameters: PlantParameters
     load: JointLoad
     safety: SafetyParameters
+    imperfections: Imperfections
 
 
 class Configuration(NamedTuple):
@@ -75,8 +84,9 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
     Raises:
         InputError: a value is wrong.
     """
+    loop = validate(config.group(values, LoopParameters, ''))
     return PlantConfiguration(
-        validate(config.group(values, LoopParameters, '')),
+        loop,
         robot_of(values, 'true_robot'),
         config.group(values, PlantParameters, 'plant'),
         JointLoad(
@@ -84,4 +94,11 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
             config.group(values, DisturbanceParameters, 'disturbance'),
         ),
         config.group(values, SafetyParameters, 'safety'),
+        imperfections(
+            loop.seed,
+            loop.period,
+            config.group(values, SensorParameters, 'sensor'),
+            config.group(values, ActuatorParameters, 'actuator'),
+            config.group(values, LoadParameters, 'disturbance'),
+        ),
     )

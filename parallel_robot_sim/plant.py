@@ -11,7 +11,9 @@ from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.vector_select import clip
 from parallel_robot_base.vector_types import vector
+from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.integrators import ode3, rk4
+from parallel_robot_sim.sensors import keep_sensed
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,7 @@ class PlantSetup(NamedTuple):
         stepping: Integrator, substeps, torque limit.
         robot: Constants of the true robot, boxed.
         load: JointLoad, boxed.
+        imperfections: Imperfections, boxed.
     """
 
     acceleration: Any
@@ -66,6 +69,7 @@ class PlantSetup(NamedTuple):
     stepping: Stepping
     robot: Any
     load: Any
+    imperfections: Any
 
 
 class PlantState(NamedTuple):
@@ -110,10 +114,16 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     stepping = setup.stepping
     limit = vector(stepping.torque_limit)
     torque = clip(command, -limit, limit)
+    acting = torque
+    if setup.imperfections.on:
+        joints = setup.measure(setup.robot, state.coordinates, state.rate)
+        keep_sensed(setup, joints, state.time, period)
+        torque = driven(setup, command, limit, state.time, period)
+        acting = torque - held_disturbance(setup, command, state.time, period)
     # 2. The equations of motion are integrated, with the torque held constant.
     q, v, t = state.coordinates, state.rate, state.time
     h = period / stepping.substeps
-    arguments = (setup, torque)
+    arguments = (setup, acting)
     for _ in range(stepping.substeps):
         if stepping.order == 3:
             q, v = ode3(_acceleration, q, v, t, h, arguments)

@@ -15,6 +15,7 @@ from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_control.cycle import is_finite
 from parallel_robot_control.wire import joint_row, lay_open
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from parallel_robot_sim.sensors import sensed
 
 Array = NDArray[np.float64]
 
@@ -105,11 +106,14 @@ def tell(core: Any, stamp: int) -> bool:
     coordinates = read_row(core.coordinates, 0, start.coordinates)
     rate = read_row(core.rate, 0, start.rate)
     joints = setup.measure(setup.robot, coordinates, rate)
+    angles, rates = joints.position, joints.velocity
+    if setup.imperfections.on:
+        angles, rates = sensed(setup, joints, core.time[0], core.period)
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS
     n = len(joints.position)
-    write_row(core.position, 0, joints.position)
-    write_row(core.velocity, 0, joints.velocity)
+    write_row(core.position, 0, angles)
+    write_row(core.velocity, 0, rates)
     write_row(core.effort, 0, read_row(core.torque, 0, start.torque))
     if len(core.position) > n:
         write_row(core.position, n, joints.passive_position)

@@ -26,6 +26,11 @@ from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 from parallel_robot_sim.configuration import configure_plant
+from parallel_robot_sim.imperfections import (
+    ActuatorParameters,
+    LoadParameters,
+    SensorParameters,
+)
 from parallel_robot_sim.plant import PlantParameters
 from parallel_robot_sim.plant_run import ENDLESS, REPEAT, PlantRun
 from parallel_robot_sim.ros_markers import RobotMarkers
@@ -52,8 +57,11 @@ class PlantNode(SuiteNode):
             'friction': FrictionParameters,
             'disturbance': DisturbanceParameters,
             'safety': SafetyParameters,
+            'sensor': SensorParameters,
+            'actuator': ActuatorParameters,
         }.items():
             self.declare_group(prefix, group)
+        self.declare_group('disturbance', LoadParameters)
         simulator = Simulator(configuration)
         simulator.warm()
         self.run = PlantRun(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base import config, parameter_file
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.loop import DURATION
 from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
@@ -22,8 +23,6 @@ from parallel_robot_sim.simulation import Simulation
 
 Array = NDArray[np.float64]
 File = str | Path
-
-DURATION = 12.0  # s, of a scenario that has no duration
 
 
 @dataclass(frozen=True, eq=False, repr=False)

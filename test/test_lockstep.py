@@ -50,6 +50,23 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
     assert main(['replay', str(tmp_path / 'first')]) == 0
 
 
+def test_an_imperfect_robot_gives_the_bytes_of_the_simulation(launch, domain, tmp_path):
+    changes = {
+        'seed': 3, 'sensor.position_noise': 1e-5, 'sensor.differentiate': True,
+        'sensor.delay': 1e-3, 'sensor.jitter': 1e-3, 'actuator.lag': [1e-3, 2e-3, 3e-3],
+        'actuator.delay': 1e-3, 'actuator.noise': 0.1, 'disturbance.noise': 0.1,
+        'disturbance.bandwidth': 20.0, 'estimator.kind': 'filter',
+    }  # fmt: skip
+    words = ['paper_circle', '--duration', '0.3', '--out']
+    sets = [word for key, value in changes.items() for word in ('--set', f'{key}={value}')]
+    process = launch(COMMAND_LINE, 'run', *words, 'nodes', '--time-mode', 'lockstep', *sets)
+    assert process.wait() == 0, process.stderr
+    assert main(['simulate', *words, str(tmp_path / 'simulated'), *sets]) == 0
+    nodes, simulated = streams(tmp_path / 'nodes'), streams(tmp_path / 'simulated')
+    assert nodes == simulated and len(nodes['joint_states']) == 301
+    assert main(['replay', str(tmp_path / 'nodes')]) == 0
+
+
 def test_two_robots_share_a_domain(launch, domain, tmp_path):
     runs = {
         name: launch(COMMAND_LINE, 'run', 'paper_circle', '--duration', 0.2, '--out', name,

@@ -14,9 +14,9 @@ from mcap.reader import make_reader
 
 import parallel_robot_sim
 from parallel_robot_analysis import command_line, notebook
-from parallel_robot_analysis.commands import simulate as command
 from parallel_robot_bags import run_log
 from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_base.loop import DURATION
 from parallel_robot_sim import Run, scenario_run, simulate
 
 ROOT = Path(__file__).parents[1]
@@ -106,9 +106,8 @@ def test_files_of_parameters_stand_below_values(tmp_path):
     assert (run.values['smc.z'], run.law) == (13.0, 's_fotsmc')
 
 
-def test_a_run_without_a_duration_is_as_long_as_that_of_the_command():
-    assert scenario_run.DURATION == command.DURATION
-    assert simulate('paper_circle').time[-1] == command.DURATION
+def test_a_run_without_a_duration_has_two_turns_of_the_circle():
+    assert simulate('paper_circle').time[-1] == DURATION == 12.0
 
 
 def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():

@@ -6,6 +6,9 @@ import pytest
 import yaml
 
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.tuning.front import choose, front
+from parallel_robot_analysis.tuning.trial import Trial
+from parallel_robot_base.errors import InputError
 from parallel_robot_control.configuration import resolve
 
 pytest.importorskip('optuna')
@@ -47,3 +50,13 @@ def test_what_is_wrong_costs_one_line(words, tmp_path, capsys):
     assert main(['tune', *words, '--out', str(tmp_path / 'out')]) == 2
     error = capsys.readouterr().err
     assert error.count('\n') == 1 and not (tmp_path / 'out').exists()
+
+
+def test_equal_effort_is_the_least_error_below_a_bound_of_the_chattering():
+    figures = [(1.0, 9.0), (2.0, 3.0), (2.5, 4.0), (4.0, 1.0)]
+    trials = [Trial(k, {}, {}, *pair) for k, pair in enumerate(figures)]
+    points = front(trials)
+    for bound, number in ((100.0, 0), (9.0, 0), (8.0, 1), (3.0, 1), (2.9, 3)):
+        assert choose(points, trials[0], None, None, bound)[0].number == number
+    with pytest.raises(InputError, match=r'0\.5 N m or less, the least is 1$'):
+        choose(points, trials[0], None, None, 0.5)

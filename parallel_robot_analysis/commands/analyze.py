@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis import metrics, timing
-from parallel_robot_analysis.readable_metrics import STEADY, TORQUE, as_data, defined, head
+from parallel_robot_analysis.readable_metrics import (
+    STEADY,
+    TORQUE,
+    as_data,
+    defined,
+    head,
+    sensor_remarks,
+)
 from parallel_robot_analysis.report import figures
 from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
@@ -67,7 +74,8 @@ def execute(arguments: argparse.Namespace) -> int:
         print(timing.verdict(timed))
     print(table(result, found, float(log.config['duration'])))
     quiet = ['no limit acted, no fault'] if past.statuses else []
-    for text in [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]:
+    remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
+    for text in [*remarks, *sensor_remarks(log.config)]:
         print(f'  {text}')
     old = ' exists and is kept; --figure draws another' if kept else ''
     print(f'bag     {arguments.bag}\nfigure  {figure}{old}')

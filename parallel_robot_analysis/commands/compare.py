@@ -66,7 +66,8 @@ def evaluate(made: simulation.Simulation) -> metrics.Metrics:
     """Metrics of a simulation that is not written to a bag."""
     planar = made.experiment.trajectory.robot.module.PLANAR
     poses = metrics.Poses(made.run.pose, made.reference.pose, planar)
-    return metrics.evaluate(simulate.motion(made), poses)
+    joints = simulate.motion(made)._replace(position=made.run.joints)  # not as they are measured
+    return metrics.evaluate(joints, poses)
 
 
 def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:

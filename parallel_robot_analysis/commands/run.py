@@ -98,7 +98,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
-    for text in (*experiment.control.law.warnings, *remarks, *timing.remarks(timed, past)):
+    remarks += [*timing.remarks(timed, past), *readable_metrics.sensor_remarks(log.config)]
+    for text in (*experiment.control.law.warnings, *remarks):
         print(f'warning: {text}', file=sys.stderr)
     if timing.verdict(timed):
         print(timing.verdict(timed))

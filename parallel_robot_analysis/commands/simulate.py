@@ -16,6 +16,7 @@ from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
+from parallel_robot_base.loop import DURATION
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
@@ -29,9 +30,6 @@ class Simulated(NamedTuple):
     position: np.ndarray
     reference_position: np.ndarray
     effort: np.ndarray
-
-
-DURATION = 12.0  # s, two turns of the paper's circle
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -193,7 +191,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     simulation = simulate(configure(values))
-    for text in remarks(simulation):
+    for text in (*remarks(simulation), *readable_metrics.sensor_remarks(values)):
         print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(out, values, simulation)

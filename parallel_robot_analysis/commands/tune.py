@@ -23,6 +23,7 @@ from parallel_robot_analysis.tuning.tune import Tuning, infeasible, run
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, RunError, UnknownNameError
 from parallel_robot_base.fields import Field, check
+from parallel_robot_base.loop import DURATION
 from parallel_robot_control.configuration import available, resolve
 
 TRIALS = 100
@@ -69,8 +70,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='GAIN=LOW:HIGH',
         help='where a gain is searched; GAIN=VALUE fixes it; may be repeated',
     )
-    parser.add_argument(
+    chosen = parser.add_mutually_exclusive_group()
+    chosen.add_argument(
         '--pick', type=int, metavar='N', help='take trial N of the front, default: its knee'
+    )
+    chosen.add_argument(
+        '--chattering',
+        type=float,
+        metavar='NM',
+        help='take the trial of the front with the least error among those that chatter at most '
+        'so much [N m]: laws tuned with the same value are compared at equal effort',
     )
     parser.add_argument(
         '--workers', type=int, metavar='N', help='processes, default: one for each core'
@@ -86,6 +95,8 @@ def execute(arguments: argparse.Namespace) -> int:
     workers = check('--workers', int, Field('', '', 1, MOST_WORKERS), workers)
     if arguments.pick is not None:
         check('--pick', int, Field('', '', 0, trials - 1), arguments.pick)
+    if arguments.chattering is not None:
+        check('--chattering', float, Field('N m', '', 0.0), arguments.chattering)
     tuning, fields = _tuning(arguments)
     with Store(arguments.out, tuning.space, tuning.identity()) as store:
         found = run(tuning, store, trials, Processes(workers))
@@ -93,7 +104,9 @@ def execute(arguments: argparse.Namespace) -> int:
         if not points:
             reason = next(iter(infeasible(found)))
             raise RunError(f'all {trials} trials are infeasible, most of them: {reason}')
-        chosen, why = choose(points, found[0], tuning.weights, arguments.pick)
+        chosen, why = choose(
+            points, found[0], tuning.weights, arguments.pick, arguments.chattering
+        )
         paths = output.write(tuning, store, fields, found, points, chosen, why)
     for line in _summary(tuning, found, points, chosen, why):
         print(line)
@@ -134,7 +147,7 @@ def _study(arguments: argparse.Namespace, fixed: dict[str, Any]) -> Study:
         raise InputError('--runs are samples of the uncertainty of a --study')
     else:
         own = config.scenario_values(arguments.scenario).get('duration')
-        duration = own or study.DURATION
+        duration = own or DURATION
         asked = Study(scenarios, laws, 1, 0, 'random', duration, {}, ())
     if arguments.duration is not None:
         seconds = check('--duration', float, Field('s', '', 0.0), arguments.duration)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis.readable_metrics import sensor_remarks
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.labels import label
 from parallel_robot_analysis.timing import Timing
@@ -50,6 +51,7 @@ class Run(NamedTuple):
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
         timing: How the run kept its time.
         cut: Why only a part of it was evaluated; empty when all of it was.
+        doubts: Why its errors may not be the true ones, see docs/noise.md.
     """
 
     bag: Path
@@ -61,6 +63,7 @@ class Run(NamedTuple):
     cross_coupling: Series | None
     timing: Timing
     cut: str
+    doubts: list[str]
 
 
 def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
@@ -110,7 +113,8 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
         raise BagError(f'{bag}: {error}') from None
     result = metrics.evaluate(log, poses)
     coupling = cross_coupling(bag, log, memory)
-    return Run(bag, name, style, log, poses, result, coupling, timed, cut)
+    doubts = sensor_remarks(log.config)
+    return Run(bag, name, style, log, poses, result, coupling, timed, cut, doubts)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:

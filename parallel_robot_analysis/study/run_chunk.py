@@ -76,6 +76,8 @@ class Prepared(NamedTuple):
 def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     """Run experiments and measure them as ``analyze`` measures their bags.
 
+    Where the sensors of the plant are not ideal, the metrics are of the true motion.
+
     Args:
         configurations: Experiments of one law in one scenario, which share what they do not
             change, see configurations.py.
@@ -159,8 +161,8 @@ def _measured(each: Prepared, result: ClosedLoopRun) -> Outcome:
         raise RunError(f'{DRIVEN_OUT} after t = {(result.steps - 1) * loop.period:.3f} s')
     made = Simulation(experiment, motion.reference, result, 0.0)
     time = loop.period_ns * np.arange(last + 1) / NANOSECONDS  # as stamps tell it
-    joints = Simulated(time, result.position, motion.reference.position, result.effort)
-    actual = forward.poses_of(nominal, result.position, motion.poses[0])
+    joints = Simulated(time, result.joints, motion.reference.position, result.effort)
+    actual = forward.poses_of(nominal, result.joints, motion.poses[0])
     found = metrics.evaluate(joints, Poses(actual, motion.poses, nominal.module.PLANAR))
     acted = int(np.bitwise_or.reduce(result.acted))
     limits = limits_text(acted) if acted else ''

@@ -12,8 +12,8 @@ from parallel_robot_analysis.study.uncertainty import Uncertainty
 from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, check
+from parallel_robot_base.loop import DURATION
 
-DURATION = 12.0  # s, as of `simulate`
 MOST_RUNS = 10_000_000
 # What makes the experiment, or has a key of its own in a study.
 FIXED = ('scenario', 'law', 'preset', 'robot_model', 'joints', 'duration', 'seed', *config.CUSTOM)

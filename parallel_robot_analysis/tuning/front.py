@@ -44,7 +44,11 @@ def knee(points: Sequence[Trial]) -> Trial:
 
 
 def choose(
-    points: Sequence[Trial], default: Trial, weights: Weights | None, pick: int | None
+    points: Sequence[Trial],
+    default: Trial,
+    weights: Weights | None,
+    pick: int | None,
+    chattering: float | None = None,
 ) -> tuple[Trial, str]:
     """The point of a front that is taken, and why.
 
@@ -53,9 +57,10 @@ def choose(
         default: The trial of the default gains.
         weights: Weights, if there are any.
         pick: Number of a trial of the front, if somebody asks for it.
+        chattering: Most chattering [N m], if somebody limits it.
 
     Raises:
-        InputError: the trial is not on the front.
+        InputError: the trial is not on the front, or the whole front chatters more.
     """
     if pick is not None:
         chosen = {point.number: point for point in points}
@@ -63,6 +68,14 @@ def choose(
             known = ', '.join(map(str, chosen))
             raise InputError(f'--pick: trial {pick} is not on the front; it holds {known}')
         return chosen[pick], 'asked for'
+    if chattering is not None:
+        calm = [point for point in points if point.chattering <= chattering]
+        if not calm:
+            least = points[-1].chattering
+            raise InputError(
+                f'--chattering: no trial has {chattering:g} N m or less, the least is {least:.4g}'
+            )
+        return calm[0], f'the least error with at most {chattering:g} N m of chattering'
     if weights is not None:
         best = min(points, key=lambda point: weights.cost(point, default))
         shown = f'error={weights.error:g}, chattering={weights.chattering:g}'

@@ -1,0 +1,101 @@
+"""What motors and disturbances make of a command: delay, steps, lag, noise, faults."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_select import clip, select
+from parallel_robot_base.vector_types import vector
+from parallel_robot_sim.memory import (
+    COMMAND,
+    DISTURBANCE,
+    LAGGED,
+    OF_COMMANDS,
+    OF_LOAD,
+    OF_TORQUE,
+    newest,
+    recall,
+    remember,
+    sample_at,
+)
+from parallel_robot_sim.random_numbers import normals
+from parallel_robot_sim.sensors import rounded
+
+Array = NDArray[np.float64]
+
+EARLY = 1e-6  # of a period, by which a time may be missed by rounding
+
+
+@kernel
+def driven(setup: Any, command: Array, limit: Array, time: float, period: float) -> Array:
+    """Mean torque of the motors over a period [N m], shape (n,).
+
+    The lag is of first order, so with the command u held over a period h and time constant T
+
+        tau(h) = u + (tau(0) - u) exp(-h / T),  mean = u + (tau(0) - u) (1 - exp(-h / T)) T / h.
+
+    Args:
+        setup: PlantSetup with imperfections.
+        command: Commanded torque [N m], shape (n,).
+        limit: Saturation of the motors [N m], shape (n,).
+        time: Begin of the period since the start [s].
+        period: Length of the period [s].
+    """
+    sample, seed = sample_at(time, period), setup.imperfections.seed
+    motors = setup.imperfections.actuator
+    # 1. The command that has arrived, in whole steps; there is no torque before the first one.
+    remember(setup, COMMAND, sample, command)
+    zero = np.zeros_like(command)
+    asked = command
+    if setup.imperfections.depth > 0:
+        asked = newest(
+            setup, COMMAND, OF_COMMANDS, sample, command, zero, motors.delay, motors.jitter, period
+        )
+    asked = clip(rounded(asked, vector(motors.resolution)), -limit, limit)
+    # 2. The lag.
+    before = zero
+    if sample > 0:
+        before = recall(setup, LAGGED, sample, command)
+    lag = vector(motors.lag)
+    left = np.exp(-period / lag)
+    remember(setup, LAGGED, sample + 1, asked + (before - asked) * left)
+    torque = asked + (before - asked) * (1.0 - left) * lag / period
+    # 3. Noise, and from its time on, the fault.
+    noise = normals(seed, sample, OF_TORQUE, setup.imperfections.draws, command)
+    torque = torque + vector(motors.noise) * noise
+    failed = sample >= motors.fault_time / period - EARLY
+    faulty = vector(motors.effectiveness) * torque + vector(motors.bias)
+    return clip(select(failed, faulty, torque), -limit, limit)
+
+
+@kernel
+def held_disturbance(setup: Any, like: Array, time: float, period: float) -> Array:
+    """Torque that opposes the motors over a period [N m], shape (n,): constant, pulse, noise.
+
+    The noise is white noise behind a low-pass filter of first order, in its steady state.
+
+    Args:
+        setup: PlantSetup with imperfections.
+        like: Any vector, shape (n,).
+        time: Begin of the period since the start [s].
+        period: Length of the period [s].
+    """
+    sample, load = sample_at(time, period), setup.imperfections.load
+    begin = load.pulse_start / period - EARLY
+    end = (load.pulse_start + load.pulse_duration) / period - EARLY
+    torque = vector(load.constant)
+    torque = torque + select((sample >= begin) & (sample < end), 1.0, 0.0) * vector(load.pulse)
+    drawn = normals(setup.imperfections.seed, sample, OF_LOAD, setup.imperfections.draws, like)
+    left = math.exp(-2.0 * math.pi * load.bandwidth * period)
+    left = select(load.bandwidth > 0.0, left, 0.0)
+    noise = drawn
+    if sample > 0:
+        before = recall(setup, DISTURBANCE, sample - 1, like)
+        noise = left * before + np.sqrt(1.0 - left * left) * drawn
+    remember(setup, DISTURBANCE, sample, noise)
+    return torque + vector(load.noise) * noise

@@ -1,0 +1,89 @@
+"""What the sensors tell of the joints: noise, encoder steps, differences, delay."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.vector_select import select
+from parallel_robot_base.vector_types import vector
+from parallel_robot_model.contract import Measurement
+from parallel_robot_sim.memory import (
+    OF_POSITION,
+    OF_STATES,
+    OF_VELOCITY,
+    POSITION,
+    VELOCITY,
+    newest,
+    recall,
+    remember,
+    sample_at,
+)
+from parallel_robot_sim.random_numbers import normals
+
+Array = NDArray[np.float64]
+
+
+@kernel
+def rounded(x: Array, step: Array) -> Array:
+    """The multiple of `step` next to `x`, element by element; `x` itself where it is zero."""
+    return select(step > 0.0, step * np.floor(x / step + 0.5), x)
+
+
+@inner
+def _taken(setup: Any, joints: Measurement, sample: int, period: float) -> tuple[Array, Array]:
+    """Positions [rad] and velocities [rad/s] as the sensors take them, each shape (n,)."""
+    seed, sensor = setup.imperfections.seed, setup.imperfections.sensor
+    noise = normals(seed, sample, OF_POSITION, setup.imperfections.draws, joints.position)
+    noisy = joints.position + vector(sensor.position_noise) * noise
+    position = rounded(noisy, vector(sensor.resolution))
+    noise = normals(seed, sample, OF_VELOCITY, setup.imperfections.draws, joints.position)
+    velocity = joints.velocity + vector(sensor.velocity_noise) * noise
+    if sensor.differentiate:
+        velocity = np.zeros_like(position)
+        if sample > 0:
+            velocity = (position - recall(setup, POSITION, sample - 1, position)) / period
+    return position, velocity
+
+
+@kernel
+def sensed(setup: Any, joints: Measurement, time: float, period: float) -> tuple[Array, Array]:
+    """Positions [rad] and velocities [rad/s] that the controller is told, each shape (n,).
+
+    Before the first state arrives, the controller is told that of the start.
+
+    Args:
+        setup: PlantSetup with imperfections.
+        joints: The true ones.
+        time: Time since the start [s].
+        period: Of the samples [s].
+    """
+    sample, sensor = sample_at(time, period), setup.imperfections.sensor
+    position, velocity = _taken(setup, joints, sample, period)
+    if setup.imperfections.depth == 0:
+        return position, velocity
+    first_position, first_velocity = position, velocity
+    if 0 < sample <= setup.imperfections.depth:
+        first_position = recall(setup, POSITION, 0, position)
+        first_velocity = recall(setup, VELOCITY, 0, position)
+    delay, jitter = sensor.delay, sensor.jitter
+    return (
+        newest(
+            setup, POSITION, OF_STATES, sample, position, first_position, delay, jitter, period
+        ),
+        newest(
+            setup, VELOCITY, OF_STATES, sample, velocity, first_velocity, delay, jitter, period
+        ),
+    )
+
+
+@kernel
+def keep_sensed(setup: Any, joints: Measurement, time: float, period: float) -> None:
+    """Remember what the sensors take at a sample; arguments as of :func:`sensed`."""
+    sample = sample_at(time, period)
+    position, velocity = _taken(setup, joints, sample, period)
+    remember(setup, POSITION, sample, position)
+    remember(setup, VELOCITY, sample, velocity)

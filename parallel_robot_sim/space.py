@@ -1,0 +1,63 @@
+"""Memory that kernels reach by its address, which a boxed tuple can hold; arrays it cannot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from parallel_robot_base.vector_types import load, shape_of, store
+
+_DOUBLE = ir.DoubleType().as_pointer()
+
+
+class Space(int):
+    """Address of floats, which live as long as it does.
+
+    Attributes:
+        floats: The floats.
+    """
+
+    floats: np.ndarray
+
+    def __new__(cls, count: int) -> Space:
+        """Make room for `count` floats, all zero."""
+        floats = np.zeros(count)
+        made = super().__new__(cls, floats.ctypes.data)
+        made.floats = floats
+        return made
+
+
+def _place(context: Any, builder: Any, kind: Any, address: Any, index: Any) -> Any:
+    """Emit a pointer to a value of a type, with `index` others of it before."""
+    count = context.get_constant(types.intp, math.prod(shape_of(kind)[0]))
+    pointer = builder.inttoptr(address, _DOUBLE)
+    return builder.gep(pointer, [builder.mul(index, count)])
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
+    """Value `index` of the type of `like`, a float or made of floats; nothing is checked."""
+    signature = like(types.intp, types.intp, like)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return load(context, builder, like, _place(context, builder, like, *values[:2]))
+
+    return signature, generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def write_at(context: Any, address: Any, index: Any, value: Any) -> Any:
+    """Write value `index`, a float or made of floats; nothing is checked."""
+    signature = types.none(types.intp, types.intp, value)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place = _place(context, builder, value, *values[:2])
+        store(context, builder, value, values[2], place)
+        return context.get_dummy_value()
+
+    return signature, generate
