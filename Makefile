@@ -49,12 +49,17 @@ faults: setup ## inject faults into a running loop, a quarter of an hour; writes
 soak: setup ## run the loop for ten minutes, look at memory and losses; writes docs/reliability.md
 	$(BIN)/python benchmarks/soak.py
 
+# In three parts, because workers keep every kernel that they have met: 2 GB each after all tests.
 test: setup ## check style, types and layers, then run the tests
 	$(BIN)/ruff check --quiet
 	$(BIN)/ruff format --quiet --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	PYTHONPATH=. $(BIN)/python test/warm.py
+	@failed=0; for part in a-d e-o p-z; do \
+	echo "Tests, test/test_[$$part]*.py:"; \
+	$(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0 test/test_[$$part]*.py || failed=1; \
+	done; exit $$failed
 
 clean: ## remove .venv and everything built; runs/ stays
 	@rm -rf .venv build install log *.egg-info .*_cache .hypothesis
@@ -75,7 +80,7 @@ $(DEPENDENCIES): | $(BIN)/python
 	@touch $@
 
 $(INSTALLED): $(DEPENDENCIES)
-	@echo 'Setup, 3 of 3: parallel_robot; its some 120 kernels are compiled, about two minutes ...'
+	@echo 'Setup, 3 of 3: parallel_robot; its some 120 kernels are compiled, one to two minutes ...'
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build

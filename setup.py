@@ -109,7 +109,7 @@ setup(
             'mypy==2.4.1',
             'nbclient>=0.10',
             'nbformat>=5.10',
-            'pytest>=8.2,<9.2',  # 9.2 hides from pytest-xdist 3.8 which tests are a group
+            'pytest>=9.0,<9.2',  # 9.2 hides from pytest-xdist 3.8 which tests are a group
             'pytest-xdist>=3.6',
             'ruff==0.17.5',
             'selenium>=4.20',

@@ -1,0 +1,43 @@
+"""Compile the kernels of all laws for all robots into the cache, before the tests.
+
+The workers of the tests then load them. A worker that had compiled all of them would hold 2 GB.
+
+Usage: python test/warm.py
+"""
+
+import multiprocessing
+
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.controller import Controller
+from parallel_robot_control.laws import LAWS
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulation import simulate
+from parallel_robot_sim.simulator import Simulator
+
+SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each robot
+
+
+def of_nodes(scenario):
+    """The kernels of the nodes for a robot."""
+    whole = configure(resolve(scenario))
+    Controller(whole.control)
+    Simulator(whole.plant).warm()
+
+
+def of_simulations(scenario, law):
+    """The kernels of simulations of a law on a robot."""
+    simulate(configure(resolve(scenario, {'law': law, 'duration': 0.01})))
+
+
+def main():
+    """Compile with two processes, which are replaced before they grow."""
+    with multiprocessing.get_context('spawn').Pool(2, maxtasksperchild=4) as pool:
+        jobs = [pool.apply_async(of_nodes, (scenario,)) for scenario in SCENARIOS]
+        for scenario in SCENARIOS:
+            jobs += [pool.apply_async(of_simulations, (scenario, law)) for law in LAWS]
+        for job in jobs:
+            job.get()
+
+
+if __name__ == '__main__':
+    main()
