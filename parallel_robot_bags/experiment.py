@@ -132,8 +132,8 @@ def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
 def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
     """Whether a plain value has the type of the known value of its key, if there is one."""
     example = known.get(key, value)
-    if key in _per_joint() and isinstance(value, list) != isinstance(example, list):
-        example = [1.0] if isinstance(value, list) else 1.0  # a single one is for all joints
+    if key in _per_joint():
+        example = [1.0] if isinstance(value, list) and value else 1.0  # one is for all joints
     return _is_like(example, value)
 
 

@@ -3,7 +3,7 @@
 import contextlib
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
@@ -42,6 +42,7 @@ def configuration(facts):
 
 
 @given(st.dictionaries(st.sampled_from([*DEFAULTS, 'own.gain']), PLAIN | EXTREMES, max_size=3))
+@example({'estimator.acceleration': []})
 def test_a_configuration_is_like_the_default_or_refused(changes):
     found = configuration({'config': plain_data.dump({**DEFAULTS, **changes})})
     if found is None:
@@ -52,6 +53,9 @@ def test_a_configuration_is_like_the_default_or_refused(changes):
     for key, default in DEFAULTS.items():
         number = isinstance(default, (int, float)) and not isinstance(default, bool)
         kinds = (int, float) if number else (type(default), bool)
+        if key in experiment._per_joint():  # one number for all joints, or one for each
+            kinds = (int, float, list)
+            assert values[key] != []
         assert isinstance(values[key], kinds), key
 
 
