@@ -48,7 +48,7 @@ class Boxed:
     """
 
     def __init__(self, value: Any) -> None:
-        """Copy a tuple into memory; what it refers to is kept by `value`."""
+        """Copy a tuple into memory; texts and arrays in it are kept while the process lives."""
         self.value = value
         self._numba_type_ = BoxedType(typeof(value))
         self._memory = np.zeros(_room(value) + ALIGNMENT, np.uint8)
@@ -75,6 +75,7 @@ def _room(value: Any) -> int:
 def _write(context: Any, value: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = context.get_value_type(value).as_pointer()
+        context.nrt.incref(builder, value, values[0])  # the copy owns its texts and arrays
         builder.store(values[0], builder.inttoptr(values[1], pointer))
         return context.get_dummy_value()
 

@@ -1,9 +1,28 @@
 """Kernels: plain IEEE arithmetic, functions as values."""
 
-import numpy as np
+from typing import Any, NamedTuple
 
+import numpy as np
+import pytest
+from numba.core.runtime import rtsys
+from numba.core.runtime._nrt_python import memsys_enable_stats
+
+from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.kernel import kernel
+
+
+class Constants(NamedTuple):
+    """Constants, one of which Numba counts the references of."""
+
+    counted: Any
+    number: float
+
+
+@kernel
+def length(constants):
+    """How long the counted one is."""
+    return len(constants.counted)
 
 
 @kernel
@@ -64,3 +83,15 @@ def test_first_class_needs_no_compiling_anew():
 def test_division_by_zero_is_that_of_ieee_754():
     assert quotient(1.0, 0.0) == np.inf
     assert np.isnan(quotient(0.0, 0.0))
+
+
+@pytest.mark.parametrize('counted', ['printed', np.arange(7.0)], ids=['text', 'array'])
+def test_what_boxed_constants_hold_is_kept(counted):
+    boxed = Boxed(Constants(counted, 1.0))  # its kernel is compiled here
+    memsys_enable_stats()
+    before = rtsys.get_allocation_stats()
+    boxed = Boxed(Constants(counted, 1.0))
+    for _ in range(100):
+        assert length(boxed) == 7
+    after = rtsys.get_allocation_stats()
+    assert (after.mi_alloc - before.mi_alloc, after.mi_free - before.mi_free) == (1, 0)
