@@ -2,14 +2,18 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import DescribeParameters, GetParameters
 from ros_fixtures import SLOW_LOOP
 
-from benchmarks.joins import joins
+from benchmarks.joins import TRANSIENT, joins
 from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis.replay import replayed
+from parallel_robot_bags import history, run_log
 from parallel_robot_base import config
+from parallel_robot_control.configuration import configure
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -23,10 +27,26 @@ def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain,
     for word in ('amplitude=[5, 5, 5]', 'phase=[1, 1, 1]', 'frequency=0.1'):
         words += ['--set', f'disturbance.{word}']  # under which the laws differ by 4 N m
     changes = ([], ['law=smc'], ['smc.z=18'], [], ['law=computed_torque'])
-    found = joins(10, tmp_path / 'bag', *words, changes=changes, together=5)
+    bag = tmp_path / 'bag'
+    found = joins(10, bag, *words, changes=changes, together=5)
     assert found.joins == 10 and not found.faults
     assert found.granted.startswith('rmw_fastrtps_cpp, UDP; ')
-    assert 0.0 < found.step <= RAMP * found.held.max() + 0.1  # N m; mostly held for a period
+    log = run_log.read(bag)
+    rows = np.flatnonzero((log.time > TRANSIENT) & ~np.isnan(log.answer).any(axis=1))
+    steps = np.abs(np.diff(log.answer[rows], axis=0))
+    ramp = RAMP * np.diff(log.time[rows])[:, np.newaxis]
+    laws = {'law': 'computed_torque'}, {'law': 'smc'}, {'law': 'smc', 'smc.z': 18.0}
+    demands = [demanded(bag, log, law)[rows] for law in laws]
+    assert steps.max() > 0.0
+    assert np.all(steps <= ramp + np.abs(np.diff(demands, axis=1)).max(axis=0) + 1e-9)
+    # A jump between the laws would be seen.
+    assert np.ptp(demands, axis=0).max() > 3.0 > 2.0 * ramp.min()
+
+
+def demanded(bag, log, law):
+    """What a law would have asked for at each state, had it run [N m], shape (N, n)."""
+    configuration = configure(config.changed(log.config, law))
+    return replayed.instead(log, history.read(bag), configuration).torque
 
 
 @pytest.mark.parametrize(
