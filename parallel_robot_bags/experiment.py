@@ -17,26 +17,17 @@ from parallel_robot_bags.limits import is_name
 from parallel_robot_base import config, plain_data
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
-from parallel_robot_base.fields import PerJoint, parameters
+from parallel_robot_base.fields import PerJoint
 from parallel_robot_base.loop import LoopParameters, validate
 from parallel_robot_base.scenario_file import stem
-from parallel_robot_control.estimator import EstimatorParameters
-from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import ROBOTS
-from parallel_robot_sim.imperfections import (
-    ActuatorParameters,
-    LoadParameters,
-    SensorParameters,
-)
-from parallel_robot_sim.plant import PlantParameters
+from parallel_robot_sim.parameter_groups import members
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 SIMULATION, NODES = 'simulation', 'nodes'  # what moved the robot
 OWNERS = {  # nodes whose parameters count, the later overriding; and common keys they own
     'trajectory': ('scenario',),
-    'plant': ('robot_model', 'joints', 'period', 'duration', 'time_mode'),
+    'plant': ('robot_model', 'joints', 'period', 'duration', 'seed', 'time_mode'),
     'controller': ('law', 'preset'),
 }
 OF_ROBOT = {'robot', 'true_robot', 'safety', 'trajectory'}  # groups with keys of a robot
@@ -63,7 +54,7 @@ def describe(
         'period_ns': str(loop.period_ns),
         'source': source,
         'command_line': str(values['recorder.command_line']) or command_line(),
-        'randomness': 'none',  # so there is no seed
+        'randomness': f'seed {loop.seed}',
         **software(),
         'config': plain_data.dump(values),
     }
@@ -140,22 +131,10 @@ def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
 @functools.cache
 def _per_joint() -> frozenset[str]:
     """Keys whose value is a number for each joint, or one for all of them."""
-    groups = [
-        ('plant', PlantParameters),
-        ('friction', FrictionParameters),
-        ('disturbance', DisturbanceParameters),
-        ('disturbance', LoadParameters),
-        ('sensor', SensorParameters),
-        ('actuator', ActuatorParameters),
-        ('estimator', EstimatorParameters),
-        ('safety', SafetyParameters),
-    ]
-    for robot in ROBOTS.values():
-        groups += [('robot', robot.Parameters), ('true_robot', robot.Parameters)]
     return frozenset(
-        f'{prefix}.{parameter.key}'
-        for prefix, group in groups
-        for parameter in parameters(group)
+        key
+        for robot in ROBOTS.values()
+        for key, parameter in members(robot, {})
         if parameter.type is PerJoint
     )
 

@@ -22,7 +22,7 @@ def test_a_bag_says_what_made_it(tmp_path):
     words = ['paper_circle', '--duration', '0.1', '--out', str(tmp_path / 'bag')]
     assert main(['simulate', *words]) == 0
     facts = history.read(tmp_path / 'bag').facts
-    assert facts['source'] == 'simulation' and facts['randomness'] == 'none'
+    assert facts['source'] == 'simulation' and facts['randomness'] == 'seed 0'
     assert 'numpy' in facts['libraries'] and facts['python'].count('.') == 2
     assert facts['command_line'] == experiment.command_line()
 
@@ -33,6 +33,13 @@ def test_the_revision_is_that_of_a_working_copy_only(tmp_path, monkeypatch):
     assert experiment._revision(tmp_path) == ''  # not a working copy after all
     monkeypatch.setenv('PATH', '')
     assert experiment._revision(tmp_path) == ''
+
+
+def test_the_plant_started_by_hand_says_its_seed():
+    facts = {'config': plain_data.dump(DEFAULTS)}
+    nodes = {'/controller': {'seed': 3}, '/plant': {'seed': 7, 'sensor.jitter': 0.002}}
+    values, loop, _ = experiment.configuration('bag', facts, nodes)
+    assert values['seed'] == loop.seed == 7 and values['sensor.jitter'] == 0.002
 
 
 def configuration(facts):

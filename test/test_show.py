@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.parameter_groups import fields_of
+from parallel_robot_analysis.commands.show import fields_of
 from parallel_robot_base import config, parameter_file
 from parallel_robot_control.configuration import resolve
 

@@ -13,14 +13,16 @@ from parallel_robot_analysis.commands.simulate import (
     add_set_argument,
     given_layers,
 )
-from parallel_robot_analysis.parameter_groups import fields_of
+from parallel_robot_analysis.monitor import MonitorParameters
 from parallel_robot_base import config, scenario_file
-from parallel_robot_base.fields import Field
+from parallel_robot_base.fields import Field, parameters
 from parallel_robot_base.parameter_file import MARK
 from parallel_robot_base.printable import printable
 from parallel_robot_base.yaml_file import text_of
-from parallel_robot_control.configuration import custom_defaults
+from parallel_robot_control.configuration import available, custom_defaults
+from parallel_robot_model.robots import module_of
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.parameter_groups import members
 
 BY_COMMANDS = (*OWN, 'duration')  # left out of files unless somebody set them
 UNKNOWN = Field('', '')  # of the keys of the recorder
@@ -54,6 +56,13 @@ def execute(arguments: argparse.Namespace) -> int:
     place = scenario_file.absolute(arguments.scenario)
     print(FORMATS[arguments.format](values, sources, place))
     return 0
+
+
+def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
+    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
+    known = members(module_of(values), available(values))
+    known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
+    return {key: parameter.field for key, parameter in known}
 
 
 def as_table(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:

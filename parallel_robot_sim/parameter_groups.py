@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from parallel_robot_analysis.monitor import MonitorParameters
-from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.fields import Parameter, parameters
 from parallel_robot_base.loop import LoopParameters
-from parallel_robot_control.configuration import ControllerParameters, available
+from parallel_robot_control.configuration import ControllerParameters
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.contract import Robot
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.robots import module_of
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
     LoadParameters,
@@ -60,13 +58,16 @@ def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
     }
 
 
-def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
-    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
-    robot = module_of(values)
-    members = [pair for part in groups(robot, available(values)).values() for pair in part.items()]
-    members += [('true_robot', robot.Parameters), ('monitor', MonitorParameters)]
-    return {
-        f'{prefix}.{parameter.key}' if prefix else parameter.key: parameter.field
-        for prefix, group in members
+def members(robot: Robot, laws: Mapping[str, Law]) -> list[tuple[str, Parameter]]:
+    """Key and description of all these parameters, and of those of the true robot.
+
+    Args:
+        robot: Module of the robot.
+        laws: The laws by name.
+    """
+    pairs = [pair for part in groups(robot, laws).values() for pair in part.items()]
+    return [
+        (f'{prefix}.{parameter.key}' if prefix else parameter.key, parameter)
+        for prefix, group in [*pairs, ('true_robot', robot.Parameters)]
         for parameter in parameters(group)
-    }
+    ]
