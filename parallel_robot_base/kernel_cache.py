@@ -9,6 +9,7 @@ version in setup.py.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import functools
 import hashlib
 import inspect
@@ -37,6 +38,7 @@ from parallel_robot_base.cache_directory import PREFIX
 NOTICE = 'compiling; after an installation this takes about a minute, once'
 UNREADABLE = (OSError, EOFError, ImportError, AttributeError, pickle.UnpicklingError)
 AGAIN = 10.0  # s, between two lines of progress
+PATIENCE, TURN = 5.0, 0.002  # s, to wait for the lock of an index, and between two looks
 CUSTOM = re.compile(rf'{PREFIX}\w+(?=\.)')  # names of custom modules in names of types
 
 
@@ -110,6 +112,10 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             with contextlib.suppress(*UNREADABLE), self._files_of(signature):
                 found = super().load_overload(signature, context)
+                if found is not None and tuple(found.signature.args) != tuple(signature):
+                    found = None  # two processes have written one file
+                    with self._alone():
+                        self._cache_file.flush()
         finally:
             vars(context).pop('refresh', None)
         if found is None:
@@ -119,15 +125,18 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def save_overload(self, signature: Any, data: Any) -> None:
         """Save machine code, if there is a place for it; a full disk is not an error.
 
-        An index that cannot be read is replaced by a new one.
+        An index that cannot be read is replaced by a new one. Numba reads the index and writes it
+        anew, so only one process may do so at a time: else the other's code is lost, or both use
+        one file.
         """
         with contextlib.suppress(OSError), self._files_of(signature):
             os.makedirs(self._cache_file._cache_path, exist_ok=True)
-            try:
-                super().save_overload(signature, data)
-            except UNREADABLE:
-                self._cache_file.flush()
-                super().save_overload(signature, data)
+            with self._alone():
+                try:
+                    super().save_overload(signature, data)
+                except UNREADABLE:
+                    self._cache_file.flush()
+                    super().save_overload(signature, data)
             _report()
 
     @contextlib.contextmanager
@@ -145,6 +154,28 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             yield
         finally:
             self._cache_file = usual
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep other processes from writing the files within the context.
+
+        Raises:
+            BlockingIOError: another one keeps them for long, because it was stopped.
+        """
+        with open(os.path.join(self._cache_file._cache_path, 'lock'), 'ab') as file:
+            due = time.monotonic() + PATIENCE
+            while True:
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    if time.monotonic() > due:
+                        raise
+                    time.sleep(TURN)
+                except OSError:  # there are no locks on this file system
+                    break
+                else:
+                    break
+            yield
 
 
 class NoCache(NullCache):  # type: ignore[misc]

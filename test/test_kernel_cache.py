@@ -232,6 +232,74 @@ def test_a_copy_of_the_sources_finds_what_another_has_compiled(tmp_path):
     assert results == ['0', '1']
 
 
+SUMS = """
+import sys, time
+from numba.core.caching import IndexDataCacheFile
+from parallel_robot_base.kernel import kernel
+
+save = IndexDataCacheFile._save_index
+IndexDataCacheFile._save_index = lambda *words: (time.sleep(0.01), save(*words))  # so they meet
+
+@kernel
+def total(values):
+    sum = 0.0
+    for value in values:
+        sum += value
+    return sum
+
+counts = [int(word) for word in sys.argv[1:]]
+print('ready', flush=True)
+sys.stdin.readline()
+for count in counts:
+    assert total((1.0,) * count) == count
+print(sum(total.stats.cache_hits.values()), total.stats.cache_path)
+"""
+
+
+@pytest.fixture
+def summing(tmp_path):
+    """Run processes at once with a kernel for tuples of some lengths; returns its cache, hits."""
+    file = tmp_path / 'sums.py'
+    file.write_text(SUMS)
+
+    def sums(*lengths):
+        environment = {'PYTHONPATH': str(ROOT), 'XDG_CACHE_HOME': str(tmp_path / 'cache')}
+        processes = [
+            subprocess.Popen(
+                [sys.executable, str(file), *map(str, counts)],
+                env={**os.environ, **environment},
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            for counts in lengths
+        ]
+        for process in processes:
+            process.stdout.readline()
+        for process in processes:
+            process.stdin.write('\n')
+            process.stdin.flush()
+        told = [process.communicate()[0].split() for process in processes]
+        assert not any(process.returncode for process in processes)
+        return Path(told[0][1]), sum(int(hits) for hits, _ in told)
+
+    return sums
+
+
+def test_of_what_processes_compile_at_once_nothing_is_lost(summing):
+    lengths = [range(1, 40, 3), range(2, 40, 3), range(3, 40, 3)]
+    assert summing(*lengths)[1] == 0
+    assert summing(range(1, 40))[1] == 39
+
+
+def test_code_for_other_types_is_found_out_and_compiled_anew(summing):
+    cache, _ = summing([1, 2])
+    first, second = sorted(cache.glob('*.nbc'))
+    shutil.copy(first, second)
+    hits = [summing([1, 2])[1] for _ in range(3)]
+    assert hits == [1, 1, 2]  # the first of them is compiled once more, in its new index
+
+
 def test_the_private_parts_of_numba_that_are_used_are_there():
     """A newer Numba that fails here needs kernel_cache.py and function_value.py looked at."""
     implementation = kernel_cache.KernelCache(kernel(lambda x: x).py_func)._impl
