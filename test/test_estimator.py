@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from assembly import simulate
 
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control.estimator import FILTER, LEVANT, Estimated, Estimator, estimated
 
@@ -11,14 +13,20 @@ H = 1e-3  # s
 T = np.arange(2001) * H
 
 
+@kernel
+def _estimates(estimator, state, known, positions, like, found):
+    for k in range(len(positions)):
+        state = estimated(estimator, state, known or k > 0, read_row(positions, k, like), H)
+        write_row(found, k, state.velocity)
+
+
 def estimates(kind, positions, first=None, bandwidth=20.0, acceleration=10.0):
     """Estimates of the velocity over samples of a position, which begin at rest or at `first`."""
     estimator = Estimator(kind, bandwidth, vector([acceleration]))
-    state, rows = Estimated(vector([positions[0]]), vector([first or 0.0])), []
-    for k, position in enumerate(positions):
-        state = estimated(estimator, state, k > 0 or first is not None, vector([position]), H)
-        rows.append(state.velocity[0])
-    return np.array(rows)
+    state = Estimated(vector([positions[0]]), vector([first or 0.0]))
+    rows = np.empty((len(positions), 1))
+    _estimates(estimator, state, first is not None, positions[:, None], state.position, rows)
+    return rows[:, 0]
 
 
 def test_filter_has_the_closed_form_of_a_ramp():

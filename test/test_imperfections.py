@@ -8,6 +8,8 @@ from scipy import stats
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study.run_chunk import run_chunk
 from parallel_robot_base import config
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.contract import Measurement
@@ -24,6 +26,7 @@ from parallel_robot_sim.simulator import Simulator
 
 H = 1e-3  # s
 N = 20_000
+ZERO = vector(np.zeros(3))
 ALL = {
     'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-2, 'sensor.resolution': 1e-5,
     'sensor.delay': 2e-3, 'sensor.jitter': 2e-3, 'actuator.lag': 2e-3, 'actuator.noise': 0.1,
@@ -40,27 +43,50 @@ def setup_of(**changes):
     return make_plant(config.resolve('paper_circle', keys)).setup
 
 
-def told(setup, positions, velocities=None):
-    """What the sensors tell of a motion, one row a sample."""
-    velocities = np.zeros_like(positions) if velocities is None else velocities
-    rows = []
-    for k, (position, velocity) in enumerate(zip(positions, velocities, strict=True)):
-        position, velocity = vector(position), vector(velocity)
+@kernel
+def _told(setup, positions, velocities, like, answers):
+    for k in range(len(positions)):
+        position, velocity = read_row(positions, k, like), read_row(velocities, k, like)
         joints = Measurement(position, velocity, position, velocity, position)
-        rows.append(np.array(sensed(setup, joints, k * H, H)))
-        assert np.array_equal(rows[-1], sensed(setup, joints, k * H, H))  # asked again
+        for again in range(2):
+            found = sensed(setup, joints, k * H, H)
+            write_row(answers, 4 * k + 2 * again, found[0])
+            write_row(answers, 4 * k + 2 * again + 1, found[1])
         keep_sensed(setup, joints, k * H, H)
-    return np.array(rows).transpose(1, 0, 2)
+
+
+def told(setup, positions, velocities=None):
+    """What the sensors tell of a motion, one row a sample; asked again, they say the same."""
+    velocities = np.zeros_like(positions) if velocities is None else velocities
+    answers = np.empty((len(positions), 2, 2, 3))
+    _told(setup, positions, velocities, ZERO, answers.reshape(-1, 3))
+    assert np.array_equal(answers[:, 0], answers[:, 1])
+    return answers[:, 0].transpose(1, 0, 2)
+
+
+@kernel
+def _torques(setup, commands, limits, found):
+    for k in range(len(commands)):
+        command = read_row(commands, k, limits)
+        write_row(found, k, driven(setup, command, limits, k * H, H))
 
 
 def torques(setup, commands, limit=1e3):
-    limits = vector(np.full(3, limit))
-    return np.array([driven(setup, vector(u), limits, k * H, H) for k, u in enumerate(commands)])
+    found = np.empty_like(commands)
+    _torques(setup, commands, vector(np.full(3, limit)), found)
+    return found
+
+
+@kernel
+def _disturbances(setup, like, found):
+    for k in range(len(found)):
+        write_row(found, k, held_disturbance(setup, like, k * H, H))
 
 
 def disturbances(setup, count):
-    like = vector(np.zeros(3))
-    return np.array([held_disturbance(setup, like, k * H, H) for k in range(count)])
+    found = np.empty((count, 3))
+    _disturbances(setup, ZERO, found)
+    return found
 
 
 def assert_white(noise):
