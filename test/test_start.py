@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import pytest
 
 from parallel_robot_analysis.processes import command
@@ -61,7 +60,7 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
 ):
     """With a cache of its own: other tests compile meanwhile."""
     cache = tmp_path / 'cache' / 'parallel_robot'
-    ours = Path(numba.config.CACHE_DIR)
+    ours = Path(cache_directory.OWN)
     shutil.copytree(ours, cache / ours.name, ignore=shutil.ignore_patterns('*.tmp.*'))
     script = console_script(tmp_path)
 
