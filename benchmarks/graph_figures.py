@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from graph_processes import machine_seconds, start
+from graph_processes import start
 from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
@@ -27,7 +27,6 @@ from parallel_robot_ros.diagnostics import STATE_INDEX
 
 PERIOD = 1e-3  # s
 PATIENCE = 180.0  # s, for the first state of the motion
-MACHINE = 'machine'  # beside the names of the nodes
 DELAYS = ('delay', 'round trip')
 Figures = dict[str, Any]
 
@@ -151,12 +150,11 @@ def _watch(graph: Graph, listener: Listener, seconds: float) -> Figures:
     """Watch a run in wall time to its end: processor over the motion, delays."""
     listener.reports.clear()
     pids: Mapping[str, int] = {}
-    used: dict[str, list[tuple[float, float]]] = {name: [] for name in (*MODULES, MACHINE)}
+    used: dict[str, list[tuple[float, float]]] = {name: [] for name in MODULES}
     while graph.running():
         listener.spin()
         if len(pids) < len(MODULES):
             pids = graph.pids()
-        used[MACHINE].append((time.time(), machine_seconds()))
         for name, pid in pids.items():
             with contextlib.suppress(OSError, IndexError):  # it has ended
                 used[name].append((time.time(), processor_seconds(pid)))
@@ -168,8 +166,7 @@ def _watch(graph: Graph, listener: Listener, seconds: float) -> Figures:
         if len(within) > 1:
             (t0, cpu0), (t1, cpu1) = within[0], within[-1]
             shares[name] = 100 * (cpu1 - cpu0) / (t1 - t0)
-    others = shares.pop(MACHINE, 0.0) - sum(shares.values())
-    figures: Figures = {'processor_percent': shares, 'others_percent': others}
+    figures: Figures = {'processor_percent': shares}
     for delay in DELAYS:
         rows = [report.delays[delay] for report in running if delay in report.delays]
         key = delay.replace(' ', '_') + '_ms'

@@ -17,8 +17,6 @@ from checkout import ROOT
 from parallel_robot_analysis import processes
 from parallel_robot_analysis.processes import MODULES, die_with_parent, process_status
 
-TICKS = os.sysconf('SC_CLK_TCK')
-
 end = functools.partial(processes.end, timeout=60.0)  # s: `run` waits for its own children
 
 
@@ -48,12 +46,6 @@ def nodes_below(parent: int) -> dict[str, int]:
             words = Path(f'/proc/{pid}/cmdline').read_bytes().decode().split('\0')
             found |= {name: pid for name in MODULES if _runs(words, name)}
     return found
-
-
-def machine_seconds() -> float:
-    """Processor time of everything on the machine, stolen by its host included."""
-    fields = [int(word) for word in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
-    return (sum(fields) - fields[3] - fields[4]) / TICKS  # without idle and waiting for disks
 
 
 @contextlib.contextmanager

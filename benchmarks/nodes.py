@@ -118,7 +118,6 @@ def show_wall(rounds: Pairs) -> dict[str, Any]:
         )
         for name in MODULES
     ]
-    wanted += [('processor, all others [%]', lambda run: run['others_percent'], None)]
     targets = {'p50': P50, 'p99': P99, 'max': None}
     for delay in ('round_trip', 'delay'):
         wanted += [
