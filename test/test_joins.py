@@ -31,22 +31,25 @@ def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain,
     found = joins(10, bag, *words, changes=changes, together=5)
     assert found.joins == 10 and not found.faults
     assert found.granted.startswith('rmw_fastrtps_cpp, UDP; ')
-    log = run_log.read(bag)
+    log, past = run_log.read(bag), history.read(bag)
     rows = np.flatnonzero((log.time > TRANSIENT) & ~np.isnan(log.answer).any(axis=1))
     steps = np.abs(np.diff(log.answer[rows], axis=0))
     ramp = RAMP * np.diff(log.time[rows])[:, np.newaxis]
     laws = {'law': 'computed_torque'}, {'law': 'smc'}, {'law': 'smc', 'smc.z': 18.0}
-    demands = [demanded(bag, log, law)[rows] for law in laws]
+    demands = [demanded(log, past, law)[rows] for law in laws]
     assert steps.max() > 0.0
     assert np.all(steps <= ramp + np.abs(np.diff(demands, axis=1)).max(axis=0) + 1e-9)
     # A jump between the laws would be seen.
     assert np.ptp(demands, axis=0).max() > 3.0 > 2.0 * ramp.min()
+    # The motors had the torques of these commands, and no others.
+    answers = set(map(tuple, log.answer))
+    assert all(tuple(torque) in answers for torque in log.effort[rows])
 
 
-def demanded(bag, log, law):
+def demanded(log, past, law):
     """What a law would have asked for at each state, had it run [N m], shape (N, n)."""
     configuration = configure(config.changed(log.config, law))
-    return replayed.instead(log, history.read(bag), configuration).torque
+    return replayed.instead(log, past, configuration).torque
 
 
 @pytest.mark.parametrize(
