@@ -167,13 +167,12 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             while True:
                 try:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
                 except BlockingIOError:
                     if time.monotonic() > due:
                         raise
                     time.sleep(TURN)
                 except OSError:  # there are no locks on this file system
-                    break
-                else:
                     break
             yield
 
