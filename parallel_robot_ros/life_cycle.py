@@ -113,6 +113,9 @@ def _end(executor: Executor, node: SuiteNode) -> None:
     executor.remove_node(node)
     node.destroy_node()
     rclpy.try_shutdown()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Python takes its handlers back as it exits: a second Ctrl-C would end that with an error.
+        signal.signal(number, signal.SIG_IGN)
     faulthandler.cancel_dump_traceback_later()
 
 
