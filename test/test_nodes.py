@@ -1,6 +1,8 @@
 """The four nodes as real processes."""
 
+import contextlib
 import signal
+import subprocess
 
 import numpy as np
 import pytest
@@ -70,6 +72,17 @@ def test_each_node_starts_alone_and_ends_in_order(signals, start, peer):
         assert process.running
         assert process.end(*(getattr(signal, name) for name in signals)) == 0
         assert not trouble(process)
+
+
+def test_ctrl_c_again_and_again_ends_a_node_in_order(launch, peer):
+    words = ('node', 'trajectory', '--ros-args', '-r', '__ns:=/hasty')
+    process = launch('parallel_robot_analysis.command_line', *words)
+    peer.see('/hasty/trajectory')
+    while process.running:
+        process._popen.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process._popen.wait(0.001)
+    assert process.wait() == 0
 
 
 @pytest.mark.parametrize(
