@@ -47,7 +47,9 @@ def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
     row, guess = vector(np.zeros(configuration.joints)), vector(configuration.guess)
     distinguish(configuration.margins)
     estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
-    limits = Boxed(limits_of(configuration.safety, configuration.margins))
+    limits = Boxed(
+        limits_of(configuration.safety, configuration.margins, configuration.loop.period)
+    )
     estimator = Boxed(estimator_of(configuration.estimator))
     return Control(
         prepared,

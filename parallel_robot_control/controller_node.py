@@ -112,9 +112,9 @@ class ControllerNode(SuiteNode):
         settings = dict(configuration.settings(change.configuration))
 
         def apply() -> None:
-            self._warn(change.law.warnings)
             self._controller.apply(change)
             self.values = {**self.values, **settings}
+            self.background.do(lambda: self._warn(change.law.warnings))
 
         stored = {
             key: value

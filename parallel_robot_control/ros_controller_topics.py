@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from parallel_robot_base import layouts, topics
 from parallel_robot_control.answering import LOG, STATUS, TELEMETRY
 from parallel_robot_control.controller import Controller
@@ -64,9 +66,11 @@ class ControllerTopics:
             self.publish_log()
 
     def publish_status(self, stamp: int) -> None:
-        """Publish and log the status since a stamp [ns]."""
-        before, status = self._status, self._controller.status
-        self._status = status
+        """Publish and log the status since a stamp [ns], in the background."""
+        before, self._status = self._status, self._controller.status
+        self._node.background.do(partial(self._tell, stamp, before, self._status))
+
+    def _tell(self, stamp: int, before: Status | None, status: Status) -> None:
         self._statuses.publish(status_message(stamp, status))
         logger = self._node.get_logger()
         if status.law != self._law:

@@ -57,7 +57,10 @@ class SafeAction(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """The parameters as the kernels take them: vectors of shape (n,), margins of the robot."""
+    """The parameters as the kernels take them: vectors of shape (n,), margins of the robot.
+
+    `ramp` is for one sample [N m]: a gap between two states must not let the torque jump.
+    """
 
     safe: SafeAction
     torque: Array
@@ -72,13 +75,13 @@ def safe_action(action: str, parameters: SafetyParameters) -> SafeAction:
     return SafeAction(ACTIONS[action], vector(parameters.damping), vector(parameters.stiffness))
 
 
-def limits_of(parameters: SafetyParameters, margins: Any) -> Limits:
-    """Make the limits from the parameters; `margins` are SafetyMargins of the robot."""
+def limits_of(parameters: SafetyParameters, margins: Any, period: float) -> Limits:
+    """Make the limits from the parameters; `margins` are of the robot, the `period` in s."""
     return Limits(
         safe_action(parameters.action, parameters),
         vector(parameters.torque_limit),
         vector(parameters.torque_rate),
-        vector(parameters.ramp_rate),
+        vector(np.asarray(parameters.ramp_rate) * period),
         vector(parameters.speed_limit),
         margins,
     )
@@ -166,10 +169,10 @@ def limit_torque(
         [N m]; each shape (n,); bits of the limits that acted.
     """
     start = clip(last.torque, -limits.torque, limits.torque)
-    # 1. Take-over: offset = demand - start, faded at the ramp rate.
+    # 1. Take-over: offset = demand - start, faded at the ramp rate, sample by sample.
     offset = select(last.takes_over, demand - start, last.offset)
     ramped = some(offset != 0.0)
-    left = np.abs(offset) - limits.ramp * dt
+    left = np.abs(offset) - limits.ramp
     offset = np.copysign(select(left > 0.0, left, 0.0), offset)
     wanted = demand - offset
     # 2. Torque limit: |torque| <= limit.

@@ -22,6 +22,7 @@ from rclpy.task import Future
 from parallel_robot_base import realtime
 from parallel_robot_base.errors import InputError, ParallelRobotError
 from parallel_robot_ros import arguments, middleware
+from parallel_robot_ros.background import SWITCH
 from parallel_robot_ros.suite_node import SuiteNode
 
 END_TIMEOUT = 8.0  # s, for the end of a node; then it is forced, with a traceback
@@ -52,6 +53,7 @@ def run_node(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
     log_to_ros()
+    sys.setswitchinterval(SWITCH)
     try:
         given = arguments.read(make, sys.argv, add_arguments)
         transport_choice = middleware.asked(sys.argv)

@@ -13,6 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
 from parallel_robot_base.errors import InputError
+from parallel_robot_ros.background import Background
 
 MOST_NAMES = 1000  # in one request; a node has some hundred parameters
 MOST_PREFIXES = 100  # in one request
@@ -29,6 +30,13 @@ class BoundedParameterService(ParameterService):  # type: ignore[misc]
     set; rclpy would set them one after the other and stop half-way. A request that is too large
     is not read; it is answered as rclpy answers one for parameters that do not exist.
     """
+
+    def __init__(self, node: Node, background: Background) -> None:
+        """Offer the services; the background answers them."""
+        others = set(node.services)
+        super().__init__(node)
+        for service in set(node.services) - others:
+            background.answer(service)
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
         result = set_together(self._get_node(), request.parameters)

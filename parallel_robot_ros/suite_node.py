@@ -23,6 +23,8 @@ from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError, first_line
 from parallel_robot_base.topics import Topic
 from parallel_robot_ros import parameters
+from parallel_robot_ros.background import Background
+from parallel_robot_ros.callback_times import CallbackTimes
 from parallel_robot_ros.connections import Connections
 from parallel_robot_ros.diagnostics import Usage, diagnostics_message
 from parallel_robot_ros.parameter_services import BoundedParameterService
@@ -42,6 +44,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         period_ns: Period [ns].
         last_index: Index of the last state of the motion; None when it has no end.
         counts: How often something unusual happened; shown in the diagnostics.
+        background: Does what would hold up the loop.
         exit_code: None while the node runs, then the code it ends with.
         priority: Real-time priority that the node should have in wall time; 0: none.
         example: What may follow the name of the node on a command line, for its help.
@@ -61,6 +64,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         Raises:
             InputError: a parameter is unknown or wrong.
         """
+        self.background = Background(self, self.survive)
+        self._times = CallbackTimes(self.background)
         try:
             super().__init__(
                 name,
@@ -84,9 +89,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._connections = Connections(self, self.loop, self._on_two_publishers)
         self.declare_group('', loop.LoopParameters)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(1.0, self._publish_diagnostics)
+        self.create_timer(1.0, self._on_second)
         self.create_service(Trigger, '~/ready', self._answer_ready)
-        self._parameter_service = BoundedParameterService(self)
+        self._parameter_service = BoundedParameterService(self, self.background)
 
     # Hooks that a node may override.
 
@@ -139,6 +144,8 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def begin(self) -> None:
         """Start what keeps time; called when all that takes long is done."""
+        if not self.lockstep:  # where nothing is late
+            self.background.start()
         if self._thread is not None:
             self._thread.start()
 
@@ -177,7 +184,8 @@ class SuiteNode(Node):  # type: ignore[misc]
             tick: What to do; an exception ends the node.
             ahead: How long before its stamp a tick is due [ns].
         """
-        self._thread = DeadlineThread(self.period_ns, tick, self.fail, ahead)
+        timed = self._times.timed('tick', tick)
+        self._thread = DeadlineThread(self.period_ns, timed, self.fail, ahead)
 
     def declare_group(self, prefix: str, group: Any) -> None:
         """Declare the parameters of a group with unit, meaning and range.
@@ -220,20 +228,22 @@ class SuiteNode(Node):  # type: ignore[misc]
         self, kind: Any, topic: str, callback: Any, *words: Any, **options: Any
     ) -> Subscription:
         """Subscribe as any node does, guarded."""
-        return super().create_subscription(kind, topic, self._guarded(callback), *words, **options)
+        guarded = self._guarded(topic, callback)
+        return super().create_subscription(kind, topic, guarded, *words, **options)
 
     def create_service(
         self, kind: Any, name: str, callback: Any, *words: Any, **options: Any
     ) -> Service:
         """Offer a service as any node does, guarded."""
-        return super().create_service(kind, name, self._guarded(callback), *words, **options)
+        return super().create_service(kind, name, self._guarded(name, callback), *words, **options)
 
     def create_timer(self, period: float, callback: Any, *words: Any, **options: Any) -> Timer:
         """Make a timer as any node does, guarded."""
-        return super().create_timer(period, self._guarded(callback), *words, **options)
+        guarded = self._guarded(f'timer of {period:g} s', callback)
+        return super().create_timer(period, guarded, *words, **options)
 
-    def _guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """A callback that cannot end the node, except by an error that the suite raises."""
+    def _guarded(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """A timed callback that cannot end the node, except by an error that the suite raises."""
 
         @functools.wraps(callback)
         def guarded(*arguments: Any) -> Any:
@@ -245,12 +255,13 @@ class SuiteNode(Node):  # type: ignore[misc]
                 self.survive(error)
             return arguments[-1] if arguments else None  # the response, as it was
 
-        return guarded
+        return self._times.timed(name, guarded)
 
     def destroy_node(self) -> None:
         """Stop what keeps time, then destroy the node."""
         if self._thread is not None:
             self._thread.stop()
+        self.background.close()
         super().destroy_node()
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
@@ -267,7 +278,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             return SetParametersResult(successful=True)
         result = super().set_parameters_atomically(wanted)
         if result.successful and effect is not None:
-            effect()
+            self.background.in_loop(self._times.timed('change of parameters', effect))
         return result
 
     def _pass_on_start(self, stamp: int) -> None:
@@ -287,8 +298,12 @@ class SuiteNode(Node):  # type: ignore[misc]
         response.success = not response.message
         return response
 
+    def _on_second(self) -> None:
+        self.background.do(self._publish_diagnostics)
+
     def _publish_diagnostics(self) -> None:
         usual = {**self.diagnose(), **self._usage.measure(self.handled()), **self._granted}
+        usual |= self._times.take()
         unusual = {**self.counts, **self._connections.several_publishers()}
         message = diagnostics_message(self, {**usual, **unusual}, unusual, self.alarm())
         self._diagnostics.publish(message)

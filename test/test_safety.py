@@ -371,11 +371,14 @@ def test_the_rate_limit_slows_each_joint():
     assert excess.tolist() == [10.0, -10.0, 0.0]
 
 
-def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed():
-    """The offset falls by 1 N m a sample; what the law asks for beside it is there at once."""
+@pytest.mark.parametrize('gap', [1e-3, 5e-3, 0.1])
+def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed(gap):
+    """The offset falls by 1 N m a sample, whatever the time between two; what the law asks for
+    beside it is there at once.
+    """
     demand, before = np.array([5.0, -5.0, 0.2]), last((0.0, 0.0, 0.0), takes_over=True)
     for k in range(1, 8):
-        torque, excess, offset, acted = limit_torque(LIMITS, demand, before, 1e-3)
+        torque, excess, offset, acted = limit_torque(LIMITS, demand, before, gap)
         left = np.array([max(5.0 - k, 0.0), -max(5.0 - k, 0.0), 0.0])
         assert np.allclose(offset, left, atol=1e-12) and np.allclose(torque, demand - left)
         assert not excess.any() and bool(acted) == (k <= 5)
