@@ -12,7 +12,12 @@ from importlib import import_module
 from types import ModuleType
 
 from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
-from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError
+from parallel_robot_base.errors import (
+    InputError,
+    ParallelRobotError,
+    StoppedError,
+    UnknownNameError,
+)
 from parallel_robot_base.printable import printable
 
 COMMANDS = {
@@ -60,7 +65,8 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        0; 1 when a run failed; 2 when the input is wrong, after one line that says so.
+        0; 1 when a run failed; 2 when the input is wrong, after one line that says so; 128 and the
+        number of the signal that stopped a run.
     """
     words = sys.argv[1:] if words is None else words
     name = 'parallel_robot'
@@ -80,6 +86,8 @@ def main(words: Sequence[str] | None = None) -> int:
     except ParallelRobotError as error:
         text = printable(str(error).replace('\n', ' '), LONGEST_LINE)
         print(f'{name}: {text}', file=sys.stderr)
+        if isinstance(error, StoppedError):
+            return error.exit_code
         return 2 if isinstance(error, InputError) else 1
     except MemoryError:
         print(f'{name}: out of memory', file=sys.stderr)

@@ -28,7 +28,8 @@ MODULES = {
     'controller': 'parallel_robot_control.controller_node',
     'recorder': 'parallel_robot_bags.recorder_node',
 }
-STOP_ORDER = (('controller',), ('recorder', 'plant', 'trajectory'))  # zero torque first
+# The plant ends first, at a state; what the others still publish is recorded.
+STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))
 END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 

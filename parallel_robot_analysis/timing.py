@@ -30,15 +30,16 @@ class Timing(NamedTuple):
     """How a run kept its time.
 
     The lag of a step is the time from the state that its torque answers to the end of the step.
-    One sample is ideal: the torque computed from state k acts from k to k + 1.
+    One sample is ideal: the torque computed from state k acts from k to k + 1. A step before the
+    first command counts as one that answers the state before the first.
 
     Attributes:
         states: Number of states that were to be answered.
         answered: Number of states that were answered; None if the bag does not say.
         period: Period of the loop [s].
         lag: Lag of each step [samples], shape (L,); empty when the bag does not say.
-        uncommanded: Number of steps whose torque answers no state: before the first command, in
-            the safe action of the motors, at zero torque in a fault.
+        uncommanded: Number of steps after the first command whose torque answers no state: in the
+            safe action of the motors, at zero torque in a fault.
         delay: From the stamp of each state to its recording [s], shape (N,); empty when the
             stamps are not of the recorder's clock, as in lockstep.
         priority: Node to the real-time priority that it was granted, where the bag says so.
@@ -178,6 +179,8 @@ def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]
     acting = _acting(log.effort, command, newest)[1:]
     answers = np.where(acting < 0, 0, log.command_states[acting])
     counted = log.stamps[:-1] >= first
+    if answers.any():
+        answers[: np.flatnonzero(answers)[0]] = first - period
     known = counted & (answers > 0)
     lag = np.rint((log.stamps[1:] - answers)[known] / period).astype(np.int64)
     return lag, int(counted.sum() - known.sum())

@@ -220,7 +220,8 @@ class Recorder:
     def lost(self, topic: Topic) -> int | None:
         """How many messages are known to be missing; None when nothing is known."""
         stream = self._streams[topic]
-        expected, gaps = self.expected(topic), stream.gaps
+        gaps = stream.gaps
+        expected = self.expected(topic) if self._over else None  # else it was stopped early
         skips = not self._loop.lockstep and topic in ANSWERS  # a state may stay unanswered
         if expected is None or (skips and gaps is not None):
             return gaps

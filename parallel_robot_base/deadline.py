@@ -36,14 +36,14 @@ class DeadlineThread(threading.Thread):
         self._tick = tick
         self._failed = failed
         self._ahead = ahead
-        self._stop_requested = threading.Event()
+        self._ended = False  # no Event: a signal handler that sets one can wait for itself
 
     def run(self) -> None:
         """Tick until :meth:`stop`."""
         offset = time.time_ns() - time.monotonic_ns()
         stamp = (time.time_ns() + self._ahead) // self._period * self._period + self._period
         try:
-            while not self._stop_requested.is_set():
+            while not self._ended:
                 left = (stamp - self._ahead - offset - time.monotonic_ns()) * 1e-9
                 if left > SLICE:
                     time.sleep(SLICE)
@@ -55,8 +55,12 @@ class DeadlineThread(threading.Thread):
         except Exception as error:  # passed on: nothing above a thread catches it
             self._failed(error)
 
+    def end(self) -> None:
+        """Let this tick be the last; a signal handler may call this."""
+        self._ended = True
+
     def stop(self) -> None:
         """Ask the thread to end, and wait for it unless it is the caller."""
-        self._stop_requested.set()
+        self.end()
         if self.is_alive() and threading.current_thread() is not self:
             self.join()

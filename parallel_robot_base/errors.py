@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from signal import Signals
 
 from parallel_robot_base.printable import printable
 
@@ -71,6 +72,19 @@ class BagError(InputError):
 
 class RunError(ParallelRobotError):
     """A run that did not reach its end."""
+
+
+class StoppedError(ParallelRobotError):
+    """A signal that asks a command to end.
+
+    Attributes:
+        signal: Its number.
+        exit_code: What shells expect of a program that it ends.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.signal, self.exit_code = number, 128 + number
+        super().__init__(f'stopped by {Signals(number).name}')
 
 
 def first_line(error: BaseException) -> str:

@@ -43,12 +43,13 @@ def run_node(
         in one line.
     """
     stop: list[int] = []  # signals; setting an Event in a handler can deadlock with itself
-    making = True
+    node: SuiteNode | None = None
 
     def on_signal(number: int, _: Any) -> None:
         stop.append(number)
-        if making:  # perhaps for half a minute: the compiler cannot be interrupted cleanly
+        if node is None:  # perhaps for half a minute: the compiler cannot be interrupted cleanly
             os._exit(0)  # nothing has begun yet
+        node.end_time()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
@@ -60,7 +61,6 @@ def run_node(
         with middleware.transport(transport_choice) as transport:
             _initialise()
             node = make(**given)
-        making = False
         middleware.check(node.loop.middleware, transport_choice)
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)

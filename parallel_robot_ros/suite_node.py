@@ -187,6 +187,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         timed = self._times.timed('tick', tick)
         self._thread = DeadlineThread(self.period_ns, timed, self.fail, ahead)
 
+    def end_time(self) -> None:
+        """Tick no more, because the node will end; a signal handler may call this."""
+        if self._thread is not None:
+            self._thread.end()
+
     def declare_group(self, prefix: str, group: Any) -> None:
         """Declare the parameters of a group with unit, meaning and range.
 

@@ -76,11 +76,12 @@ class Process:
 
     def __init__(self, words, folder, environment):
         self._errors = (folder / f'stderr_{time.monotonic_ns()}').open('w+b')
+        self._output = (folder / f'stdout_{time.monotonic_ns()}').open('w+b')
         self._popen = subprocess.Popen(
             command(*map(str, words)),
             cwd=folder,
             env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
-            stdout=subprocess.DEVNULL,
+            stdout=self._output,
             stderr=self._errors,
         )
         self._children = {}
@@ -93,6 +94,11 @@ class Process:
     def stderr(self):
         self._errors.seek(0)
         return self._errors.read().decode()
+
+    @property
+    def stdout(self):
+        self._output.seek(0)
+        return self._output.read().decode()
 
     @property
     def memory(self):
@@ -135,6 +141,7 @@ class Process:
             child.kill()
             os.close(child.descriptor)
         self._errors.close()
+        self._output.close()
 
 
 class Peer:

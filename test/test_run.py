@@ -218,13 +218,25 @@ def test_a_recorder_that_is_stopped_early_is_no_success(begin, tmp_path):
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_signal_ends_the_run_in_order(name, begin, tmp_path):
+    """The plant first, so the robot is never without its controller, and nothing is missing."""
     process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
-    assert process.end(getattr(signal, name)) not in (0, -getattr(signal, name))
-    assert process.stderr == f'parallel_robot run: stopped by {name}\n'
+    assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
+    assert 'lost' not in process.stderr
     check_end(tmp_path / 'bag', nodes)
-    commands = run_log.read(tmp_path / 'bag').command
-    assert not commands[-1].any() and commands[:-1].any(axis=1).all()
+    log = run_log.read(tmp_path / 'bag')
+    assert process.stdout.startswith(f'stopped by {name} after {log.time[-1]:.1f} s\n')
+    assert 'end-effector error, rms' in process.stdout and '\nbag ' in process.stdout
+    assert not log.command[-1].any() and log.command[:-1].any(axis=1).all()
+    assert log.effort[-20:].any()  # 0.1 s; it went on for 0.7 s without torque once
+
+
+def test_a_signal_before_the_motion_begins_leaves_nothing(begin, tmp_path):
+    process = begin('bag')
+    process.until(process.children)
+    assert process.end(signal.SIGINT) == 130
+    assert process.stderr == 'parallel_robot run: stopped by SIGINT\n'
+    assert not (tmp_path / 'bag').exists()
 
 
 @pytest.mark.skipif(not Path('/proc/self/stat').exists(), reason='needs Linux')
@@ -240,5 +252,5 @@ def test_a_second_run_on_the_same_domain_leaves_the_first_alone(begin, start, tm
     nodes = under_way(first, tmp_path / 'first')
     second = start('second', 1.0)
     assert second.wait() == 1 and 'ROS_DOMAIN_ID' in second.stderr
-    assert first.end(signal.SIGINT) == 1
+    assert first.end(signal.SIGINT) == 130
     check_end(tmp_path / 'first', nodes)

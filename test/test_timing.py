@@ -46,8 +46,7 @@ def loop(lag, skipped=(), torques=TORQUES):
         (int(heard[rows[-1]]) + 1, answers_message(np.stack([stamps[answered[rows]]] * 2, axis=1)))
         for rows in np.array_split(np.arange(len(answered)), N // 10)
     ]
-    true = np.arange(1, N + 1) - acting[1:]
-    return found, true[acting[1:] >= 0]
+    return found, np.arange(1, N + 1) - acting[1:]
 
 
 @pytest.fixture
@@ -87,6 +86,18 @@ def test_the_lag_is_that_of_the_torque_that_acted(name, read):
     assert timed.uncommanded == N - len(true)
     assert (timed.answered, timed.skipped) == (N + 1 - len(skipped), len(skipped))
     assert np.allclose(timed.delay, 0.0)
+
+
+@pytest.mark.parametrize(('silent', 'held'), [(2, True), (8, True), (30, False)])
+def test_steps_before_the_first_command_are_late_ones(silent, held, read):
+    """The brake is released at state 0; the controller answers its first state later."""
+    found, _ = loop(np.ones(N + 1, int), range(silent))
+    effort = TORQUES[np.r_[0, 0:N]]
+    effort[: silent + 1] = 0.0
+    found[topics.JOINT_STATES] = streams(REST, REST, effort, start=START)[topics.JOINT_STATES]
+    timed = timing.evaluate(read(found), NOTHING._replace(facts=FACTS))
+    assert timed.uncommanded == 0 and timed.realtime == held
+    assert np.array_equal(timed.lag, [*range(2, silent + 2), *[1] * (N - silent)])
 
 
 def test_torques_that_are_cut_off_or_stand_still_are_found(read):

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from parallel_robot_analysis import metrics, readable_metrics, timing
 from parallel_robot_analysis.commands import simulate
@@ -21,7 +21,7 @@ from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
 from parallel_robot_base import assignments, cache_directory, kernel_cache
-from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
+from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.scenario_file import absolute
 from parallel_robot_base.units import NANOSECONDS
@@ -67,13 +67,16 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '') -> int:
-    """Run a scenario with changes of its configuration into a bag; returns an exit code.
+    """Run a scenario with changes of its configuration into a bag.
 
     Args:
         scenario: Its name, or the path of its file.
         changed: Key to value.
         out: Directory of the bag.
         namespace: Full name of the namespace of the nodes; empty for none.
+
+    Returns:
+        An exit code: 0, or that of the signal that stopped the run.
 
     Raises:
         InputError: the configuration is wrong, or the bag cannot be written there.
@@ -94,19 +97,21 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         parameters[name]['subscribers'] = count
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
-    driven_out = _supervise(parameters, loop, namespace)
+    end = _supervise(parameters, loop, namespace)
     log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += [*timing.remarks(timed, past), *readable_metrics.sensor_remarks(log.config)]
     for text in (*experiment.control.law.warnings, *remarks):
         print(f'warning: {text}', file=sys.stderr)
+    if end.signal:
+        print(f'{StoppedError(end.signal)} after {log.time[-1]:.1f} s')
     if timing.verdict(timed):
         print(timing.verdict(timed))
     print(simulate.result(out, lambda: evaluate(log)))
-    if driven_out:
+    if end.driven_out:
         raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
-    return 0
+    return StoppedError(end.signal).exit_code if end.signal else 0
 
 
 def evaluate(log: run_log.RunLog) -> list[str]:
@@ -118,13 +123,21 @@ def evaluate(log: run_log.RunLog) -> list[str]:
     return [head, *readable_metrics.brief(found, log.messages)]
 
 
+class _End(NamedTuple):
+    """Whether a motion ended because the robot was driven out, or by which signal; 0: none."""
+
+    driven_out: bool = False
+    signal: int = 0
+
+
 def _supervise(
     parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str
-) -> bool:
+) -> _End:
     """Start the nodes, give them their common start, and wait for the end of the motion.
 
-    Returns:
-        Whether the motion ended early because the robot was driven out of its workspace.
+    Raises:
+        RunError: a node failed.
+        StoppedError: a signal came before the motion began.
     """
     from parallel_robot_analysis.ros_session import Session  # only this command needs ROS
 
@@ -138,7 +151,7 @@ def _supervise(
 
             def watch() -> None:
                 if caught:
-                    raise RunError(f'stopped by {signal.Signals(caught[0]).name}')
+                    raise StoppedError(caught[0])
                 processes.check()
 
             with Session(MODULES, watch, namespace, loop.middleware) as session:
@@ -150,11 +163,16 @@ def _supervise(
                 start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
                 for name in ('recorder', 'trajectory', 'controller', 'plant'):
                     session.start(name, start)
-                with Progress(loop.duration, 's') as progress:
-                    follow(processes, session, loop.last_index or 0, loop.duration, progress)
+                try:
+                    with Progress(loop.duration, 's') as progress:
+                        follow(processes, session, loop.last_index or 0, loop.duration, progress)
+                except StoppedError as error:
+                    if session.state < 0:
+                        raise
+                    return _End(signal=error.signal)
                 for name in session.silent(filter(processes.running, MODULES)):
                     print(f'warning: {name} does not answer any more', file=sys.stderr)
-                return session.driven_out
+                return _End(session.driven_out)
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
