@@ -1,8 +1,8 @@
 """What holds up a loop that runs: changes of law and gains, parameter requests, late subscribers.
 
-One run, in phases: with nothing, and with each kind of request. Of each phase: the pauses between
-commands, the steps of the torque beyond the ramp and what a law itself asks for, and the
-longest callbacks.
+One run, in phases that take turns: nothing, and each kind of request. Of each: the pauses between
+commands, the steps of the torque beyond the ramp and what a law asks for itself, and the longest
+callbacks.
 
 Usage: python benchmarks/switches.py [--help]
 """
@@ -41,16 +41,32 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_control.messages import NO_FAULT
 
 PATIENCE = 30.0  # s
+SETTLE = 1.5  # s, before each phase
+BEGUN = 300_000  # bytes of a bag whose loop runs
 LONGEST = 'longest callback [ms]'  # key of the diagnostics
+COLUMNS = ('requests', 'answer', 'above 2', 'above 3', 'p99.9', 'longest', 'step', 'beyond')
+LEGEND = """requests and the median of their answers [ms]; pauses between commands: above 2 and 3
+periods (each a minute), 99.9 %, longest [periods]; largest step of the torque, and what it has
+beyond the ramp and the largest step of any law itself [N m]; below, the longest callbacks of all
+nodes"""
 
 
 class Phase(NamedTuple):
-    """What was asked of the loop from a time to another [ns]."""
+    """What was asked of the loop within spans of time.
+
+    Attributes:
+        name: What was asked.
+        spans: Begin and end of each span [ns].
+        answers: How long each answer took [s].
+    """
 
     name: str
-    begin: int
-    end: int
-    requests: int
+    spans: list[tuple[int, int]]
+    answers: list[float]
+
+    def inside(self, times: np.ndarray) -> np.ndarray:
+        """Which times [ns] lie within the spans, same shape."""
+        return np.any([(times >= begin) & (times < end) for begin, end in self.spans], axis=0)
 
 
 class Client:
@@ -158,39 +174,25 @@ def kinds(client: Client) -> dict[str, Iterator[Callable[[], None]]]:
 
 
 def measure(given: argparse.Namespace, bag: Path) -> tuple[list[Phase], list[Any]]:
-    """Run the loop with all phases."""
+    """Run the loop: all phases in turn, several times over; returns them and what was told."""
     words = ['--duration', str(given.seconds * 20 + 120), '--out', str(bag)]
     for pair in given.assignments:
         words += ['--set', pair]
     run = subprocess.Popen([*RUN, *words], stdout=subprocess.DEVNULL)
-    phases = []
     try:
-        while not any(file.stat().st_size > 300_000 for file in bag.glob('*.mcap')):
+        while not any(file.stat().st_size > BEGUN for file in bag.glob('*.mcap')):
             if run.poll() is not None:
                 raise RuntimeError('the run ended at once')
             time.sleep(0.1)
         client = Client()
-        client.rest(given.settle)
-        for name, requests in kinds(client).items():
-            if given.only and name not in ('nothing', *given.only):
-                continue
-            count, begin, answers = 0, time.time_ns(), []
-            due = time.monotonic()
-            while time.time_ns() - begin < given.seconds * NANOSECONDS:
-                asked = time.monotonic()
-                next(requests)()
-                answers.append(time.monotonic() - asked)
-                count += 1
-                due = max(due + given.seconds / given.requests, time.monotonic() - 1.0)
-                client.rest(due - time.monotonic())
-            phases.append(Phase(name, begin, time.time_ns(), count))
-            print(
-                f'... {name}: {count} requests, answered in {1e3 * np.median(answers):.1f} ms '
-                f'({1e3 * max(answers):.1f})',
-                flush=True,
-            )
-            client.rest(1.5)
-            client.set(law='s_fotsmc')
+        requests = kinds(client)
+        phases = [Phase(name, [], []) for name in requests if not given.only or name in given.only]
+        client.rest(SETTLE)
+        for _ in range(given.rounds):
+            for phase in phases:
+                ask(client, phase, requests[phase.name], given)
+                client.rest(SETTLE)
+                client.set(law='s_fotsmc', preset='paper')
         rclpy.shutdown()
     finally:
         run.send_signal(signal.SIGINT)
@@ -198,38 +200,46 @@ def measure(given: argparse.Namespace, bag: Path) -> tuple[list[Phase], list[Any
     return phases, client.callbacks
 
 
-def evaluate(
-    bag: Path, phases: list[Phase], callbacks: list[Any], worst: int
-) -> dict[str, dict[str, Any]]:
+def ask(client: Client, phase: Phase, requests: Any, given: argparse.Namespace) -> None:
+    """Ask for some time, at a steady rate if the answers come in time."""
+    count = given.requests // given.rounds
+    pause = given.seconds / given.rounds / count
+    begin = time.time_ns()
+    for _ in range(count):
+        asked = time.monotonic()
+        next(requests)()
+        phase.answers.append(time.monotonic() - asked)
+        client.rest(pause - phase.answers[-1])
+        if time.time_ns() - begin > 2 * given.seconds / given.rounds * NANOSECONDS:
+            break  # new processes take seconds
+    phase.spans.append((begin, time.time_ns()))
+
+
+def evaluate(bag: Path, phases: list[Phase], callbacks: list[Any], worst: int) -> dict[str, Any]:
     """Figures of each phase."""
     log, past = run_log.read(bag), history.read(bag)
-    period = round(log.config['period'] * NANOSECONDS)
     sent = np.array([at for at, _ in messages(bag, f'/{topics.COMMANDS.name}')])
+    gaps = np.diff(sent) / NANOSECONDS / log.config['period']
     answered = np.flatnonzero(~np.isnan(log.answer).any(axis=1))
     steps = np.abs(np.diff(log.answer[answered], axis=0))
-    own = own_steps(log, past, answered)
     ramp = np.asarray(log.config['safety.ramp_rate']) * log.config['period']
-    beyond = (steps - np.broadcast_to(ramp, steps.shape) - own).max(axis=1)
-    heard = log.heard[answered[1:]]
+    beyond = steps - ramp - own_steps(log, past, answered)
+    told = np.array([at for at, _, _ in callbacks])
     rows = {}
     for phase in phases:
-        gaps = np.diff(sent[(sent >= phase.begin) & (sent < phase.end)]) / period
-        inside = (heard >= phase.begin) & (heard < phase.end)
+        some, during = gaps[phase.inside(sent[1:])], phase.inside(log.heard[answered[1:]])
+        length = sum(end - begin for begin, end in phase.spans) / NANOSECONDS
         rows[phase.name] = {
-            'requests': phase.requests,
-            'gaps above 2': int((gaps > 2.0).sum()),
-            'gaps above 3': int((gaps > 3.0).sum()),
-            'p99.9': float(np.percentile(gaps, 99.9)),
-            'longest gap': float(gaps.max()),
-            'largest step': float(steps[inside].max()),
-            'beyond': float(beyond[inside].max()),
+            'requests': len(phase.answers),
+            'answer': 1e3 * float(np.median(phase.answers)),
+            'above 2': 60.0 * int((some > 2.0).sum()) / length,
+            'above 3': 60.0 * int((some > 3.0).sum()) / length,
+            'p99.9': float(np.percentile(some, 99.9)),
+            'longest': float(some.max()),
+            'step': float(steps[during].max()),
+            'beyond': float(beyond[during].max()),
             'callbacks': sorted(
-                (
-                    each
-                    for each in callbacks
-                    if 0 < each[0] - phase.begin < phase.end - phase.begin + NANOSECONDS
-                ),
-                key=lambda each: -each[2],
+                itertools.compress(callbacks, phase.inside(told)), key=lambda each: -each[2]
             )[:worst],
         }
     faults = [each.fault_text for each in past.statuses if each.fault != NO_FAULT]
@@ -264,8 +274,8 @@ def arguments() -> argparse.Namespace:
     add = parser.add_argument
     add('--seconds', type=float, default=15.0, metavar='T', help='of each phase, default 15')
     add('--requests', type=int, default=60, metavar='N', help='in each phase, default 60')
-    add('--settle', type=float, default=2.0, metavar='T', help='before the first phase [s]')
-    add('--only', action='append', metavar='PHASE', help='this phase, and nothing; repeatable')
+    add('--rounds', type=int, default=3, metavar='N', help='parts of each phase, default 3')
+    add('--only', action='append', metavar='PHASE', help='a phase to be run; repeatable')
     add('--busy', type=int, default=0, metavar='N', help='busy processes per core beside it')
     add('--worst', type=int, default=3, metavar='N', help='longest callbacks shown, default 3')
     add('--set', action='append', default=[], dest='assignments', metavar='KEY=VALUE')
@@ -280,18 +290,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory, busy(given.busy):
         bag = given.bag or Path(directory) / 'bag'
         rows = evaluate(bag, *measure(given, bag), given.worst)
-    print(
-        f'{"phase":<32}{"requests":>9}{"gaps > 2":>10}{"> 3":>6}{"p99.9":>8}{"longest":>9}'
-        f'{"step":>8}{"beyond":>8}   (gaps in periods, steps in N m)'
-    )
+    print(f'{"":<32}' + ''.join(f'{column:>10}' for column in COLUMNS))
     for name, one in rows.items():
-        print(
-            f'{name:<32}{one["requests"]:>9}{one["gaps above 2"]:>10}{one["gaps above 3"]:>6}'
-            f'{one["p99.9"]:>8.2f}{one["longest gap"]:>9.2f}{one["largest step"]:>8.3f}'
-            f'{one["beyond"]:>8.3f}'
-        )
+        print(f'{name:<32}' + ''.join(f'{one[column]:>10.4g}' for column in COLUMNS))
         for _, what, length in one['callbacks']:
             print(f'    {length:.3f} ms  {what}')
+    print(LEGEND)
 
 
 if __name__ == '__main__':

@@ -39,6 +39,13 @@ def acquire(priority: int) -> str:
     return f'{schedule}, memory locked' if _lock_memory() else schedule
 
 
+def give_way() -> None:
+    """Let all others of the real-time priority of the calling thread interrupt it."""
+    priority = os.sched_getparam(0).sched_priority
+    if os.sched_getscheduler(0) == os.SCHED_FIFO and priority > 1:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority - 1))
+
+
 def _schedule(priority: int) -> str:
     """Take the best that is permitted, up to the limit of the user."""
     for wanted in (priority, min(priority, _highest(resource.RLIMIT_RTPRIO))):

@@ -202,6 +202,7 @@ class ControllerNode(SuiteNode):
 
     def _load_laws(self) -> None:
         """Load the inactive laws, with pauses, so that they are ready for a switch."""
+        realtime.give_way()
         while not self._closing.wait(LOADING) and self._controller.load():
             pass
 

@@ -10,6 +10,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.service import Service
 
+from parallel_robot_base import realtime
+
 SWITCH = 1e-4  # s, after which a thread that runs Python gives way to one that waits; usually 5e-3
 LOOK = 0.1  # s, between two looks whether the loop has ended
 
@@ -34,7 +36,7 @@ class Background:
         self._closed = threading.Event()
 
     def start(self) -> None:
-        """From now on, do the work in the thread; it has the priority of the caller."""
+        """From now on, do the work in the thread; its priority is just below the caller's."""
         self._pool = ThreadPoolExecutor(1, 'background', self._begin)
 
     def do(self, work: Callable[[], object]) -> None:
@@ -82,6 +84,7 @@ class Background:
             self._pool.shutdown(cancel_futures=True)
 
     def _begin(self) -> None:
+        realtime.give_way()
         self._thread = threading.get_ident()
 
     def _guarded(self, work: Callable[[], object]) -> None:

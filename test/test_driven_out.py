@@ -104,7 +104,7 @@ def test_analyze_evaluates_up_to_there(driven_out, tmp_path, capsys):
 
 def test_run_keeps_the_bag_and_says_when(driven_out, tmp_path, monkeypatch, capsys):
     bag = tmp_path / 'bag'
-    monkeypatch.setattr(run, '_supervise', lambda *_: bool(driven_out(bag)))
+    monkeypatch.setattr(run, '_supervise', lambda *_: run.End(bool(driven_out(bag))))
     assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 1
     out, err = capsys.readouterr()
     assert f'{DRIVEN_OUT} at t = 0.230 s' in err.splitlines()[-1]
@@ -115,7 +115,7 @@ def test_run_keeps_the_bag_and_says_when(driven_out, tmp_path, monkeypatch, caps
 
 def test_run_ends_with_the_figures_of_analyze(tmp_path, monkeypatch, capsys):
     bag = tmp_path / 'bag'
-    monkeypatch.setattr(run, '_supervise', lambda *_: live(bag, {}) and False)
+    monkeypatch.setattr(run, '_supervise', lambda *_: live(bag, {}) and run.End())
     assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 0
     out = capsys.readouterr().out.splitlines()
     assert out[-2:] == [f'bag     {bag}', f'next    parallel_robot analyze {bag}']

@@ -83,6 +83,28 @@ def test_memory_that_has_a_limit_is_not_locked(limit):
     assert granted == 'SCHED_FIFO 20' and threads == [(os.SCHED_FIFO, 20, NICE)] and not locked
 
 
+@needs_nice
+@pytest.mark.parametrize(('priority', 'after'), [(20, 19), (1, 1), (0, 0)])
+def test_a_thread_that_gives_way_is_one_below(priority, after):
+    code = """
+import os, sys, threading
+from parallel_robot_base import realtime
+
+priority = int(sys.argv[1])
+os.sched_setscheduler(0, os.SCHED_FIFO if priority else os.SCHED_OTHER, os.sched_param(priority))
+thread = threading.Thread(
+    target=lambda: (realtime.give_way(), print(os.sched_getparam(0).sched_priority))
+)
+thread.start()
+thread.join()
+print(os.sched_getparam(0).sched_priority)
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code, str(priority)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == [str(after), str(priority)]
+
+
 def test_without_privileges_all_stays_as_it_is():
     nothing = {'RLIMIT_RTPRIO': 0, 'RLIMIT_NICE': 0, 'RLIMIT_MEMLOCK': 65536}
     granted, threads, locked = child(SYS_NICE, IPC_LOCK, **nothing)

@@ -123,16 +123,14 @@ def evaluate(log: run_log.RunLog) -> list[str]:
     return [head, *readable_metrics.brief(found, log.messages)]
 
 
-class _End(NamedTuple):
+class End(NamedTuple):
     """Whether a motion ended because the robot was driven out, or by which signal; 0: none."""
 
     driven_out: bool = False
     signal: int = 0
 
 
-def _supervise(
-    parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str
-) -> _End:
+def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str) -> End:
     """Start the nodes, give them their common start, and wait for the end of the motion.
 
     Raises:
@@ -169,10 +167,10 @@ def _supervise(
                 except StoppedError as error:
                     if session.state < 0:
                         raise
-                    return _End(signal=error.signal)
+                    return End(signal=error.signal)
                 for name in session.silent(filter(processes.running, MODULES)):
                     print(f'warning: {name} does not answer any more', file=sys.stderr)
-                return _End(session.driven_out)
+                return End(session.driven_out)
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
