@@ -131,7 +131,7 @@ def show_wall(rounds: Pairs) -> dict[str, Any]:
     wanted += [
         ('states answered [%]', lambda run: 100 * run['answered'], None),
         ('messages missing in the bag', lambda run: run['missing'], None),
-        ('steady error, rms [um]', lambda run: run['steady_rms_um'], None),
+        ('steady error, rms [µm]', lambda run: run['steady_rms_um'], None),
     ]
     rows = {}
     for label, get, target in wanted:

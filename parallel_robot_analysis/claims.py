@@ -65,9 +65,9 @@ def _chattering(metrics: Metrics) -> float:
 
 
 CLAIMS = (
-    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), _error, 'um', 1e6),
-    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), _error, 'um', 1e6),
-    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), _error, 'um', 1e6),
+    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), _error, 'µm', 1e6),
+    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), _error, 'µm', 1e6),
+    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), _error, 'µm', 1e6),
     Claim(
         'NFTSMC converges faster than SMC and S-SMC (to 1 mm)',
         'nftsmc',
@@ -81,7 +81,7 @@ CLAIMS = (
         's_fotsmc',
         ('smc', 's_smc', 'nftsmc'),
         _error,
-        'um',
+        'µm',
         1e6,
     ),
     Claim(
@@ -97,7 +97,7 @@ CLAIMS = (
         's_fotsmc',
         ('smc', 's_smc', 'nftsmc'),
         _synchronisation,
-        'urad',
+        'µrad',
         1e6,
     ),
     Claim(

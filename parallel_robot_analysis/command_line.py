@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
-from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
+from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output, spell
 from parallel_robot_base.errors import (
     InputError,
     ParallelRobotError,
@@ -70,6 +70,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     words = sys.argv[1:] if words is None else words
     name = 'parallel_robot'
+    spell(sys.stdout)
     try:
         if words and not words[0].startswith('-') and words[0] not in COMMANDS:
             raise UnknownNameError('command', words[0], COMMANDS)

@@ -37,11 +37,11 @@ TRANSIENT = (
     Metric('time to 0.1 mm', 'to 0.1 mm', 's', lambda m: m.transient.to_0_1_mm_s),
 )
 STEADY = (
-    Metric('end-effector error, rms', 'rms', 'um', lambda m: 1e6 * m.steady.xy_rms_m),
-    Metric('end-effector error, max', 'max', 'um', lambda m: 1e6 * m.steady.xy_max_m),
-    Metric('joint error, rms', 'joint rms', 'urad', lambda m: 1e6 * m.steady.joint_rms_rad),
+    Metric('end-effector error, rms', 'rms', 'µm', lambda m: 1e6 * m.steady.xy_rms_m),
+    Metric('end-effector error, max', 'max', 'µm', lambda m: 1e6 * m.steady.xy_max_m),
+    Metric('joint error, rms', 'joint rms', 'µrad', lambda m: 1e6 * m.steady.joint_rms_rad),
     Metric(
-        'synchronisation error, rms', 'sync rms', 'urad', lambda m: 1e6 * m.steady.sync_rms_rad
+        'synchronisation error, rms', 'sync rms', 'µrad', lambda m: 1e6 * m.steady.sync_rms_rad
     ),
 )
 TORQUE = (

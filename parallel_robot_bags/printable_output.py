@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
+import io
 import re
 import sys
 from collections.abc import Iterator
@@ -12,6 +14,7 @@ from parallel_robot_base.printable import printable
 
 LONGEST_LINE = 2000  # characters of what a terminal gets
 ASCII = re.compile(r'[ -~\n]*')
+SPELLED, REPLACED = 'parallel_robot.spelled', {'µ': 'u'}  # a handler of codecs, what it spells
 
 
 def without_mathematics(text: str) -> str:
@@ -38,6 +41,22 @@ class PrintableStream:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+
+def spell(stream: TextIO) -> None:
+    """Make a stream write what its encoding lacks in other letters, um for µm, or as ``?``."""
+    if isinstance(stream, io.TextIOWrapper):
+        stream.reconfigure(errors=SPELLED)
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    return ''.join(REPLACED.get(letter, '?') for letter in lacking), error.end
+
+
+codecs.register_error(SPELLED, _spelled)
 
 
 def as_it_is(stream: TextIO) -> TextIO:

@@ -98,7 +98,7 @@ class Run:
         rms = 1e6 * np.sqrt(np.mean(self.error**2))
         lines = [
             f'Run of {names}: {duration:g} s, {len(self.time)} states of {len(self.joints)} joints'
-            f', joint error {rms:.4g} urad rms'
+            f', joint error {rms:.4g} µrad rms'
         ]
         if self.fault is not None:
             lines.append(f'fault at t = {self.fault[0]:.3f} s: {printable(self.fault[1])}')

@@ -87,7 +87,7 @@ def test_missing_messages_stand_beside_the_metrics():
     counts = {'reference': TopicCount(99, 2), 'pose': TopicCount(10, 0), 'clock': TopicCount(5, 7)}
     lines = readable_metrics.brief(measured(1e-6, 1.0, 0.5), counts)
     assert len(lines) == 4 and lines[3] == '  messages missing: reference 2, clock 7'
-    assert lines[0].startswith('  end-effector error, rms 1.000 um; ')
+    assert lines[0].startswith('  end-effector error, rms 1.000 µm; ')
 
 
 def test_compare_shows_what_was_measured(tmp_path, capsys):

@@ -199,7 +199,7 @@ def test_simulate_and_analyze(tmp_path, capsys):
     assert found['messages']['joint_states'] == {'count': 4001, 'missing': 0}
     assert found['messages']['controller/error'] == {'count': 401, 'missing': 0}
     out, err = capsys.readouterr()
-    assert err == '' and f'{found["steady"]["xy_rms_m"] * 1e6:.3f} um' in out
+    assert err == '' and f'{found["steady"]["xy_rms_m"] * 1e6:.3f} µm' in out
     for name, count in found['messages'].items():
         assert f'{name:<32}{count["count"]:>8}' in out
 

@@ -83,3 +83,12 @@ def test_names_that_look_like_mathematics_are_drawn(log, tmp_path):
     named = log._replace(law='$\\frac{', scenario='two\nlines')
     figures.draw_run(named, metrics.poses(named), tmp_path / 'run.svg')
     assert (tmp_path / 'run.svg').stat().st_size > 10_000
+
+
+def test_laws_are_written_as_in_print(log, tmp_path, monkeypatch):
+    run, replay = drawn(monkeypatch), log.answer
+    figures.draw_run(log._replace(law='s_fotsmc'), metrics.poses(log), tmp_path / 'run.png')
+    figures.draw_torques(log._replace(law='s_smc'), replay, 'mine', tmp_path / 'replay.png')
+    assert run[0].get_suptitle() == 'unknown, S-FOTSMC'
+    legend = run[1].axes[0].get_legend()
+    assert [text.get_text() for text in legend.texts] == ['recorded, S-SMC', 'replayed, mine']

@@ -10,7 +10,7 @@ from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.laws import LAWS
+from parallel_robot_control.laws import LAWS, TITLES, title
 from parallel_robot_model.contract import Model
 
 VALUES = config.resolve('paper_circle')
@@ -280,3 +280,8 @@ def test_table_2_of_nftsmc_is_outside_the_printed_condition_and_warns(form):
 
 def test_other_laws_have_nothing_against_their_gains():
     assert not any(prepare(law, VALUES).warnings for law in LAWS if law != 'nftsmc')
+
+
+def test_every_law_has_a_title_of_its_own():
+    assert list(TITLES) == list(LAWS) and len(set(TITLES.values())) == len(LAWS)
+    assert (title('s_fotsmc'), title('my_law')) == ('S-FOTSMC', 'my_law')

@@ -3,6 +3,7 @@
 import io
 import sys
 
+from parallel_robot_analysis.command_line import main
 from parallel_robot_bags import progress
 from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
 
@@ -24,3 +25,14 @@ def test_progress_still_draws_on_the_terminal(monkeypatch):
     with printable_output():
         assert list(progress.tracked('ab', 2, 'letters')) == ['a', 'b']
     assert terminal.getvalue().startswith(progress.CLEAR)
+
+
+def test_a_terminal_that_lacks_a_letter_gets_another(monkeypatch):
+    content = io.BytesIO()
+    terminal = io.TextIOWrapper(content, encoding='ascii')
+    monkeypatch.setattr(sys, 'stdout', terminal)
+    assert main(['compare', 'paper_circle', '--laws', 'smc', '--duration', '0.1']) == 0
+    print('5 µrad…')
+    terminal.flush()
+    text = content.getvalue().decode('ascii')
+    assert '[um]' in text and text.endswith('5 urad?\n')

@@ -108,13 +108,13 @@ def test_what_must_not_happen_fails_the_row(changes, failure):
 
 def test_a_row_of_the_table_says_what_failed():
     good = Outcome('5 ms late', 'ridden through', 42e-6, 0.0, 1.84, ())
-    assert page.row(good) == '| 5 ms late | ridden through | 42 um | never above | 1.8 N m |'
+    assert page.row(good) == '| 5 ms late | ridden through | 42 µm | never above | 1.8 N m |'
     bad = good._replace(worst=0.0123, recovery=None, failures=('plant ended: a|b',))
     assert page.row(bad) == (
         '| 5 ms late | ridden through; **plant ended: a\\|b** | 12.3 mm | not | 1.8 N m |'
     )
     late = good._replace(worst=2.5e-4, recovery=1.234)
-    assert page.row(late).split(' | ')[2:4] == ['250 um', '1.23 s']
+    assert page.row(late).split(' | ')[2:4] == ['250 µm', '1.23 s']
     text = page.faults([good, bad], ['period=0.002'])
     assert '`period=0.002`' in text and text.endswith('happened: 5 ms late.')
     assert page.faults([good], []).endswith('Nothing that must not happen happened.')

@@ -42,6 +42,10 @@ HOSTILE = {
     'unknown law': ('scenarios: [paper_circle]\nlaws: [smk]\nruns: 3', "unknown law 'smk'"),
     'unknown gain': ('scenarios: [paper_circle]\nlaws: {smc: {q: 1}}\nruns: 3', "'smc.q'"),
     'bad gain': ('scenarios: [paper_circle]\nlaws: {smc: {z: a}}\nruns: 3', 'smc.z must be a num'),
+    'one name twice': (
+        'scenarios: [a/eight.yaml, ./eight.yml]\nlaws: [smc]\nruns: 3',
+        'scenarios: two are called eight; rename a file',
+    ),
     'unknown scenario': ('scenarios: [circel]\nlaws: [smc]\nruns: 3', "scenario 'circel'"),
     'no runs': ('scenarios: [paper_circle]\nlaws: [smc]\nruns: 0', 'runs must be from 1'),
     'half a run': ('scenarios: [paper_circle]\nlaws: [smc]\nruns: 1.5', 'runs must be a whole'),

@@ -123,7 +123,7 @@ def test_the_text_tells_medians_duels_and_failures(planned, results):
 def test_the_csv_reads_back(results):
     rows = list(csv.DictReader(io.StringIO(summary.table(results))))
     first = rows[0]
-    assert (first['law'], first['unit'], float(first['value'])) == ('smc', 'um', 10.0)
+    assert (first['law'], first['unit'], float(first['value'])) == ('smc', 'µm', 10.0)
     assert float(first['high']) == math.inf and first['runs'] == '3'
     assert {row['quantity'] for row in rows} >= {
         'median of end-effector error, rms',
@@ -134,7 +134,8 @@ def test_the_csv_reads_back(results):
 
 def test_latex_is_escaped(results):
     found = summary.latex(results)
-    assert r'<i>\$x\_1\& & 2/3 & 20.00' in found
+    assert r'<i>\$x\_1\& & 2/3 & 20.00' in found and '\nSMC & 2/3' in found
+    assert r'end-effector error, rms [$\mu$m]' in found
     assert found.count(r'\begin{tabular}{lrrrr}') == found.count(r'\end{tabular}') == 1
 
 
@@ -154,7 +155,7 @@ def test_the_page_is_escaped_and_closed(planned, results):
     page = summary.page(planned, results, pictures['png'])
     Reader().feed(page)
     assert not open_tags and not {'i', 'b', 'script'} & set(seen) and 'img' in seen
-    assert 'http' not in page
+    assert 'http' not in page and '<td>SMC</td>' in page
 
 
 def test_the_pictures_are_the_same_every_time(results):

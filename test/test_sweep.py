@@ -12,6 +12,7 @@ from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study import results
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_analysis.study.store import Store
+from parallel_robot_analysis.study.sweep import FILES
 from parallel_robot_analysis.study.table import schema, table
 from parallel_robot_analysis.study.tasks import Task, run_task, tasks
 from parallel_robot_bags import run_log
@@ -203,8 +204,20 @@ def test_of_a_robot_without_a_plane_the_joints_are_compared(tmp_path):
     assert runs(tmp_path)['xy_rms_m'].null_count == runs(tmp_path)['to_1_mm_s'].null_count == 4
     (result,) = results.evaluate(tmp_path / 'runs.parquet', found).values()
     assert result.quantities[0].name == 'joint error, rms'
-    assert result.laws['smc'].medians[0].value == pytest.approx(2.0)  # of 1 and 3 urad
+    assert result.laws['smc'].medians[0].value == pytest.approx(2.0)  # of 1 and 3 µrad
     assert [(duel.winner, duel.probability.value) for duel in result.duels] == [('smc', 1.0)]
+
+
+def test_results_name_a_scenario_by_its_name_not_by_its_path(tmp_path):
+    file = tmp_path / 'eight.yaml'
+    file.write_text('base: paper_circle\n')
+    text = TEXT.replace('paper_circle', str(file))
+    out = tmp_path / 'out'
+    assert '\neight: medians\n' in swept(out, text, runs=2, summarised=True)
+    assert set(runs(out)['scenario'].to_pylist()) == {'eight'}
+    for name in FILES:
+        found = (out / name).read_text(encoding='utf-8')
+        assert 'eight' in found and str(file) not in found
 
 
 def test_the_order_of_the_rows_does_not_matter(whole, tmp_path):

@@ -164,7 +164,7 @@ def test_the_screen_shows_what_is_known(robots):
     for shown in (
         'law s_fotsmc', 'fault none', 'limits none', 'lag 1.00 2.00 31.2',
         'round trip 0.310 0.604 7.40', 'delay - - -',
-        '998 answered, 2 skipped', '5.00 um rms, 5.00 um max',
+        '998 answered, 2 skipped', '5.00 µm rms, 5.00 µm max',
     ):  # fmt: skip
         assert shown in text, text
 
@@ -206,7 +206,7 @@ def test_bars_grow_with_the_error():
 
 @pytest.mark.parametrize(
     ('metres', 'text'),
-    [(0.0, '0.00 um'), (3.1e-6, '3.10 um'), (9.994e-4, '999 um'), (0.38, '380 mm')],
+    [(0.0, '0.00 µm'), (3.1e-6, '3.10 µm'), (9.994e-4, '999 µm'), (0.38, '380 mm')],
 )
 def test_lengths_are_said_in_a_unit_that_fits(metres, text):
     assert view.length(metres) == text

@@ -72,10 +72,10 @@ def soak(found: Soak) -> str:
 
 
 def length(metres: float) -> str:
-    """A length with two or three digits, as um, mm or m."""
+    """A length with two or three digits, as µm, mm or m."""
     if not metres < 1.0:
         return f'{metres:.1f} m'
-    return f'{1e6 * metres:.0f} um' if metres < 1e-3 else f'{1e3 * metres:.1f} mm'
+    return f'{1e6 * metres:.0f} µm' if metres < 1e-3 else f'{1e3 * metres:.1f} mm'
 
 
 def duration(outcome: Outcome) -> str:

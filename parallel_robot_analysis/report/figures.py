@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from parallel_robot_analysis.metrics import Motion, Poses
-from parallel_robot_analysis.report.labels import joint_label, label
+from parallel_robot_analysis.report.labels import joint_label, label, law_label
 from parallel_robot_bags import new_files
 from parallel_robot_bags.printable_output import without_mathematics
 from parallel_robot_bags.run_log import RunLog
@@ -63,7 +63,7 @@ def figure_of_run(log: NamedMotion, pose: Poses) -> Any:
         log: The run.
         pose: Poses of the run.
     """
-    figure = _figure(f'{label(log.scenario)}, {label(log.law)}')
+    figure = _figure(f'{label(log.scenario)}, {law_label(log.law)}')
     names = [without_mathematics(joint_label(name)) for name in log.joints]
     error = log.reference_position - log.position
     if pose.planar:
@@ -114,9 +114,9 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
     for axes, joint, recorded, replayed in curves:
-        name = f'recorded, {without_mathematics(label(log.law))}'
+        name = f'recorded, {without_mathematics(law_label(log.law))}'
         axes.plot(log.time, recorded, color='0.6', lw=2.0, label=name)
-        name = f'replayed, {without_mathematics(label(law))}'
+        name = f'replayed, {without_mathematics(law_label(law))}'
         axes.plot(log.time, replayed, color=COLOURS[0], lw=0.8, label=name)
         axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)

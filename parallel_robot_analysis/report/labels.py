@@ -1,10 +1,11 @@
-"""Names from a bag as they are written in pictures."""
+"""Names from a bag as they are written in pictures and reports."""
 
 from __future__ import annotations
 
 import re
 
 from parallel_robot_base.printable import printable
+from parallel_robot_control.laws import title
 
 LONGEST = 40  # characters of a name, so that it leaves room for the curves
 
@@ -12,6 +13,11 @@ LONGEST = 40  # characters of a name, so that it leaves room for the curves
 def label(name: str) -> str:
     """A name, printable and not too long."""
     return printable(name, LONGEST)
+
+
+def law_label(name: str) -> str:
+    """A law as papers write it, printable and not too long."""
+    return label(title(name))
 
 
 def joint_label(name: str) -> str:

@@ -10,6 +10,7 @@ from parallel_robot_analysis.readable_metrics import METRICS, defined, shown
 from parallel_robot_analysis.report.animation import animation
 from parallel_robot_analysis.report.charts import Chart
 from parallel_robot_analysis.report.decimation import INTERVALS
+from parallel_robot_analysis.report.labels import law_label
 from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.plots import plot
 from parallel_robot_analysis.report.runs import Run
@@ -37,7 +38,7 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
     )
     environment.filters['shown'] = shown
     environment.filters['printable'] = printable
-    environment.filters['micro'] = lambda unit: unit.replace('um', 'µm').replace('ur', 'µr')
+    environment.filters['law_label'] = law_label
     runs = [run for members in groups.values() for run in members]
     return environment.get_template('report.html').render(
         plotly=get_plotlyjs(),

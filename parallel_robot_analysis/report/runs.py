@@ -12,7 +12,7 @@ import numpy as np
 from parallel_robot_analysis import metrics, timing
 from parallel_robot_analysis.readable_metrics import sensor_remarks
 from parallel_robot_analysis.report import palette
-from parallel_robot_analysis.report.labels import label
+from parallel_robot_analysis.report.labels import label, law_label
 from parallel_robot_analysis.timing import Timing
 from parallel_robot_bags import history, run_log, telemetry
 from parallel_robot_bags.limits import MEMORY
@@ -22,8 +22,6 @@ from parallel_robot_base.errors import BagError, InputError, KinematicsError
 from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import CROSS_COUPLING_ERROR
 from parallel_robot_base.units import NANOSECONDS
-
-NAMES = {'smc': 'SMC', 's_smc': 'S-SMC', 'nftsmc': 'NFTSMC', 's_fotsmc': 'S-FOTSMC'}  # in print
 
 
 class Series(NamedTuple):
@@ -91,7 +89,7 @@ def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, lis
     found = {}
     for (scenario, robot), members in logs.items():
         group = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
-        names = _labels([(bag, label(log.law)) for bag, log in members])
+        names = _labels([(bag, law_label(log.law)) for bag, log in members])
         slots = palette.slots([printable(log.law) for _, log in members])
         found[group] = [
             _evaluate(bag, name, f'run{slot}', log, memory)
@@ -119,10 +117,9 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:
     """Name of the law, with that of the bag if two have the same law, and a number if needed."""
-    names = [NAMES.get(law, law) for _, law in members]
+    names = [name for _, name in members]
     labels = [
-        name if names.count(name) == 1 else f'{name} ({label(bag.name)})'
-        for name, (bag, _) in zip(names, members, strict=True)
+        name if names.count(name) == 1 else f'{name} ({label(bag.name)})' for bag, name in members
     ]
     seen: Counter[str] = Counter()
     numbered = []

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parallel_robot_analysis.report.labels import law_label
 from parallel_robot_analysis.report.palette import RUNS
 from parallel_robot_analysis.study import statistics
 from parallel_robot_analysis.study.results import ScenarioResult
@@ -37,7 +38,7 @@ def draw(results: Mapping[str, ScenarioResult]) -> dict[str, bytes]:
                 color=style.light,
                 linestyle=dashes,
                 linewidth=1.4 if k < len(RUNS) else 0.8,
-                label=without_mathematics(law),
+                label=without_mathematics(law_label(law)),
             )
         panel.set_xscale('log')
         panel.set_ylim(0.0, 1.0)

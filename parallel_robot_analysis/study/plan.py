@@ -23,6 +23,7 @@ from parallel_robot_analysis.study.study import Study, Variant
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, check
+from parallel_robot_base.scenario_file import stem
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import ENDLESS, MOST_SAMPLES
@@ -38,7 +39,7 @@ class Row:
     Attributes:
         row: Its number, from 0.
         sample: Number of the sample of the uncertainty.
-        scenario: Name of the scenario.
+        scenario: Name of the scenario, or the path of its file.
         law: Name of the law in the study.
         seed: Seed of whatever is random in the run.
         overrides: What the run changes in the configuration of the scenario.
@@ -59,7 +60,7 @@ class Case:
     """One law in one scenario.
 
     Attributes:
-        scenario: Name of the scenario.
+        scenario: Name of the scenario, or the path of its file.
         variant: The law.
         overrides: What all its runs change in the configuration.
         nominal: The resolved configuration without uncertainty.
@@ -135,14 +136,16 @@ class Plan:
 
     def description(self) -> dict[str, str]:
         """What the numbers of a row depend on, one entry for each part, without the runs."""
-        configurations = [[case.scenario, case.variant.name, case.nominal] for case in self.cases]
+        configurations = [
+            [stem(case.scenario), case.variant.name, case.nominal] for case in self.cases
+        ]
         code = [
             Path(path).read_text()
             for key in config.CUSTOM
             for path in self.study.fixed.get(key, ())
         ]
         parts = {
-            'scenarios': self.study.scenarios,
+            'scenarios': [stem(scenario) for scenario in self.study.scenarios],
             'laws': [variant.name for variant in self.study.laws],
             'seed': self.study.seed,
             'method': self.study.method,

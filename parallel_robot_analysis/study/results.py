@@ -14,6 +14,7 @@ from parallel_robot_analysis.study import statistics
 from parallel_robot_analysis.study.plan import Plan
 from parallel_robot_analysis.study.statistics import Driver, Duel, Estimate
 from parallel_robot_analysis.study.table import arrow
+from parallel_robot_base.scenario_file import stem
 
 Array = NDArray[np.float64]
 REASONS = 3  # most frequent reasons of failures that are told
@@ -37,8 +38,8 @@ class Quantity:
 
 
 ERRORS = (  # the first that the scenario has is the one by which laws are compared
-    Quantity('xy_rms_m', 'end-effector error, rms', 'um', 1e6),
-    Quantity('joint_rms_rad', 'joint error, rms', 'urad', 1e6),
+    Quantity('xy_rms_m', 'end-effector error, rms', 'µm', 1e6),
+    Quantity('joint_rms_rad', 'joint error, rms', 'µrad', 1e6),
 )
 OTHERS = (
     Quantity('torque_max_nm', 'torque, max', 'N m', 1.0),
@@ -88,9 +89,9 @@ def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:
         plan: The plan of the sweep.
 
     Returns:
-        Scenario to its results.
+        Name of a scenario to its results.
     """
-    return {scenario: _scenario(runs, plan, scenario) for scenario in plan.study.scenarios}
+    return {name: _scenario(runs, plan, name) for name in map(stem, plan.study.scenarios)}
 
 
 def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:

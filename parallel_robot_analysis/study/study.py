@@ -13,6 +13,7 @@ from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.loop import DURATION
+from parallel_robot_base.scenario_file import stem
 
 MOST_RUNS = 10_000_000
 # What makes the experiment, or has a key of its own in a study.
@@ -39,7 +40,7 @@ class Study:
     """A study.
 
     Attributes:
-        scenarios: Names of the scenarios.
+        scenarios: Names of the scenarios, or the paths of their files; each has another name.
         laws: The laws.
         runs: Number of samples of the uncertainty; each is a run of every law in every scenario.
         seed: Seed of the samples and of the runs.
@@ -138,6 +139,10 @@ def _study(content: dict[str, Any]) -> Study:
         if key not in content:
             raise InputError(f'{key} is missing')
     scenarios = _names('scenarios', content['scenarios'])
+    named = [stem(scenario) for scenario in scenarios]
+    for name in named:
+        if named.count(name) > 1:
+            raise InputError(f'scenarios: two are called {name}; rename a file')
     entries = _mapping('uncertainty', content.get('uncertainty'))
     for key in entries:
         _check_free('uncertainty', key)

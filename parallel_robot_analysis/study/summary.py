@@ -7,12 +7,13 @@ import csv
 import html
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from parallel_robot_analysis.readable_metrics import shown
 from parallel_robot_analysis.study.plan import Plan
 from parallel_robot_analysis.study.results import Quantity, ScenarioResult
 from parallel_robot_analysis.study.statistics import Estimate
+from parallel_robot_control.laws import title as title_of
 
 Results = Mapping[str, ScenarioResult]
 STRONGEST = 5  # parameters that are shown as drivers of the error; CSV has all
@@ -22,6 +23,7 @@ NOTE = (
 )
 LATEX = {'_': r'\_', '%': r'\%', '&': r'\&', '#': r'\#', '$': r'\$', '{': r'\{', '}': r'\}'}
 LATEX |= {'\\': r'\textbackslash{}', '~': r'\textasciitilde{}', '^': r'\textasciicircum{}'}
+LATEX |= {'µ': r'$\mu$'}
 STYLE = (
     'body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}'
     'table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right}'
@@ -51,13 +53,13 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
     parts = [f'<p>{html.escape(_head(plan))}. {html.escape(NOTE)}</p>']
     for scenario, result in results.items():
         parts.append(f'<h2>{html.escape(scenario)}</h2>')
-        for title, (head, *rows) in _tables(result):
+        for title, (head, *rows) in _tables(result, title_of):
             parts.append(f'<h3>{html.escape(title)}</h3><table>{_cells(head, "th")}')
             parts += [_cells(row, 'td') for row in rows]
             parts.append('</table>')
         for law, found in result.laws.items():
             for why, count in found.reasons.items():
-                parts.append(f'<p>{html.escape(f"{law}, {count} runs: {why}")}</p>')
+                parts.append(f'<p>{html.escape(f"{title_of(law)}, {count} runs: {why}")}</p>')
     encoded = base64.b64encode(picture).decode()
     parts.append(f'<img alt="Distributions of the error" src="data:image/png;base64,{encoded}">')
     return (
@@ -72,7 +74,7 @@ def latex(results: Results) -> str:
     """The table of the laws, one tabular for each scenario."""
     parts = []
     for scenario, result in results.items():
-        (_, (head, *rows)), *_ = _tables(result)
+        (_, (head, *rows)), *_ = _tables(result, title_of)
         parts.append(f'% {scenario}')
         parts.append(r'\begin{tabular}{l' + 'r' * (len(head) - 1) + '}')
         parts.append(r'\hline' + '\n' + _latex_row(head) + '\n' + r'\hline')
@@ -112,20 +114,28 @@ def _head(plan: Plan) -> str:
     )
 
 
-def _tables(result: ScenarioResult) -> list[tuple[str, list[list[str]]]]:
-    """Title and rows, the first with the headings, of each table of a scenario."""
+def _tables(
+    result: ScenarioResult, written: Callable[[str], str] = str
+) -> list[tuple[str, list[list[str]]]]:
+    """Title and rows, the first with the headings, of each table of a scenario.
+
+    Args:
+        result: Results of the scenario.
+        written: Returns how a law is written.
+    """
     first = [['law', 'ok', *map(_heading, result.quantities)]]
     drivers = [['law', 'parameter', 'correlation']]
     for law, found in result.laws.items():
         runs = f'{found.runs.get("ok", 0)}/{sum(found.runs.values())}'
-        first.append([law, runs, *map(_with_interval, found.medians)])
+        first.append([written(law), runs, *map(_with_interval, found.medians)])
         drivers += [
-            [law, driver.parameter, _with_interval(driver.correlation, 2)]
+            [written(law), driver.parameter, _with_interval(driver.correlation, 2)]
             for driver in found.drivers[:STRONGEST]
         ]
     duels = [['winner', 'against', 'probability']]
     duels += [
-        [duel.winner, duel.loser, _with_interval(duel.probability, 3)] for duel in result.duels
+        [written(duel.winner), written(duel.loser), _with_interval(duel.probability, 3)]
+        for duel in result.duels
     ]
     tables = [
         ('medians', first),

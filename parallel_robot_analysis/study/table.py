@@ -11,6 +11,7 @@ from parallel_robot_analysis.metrics import Metrics
 from parallel_robot_analysis.study.plan import Plan, Row
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.scenario_file import stem
 
 # Which run it is, and what became of it.
 IDENTITY = ('row', 'law', 'scenario', 'sample', 'seed', 'status', 'reason', 'limits')
@@ -82,7 +83,7 @@ def _entry(row: Row, outcome: Outcome) -> Mapping[str, Any]:
     return {
         'row': row.row,
         'law': row.law,
-        'scenario': row.scenario,
+        'scenario': stem(row.scenario),
         'sample': row.sample,
         'seed': row.seed,
         'status': outcome.status,

@@ -29,7 +29,7 @@ class Task:
     """Runs of one law in one scenario.
 
     Attributes:
-        scenario: Name of the scenario.
+        scenario: Name of the scenario, or the path of its file.
         numbers: Numbers of the rows.
         overrides: What each row changes in the configuration.
         version: Version of the code that is to run it, see :func:`version`.

@@ -26,8 +26,8 @@ PRIORITY = ('real-time priority', 'real time', 'realtime', 'priority')  # keys o
 TIMES = (('lag', 'controller'), ('round trip', 'plant'), ('delay', 'plant'))  # who reports them
 BARS = ' ▁▂▃▄▅▆▇█'
 EIGHTHS = len(BARS) - 1  # of a row
-FLOOR, DECADES = 1e-7, 5  # m; bars of the end-effector error reach from 0.1 um to 1 cm
-SCALE = ('  1 cm ', '       ', '0.1 um ')  # beside their rows, from the top
+FLOOR, DECADES = 1e-7, 5  # m; bars of the end-effector error reach from 0.1 µm to 1 cm
+SCALE = ('  1 cm ', '       ', '0.1 µm ')  # beside their rows, from the top
 STYLES = {OK: 'green', WARNING: 'yellow', ERROR: 'bold red'}
 
 
@@ -153,7 +153,7 @@ def rounded(word: str, digits: int, unit: str) -> str:
 
 def length(metres: float) -> str:
     """A length in a fitting unit."""
-    unit, factor = ('mm', 1e3) if metres >= 1e-3 else ('um', 1e6)
+    unit, factor = ('mm', 1e3) if metres >= 1e-3 else ('µm', 1e6)
     return f'{number(str(factor * metres))} {unit}'
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from parallel_robot_analysis.report.labels import law_label
 from parallel_robot_analysis.study.results import Quantity
 from parallel_robot_analysis.tuning import picture
 from parallel_robot_analysis.tuning.store import Store
@@ -49,7 +50,7 @@ def write(
     head = heading(tuning, trials, chosen, why)
     gains = gains_lines(law, chosen.gains, fields)
     ros = ['/**:', f'  {MARK}:', *(f'    {line}' for line in [f'law: {text_of(law)}', *gains])]
-    title = f'{law}, {tuning.nominal["scenario"]}'
+    title = f'{law_label(law)}, {tuning.nominal["scenario"]}'
     pictures = picture.draw(title, trials, points, chosen, tuning.error)
     contents = {
         'front.csv': table(points, chosen, tuning.error).encode(),

@@ -58,7 +58,7 @@ class Tuning:
         of_study = self.plan.description()
         return {
             'law': self.space.law,
-            'scenario': self.plan.study.scenarios[0],
+            'scenario': self.nominal['scenario'],
             'version of the suite': version(),
             'seed': self.seed,
             'weights': None if self.weights is None else self.weights._asdict(),

@@ -1,4 +1,4 @@
-"""The laws of the suite by name. A new one is one module and one line here."""
+"""The laws of the suite by name. A new one is one module, and one line in each table here."""
 
 from __future__ import annotations
 
@@ -41,3 +41,25 @@ LAWS: dict[str, Law] = {
     'tdc': tdc,
     'fixed_time_smc': fixed_time_smc,
 }
+
+TITLES = {
+    'smc': 'SMC',
+    's_smc': 'S-SMC',
+    'nftsmc': 'NFTSMC',
+    's_fotsmc': 'S-FOTSMC',
+    'smc_k': 'SMC-K',
+    'fotsmc': 'FOTSMC',
+    'pid': 'PID',
+    'computed_torque': 'computed torque',
+    'super_twisting': 'super-twisting',
+    'adaptive_s_fotsmc': 'adaptive S-FOTSMC',
+    's_fotsmc_ft': 'S-FOTSMC-FT',
+    'adrc': 'ADRC',
+    'tdc': 'TDC',
+    'fixed_time_smc': 'fixed-time SMC',
+}
+
+
+def title(law: str) -> str:
+    """How a law is written in pictures and reports: S-FOTSMC for s_fotsmc; any other as it is."""
+    return TITLES.get(law, law)
