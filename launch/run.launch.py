@@ -7,7 +7,7 @@ from pathlib import Path
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import LaunchConfiguration, TextSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
@@ -36,7 +36,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     given = {name: LaunchConfiguration(name).perform(context) for name in (*PARAMETERS, *OTHERS)}
     given['scenario'] = scenario_file.absolute(given['scenario'])
     parameters = {
-        name: ParameterValue(given[name], value_type=kind)
+        name: ParameterValue(TextSubstitution(text=given[name]), value_type=kind)
         for name, (_, kind) in PARAMETERS.items()
         if given[name]
     }

@@ -8,13 +8,14 @@ import shutil
 import signal
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
-from unittest.mock import MagicMock
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 from ros_fixtures import until
 
 from parallel_robot_analysis.commands.node import NODES
@@ -39,6 +40,7 @@ ROS_PACKAGES = {  # of Jazzy
     *('std_srvs', 'trajectory_msgs', 'visualization_msgs'),
 }
 MAIN = 'parallel_robot_analysis.__main__'
+LAUNCH_FILE = ROOT / 'launch' / 'run.launch.py'
 IMPORTED = '_multiarray_umath'  # by a process that has begun to import the suite
 
 
@@ -179,6 +181,15 @@ def test_every_data_file_is_installed_where_ros_looks(setup):
     assert installed == expected
 
 
+class Text(NamedTuple):
+    """As launch has it: a substitution that is its text."""
+
+    text: str
+
+    def perform(self, context):
+        return self.text
+
+
 class Configuration(NamedTuple):
     """As launch has it: the value of an argument."""
 
@@ -188,69 +199,119 @@ class Configuration(NamedTuple):
         return context[self.name]
 
 
+class Value:
+    """As strict as launch_ros: only a substitution is converted, a value must have its type."""
+
+    def __init__(self, value, *, value_type):
+        if not isinstance(value, (Text, Configuration, value_type)):
+            raise TypeError(f'value={value!r} is not an instance of {value_type}')
+        self._value, self._type = value, value_type
+
+    def evaluate(self, context):
+        if isinstance(self._value, self._type):
+            return self._value
+        text = self._value.perform(context)
+        value = yaml.safe_load(text) if self._type is bool else self._type(text)
+        if type(value) is not self._type:
+            raise ValueError(f"Cannot convert value '{text}' to '{self._type}'")
+        return value
+
+
+class Condition(NamedTuple):
+    """As launch has it: an argument that says yes or no."""
+
+    argument: Configuration
+
+    def evaluate(self, context):
+        return {'true': True, '1': True, 'false': False, '0': False}[
+            self.argument.perform(context).lower()
+        ]
+
+
+def evaluated(source, context):
+    """Parameters as a node is given them: those of a dictionary, or the path of a file."""
+    if not isinstance(source, dict):
+        return source
+    return {name: value.evaluate(context) for name, value in source.items()}
+
+
 @pytest.fixture
 def launch(monkeypatch, tmp_path):
     """Launch the file with arguments, in what stands for ROS's launch; the nodes by executable."""
-    for module in ('launch.actions', 'launch.conditions', 'launch_ros.parameter_descriptions'):
-        monkeypatch.setitem(sys.modules, module, MagicMock())
-    for module in ('launch', 'launch_ros'):
-        monkeypatch.setitem(sys.modules, module, MagicMock())
-    monkeypatch.setitem(
-        sys.modules, 'launch.substitutions', SimpleNamespace(LaunchConfiguration=Configuration)
-    )
-    monkeypatch.setitem(
-        sys.modules, 'launch_ros.actions', SimpleNamespace(Node=lambda **words: words)
-    )
-    actions = sys.modules['launch.actions']
-    sys.modules['launch.conditions'].IfCondition = lambda configuration: configuration
-    parameters = sys.modules['launch_ros.parameter_descriptions']
-    parameters.ParameterValue = lambda value, value_type: (value, value_type)
+    declared, functions = {}, []
+    stand_in = {
+        'launch': {'LaunchContext': dict, 'LaunchDescription': list},
+        'launch.actions': {
+            'DeclareLaunchArgument': lambda name, **words: declared.update({name: words}),
+            'OpaqueFunction': lambda function: functions.append(function),
+        },
+        'launch.conditions': {'IfCondition': Condition},
+        'launch.substitutions': {'LaunchConfiguration': Configuration, 'TextSubstitution': Text},
+        'launch_ros': {},
+        'launch_ros.actions': {'Node': lambda **words: words},
+        'launch_ros.parameter_descriptions': {'ParameterValue': Value},
+    }
+    for name, members in stand_in.items():
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(**members))
     monkeypatch.setenv('HOME', str(tmp_path))
     monkeypatch.delenv('ROS_HOME', raising=False)
 
     def start(**arguments):
-        file = runpy.run_path(str(ROOT / 'launch' / 'run.launch.py'))
-        file['generate_launch_description']()
-        declared = {
-            call.args[0]: call.kwargs for call in actions.DeclareLaunchArgument.call_args_list
-        }
+        runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
         assert all(words['description'] for words in declared.values())
         context = {name: words['default_value'] for name, words in declared.items()}
         assert set(arguments) <= set(context)
-        (made,) = {call.kwargs['function'] for call in actions.OpaqueFunction.call_args_list[-1:]}
-        return {node['executable']: node for node in made(context | arguments)}
+        context |= arguments
+        return {
+            node['executable']: node
+            | {
+                'namespace': node['namespace'].perform(context),
+                'parameters': [evaluated(source, context) for source in node['parameters']],
+                'condition': node['condition'] is None or node['condition'].evaluate(context),
+            }
+            for node in functions[-1](context)
+        }
 
     return start
 
 
+def started(nodes):
+    return {name for name, node in nodes.items() if node['condition']}
+
+
 def test_launch_starts_every_node_of_a_run(launch):
-    nodes = launch()
+    nodes = launch(namespace='left')
     assert set(nodes) == set(NODES) - {'player'}
-    assert {(node['package'], node['namespace']) for node in nodes.values()} == {
-        (NAME, Configuration('namespace'))
-    }
-    conditions = {name: node['condition'] for name, node in nodes.items() if node['condition']}
-    assert conditions == {
-        'recorder': Configuration('record'), 'monitor': Configuration('monitor')
-    }  # fmt: skip
+    assert {(node['package'], node['namespace']) for node in nodes.values()} == {(NAME, 'left')}
+    assert started(nodes) == {'trajectory', 'plant', 'controller'}
 
 
-def test_launch_passes_on_what_is_given_alone(launch, tmp_path):
+@pytest.mark.parametrize('value', ['true', 'false'])
+def test_launch_takes_every_argument(launch, value, tmp_path):
     file = tmp_path / 'my.yaml'
     file.write_text('{}')
+    texts = {'scenario': 'paper_line', 'law': 'smc', 'time_mode': 'lockstep'}
+    switches = dict.fromkeys(('use_sim_time', 'record', 'monitor'), value)
+    nodes = launch(**texts, **switches, namespace='left', params_file=str(file))
+    yes = value == 'true'
+    for node in nodes.values():
+        _, path, given = node['parameters']
+        assert path == str(file) and given == {**texts, 'use_sim_time': yes}
+    assert ({'recorder', 'monitor'} <= started(nodes)) == yes
+
+
+def test_launch_passes_on_what_is_given_alone(launch):
     default, given = launch()['plant']['parameters']
     assert set(default) == {'recorder.out'} and given == {}
-    default, path, given = launch(law='smc', use_sim_time='true', params_file=str(file))[
-        'controller'
-    ]['parameters']
-    assert path == str(file) and given == {'law': ('smc', str), 'use_sim_time': ('true', bool)}
     with pytest.raises(RuntimeError, match='params_file: nowhere is not a file'):
         launch(params_file='nowhere')
+    with pytest.raises(ValueError, match=r"'maybe' to '<class 'bool'>'"):
+        launch(use_sim_time='maybe')
 
 
 def test_launch_records_where_ros_keeps_its_own_or_where_it_is_told(launch, tmp_path, monkeypatch):
     def place(**arguments):
-        return launch(**arguments)['recorder']['parameters'][0]['recorder.out'][0]
+        return launch(**arguments)['recorder']['parameters'][0]['recorder.out']
 
     date = r'\d{4}(_\d\d){2}-\d\d(_\d\d){2}'
     home = re.escape(str(tmp_path / '.ros' / NAME))
@@ -259,18 +320,45 @@ def test_launch_records_where_ros_keeps_its_own_or_where_it_is_told(launch, tmp_
     monkeypatch.setenv('ROS_HOME', str(tmp_path / 'home'))
     assert place().startswith(str(tmp_path / 'home' / NAME))
     recorder = launch(out='runs/mine', law='smc')['recorder']
-    assert recorder['condition'] is None
-    assert recorder['parameters'] == [{'law': ('smc', str), 'recorder.out': ('runs/mine', str)}]
+    assert recorder['condition']
+    assert recorder['parameters'] == [{'law': 'smc', 'recorder.out': 'runs/mine'}]
 
 
 def test_launch_hands_on_the_absolute_path_of_a_scenario(launch, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     out, given = launch(scenario='sub/mine.yaml')['plant']['parameters']
-    assert given == {'scenario': (str(tmp_path / 'sub' / 'mine.yaml'), str)}
-    place = Path(out['recorder.out'][0])
+    assert given == {'scenario': str(tmp_path / 'sub' / 'mine.yaml')}
+    place = Path(out['recorder.out'])
     assert place.parent == tmp_path / '.ros' / NAME and place.name.startswith('mine_2')
     _, given = launch(scenario='paper_line')['plant']['parameters']
-    assert given == {'scenario': ('paper_line', str)}
+    assert given == {'scenario': 'paper_line'}
+
+
+@pytest.mark.parametrize('value', ['true', 'false'])
+def test_the_launch_of_ros_takes_every_argument(value, tmp_path):
+    actions = pytest.importorskip('launch_ros.actions', reason='launch_ros is not installed')
+    import launch
+
+    file = tmp_path / 'my.yaml'
+    file.write_text('{}')
+    texts = {'scenario': 'paper_line', 'law': 'smc', 'time_mode': 'lockstep'}
+    switches = dict.fromkeys(('use_sim_time', 'record', 'monitor'), value)
+    context = launch.LaunchContext()
+    context.launch_configurations.update(
+        {**texts, **switches, 'namespace': 'left', 'params_file': str(file)}
+    )
+    made = []
+    for entity in runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']().entities:
+        made += entity.execute(context) or []
+    for node in made:
+        assert isinstance(node, actions.Node)
+        node._perform_substitutions(context)
+        texts_of = [[getattr(part, 'text', '') for part in word] for word in node.cmd]
+        files = [Path(*b) for a, b in pairwise(texts_of) if a == ['--params-file']]
+        _, own, given = (yaml.safe_load(path.read_text()) for path in files)
+        (parameters,) = given.values()
+        assert own == {}
+        assert parameters['ros__parameters'] == {**texts, 'use_sim_time': value == 'true'}
 
 
 def test_every_import_is_declared(setup):
