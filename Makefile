@@ -36,9 +36,10 @@ demo: setup ## run the paper's circle in real time over ROS 2, then analyse it
 	$(BIN)/parallel_robot run paper_circle --law s_fotsmc --time-mode wall --duration 12 --out $$run && \
 	$(BIN)/parallel_robot analyze $$run
 
-docs: setup ## write docs/parameters.md anew, run docs/notebook.ipynb
+docs: setup ## write docs/parameters.md anew, run docs/notebook.ipynb, draw the moving robot
 	$(BIN)/python docs/parameters.py docs/parameters.md
 	$(BIN)/python docs/notebook.py
+	$(BIN)/python docs/animation.py docs/images/moving_robot.gif
 
 bench: setup ## measure all, beside the peers, a quarter of an hour; writes docs/benchmarks.md
 	$(BIN)/python benchmarks/all.py

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from assembly import simulated
+from PIL import Image
 
 from parallel_robot_base import config, layouts
 from parallel_robot_base.fields import parameters
@@ -20,16 +21,25 @@ DOCS = Path(__file__).parents[1] / 'docs'
 EXAMPLE = DOCS / 'example_law.py'
 
 
-def page():
-    """Text and groups of the generated page."""
-    spec = importlib.util.spec_from_file_location('parameter_page', DOCS / 'parameters.py')
+def script(name):
+    """A script of the documentation as a module."""
+    spec = importlib.util.spec_from_file_location(f'{name}_page', DOCS / f'{name}.py')
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
 def test_the_page_of_parameters_is_the_one_that_the_code_writes():
-    assert (DOCS / 'parameters.md').read_text() == page().text(), 'run make docs'
+    assert (DOCS / 'parameters.md').read_text() == script('parameters').text(), 'run make docs'
+
+
+def test_the_moving_robot_can_be_drawn_again(tmp_path, monkeypatch):
+    animation = script('animation')
+    monkeypatch.setattr(animation, 'DURATION', 0.3)
+    animation.draw(animation.record(tmp_path), tmp_path / 'robot.gif')
+    with Image.open(tmp_path / 'robot.gif') as moving:
+        assert moving.n_frames == 4
+        assert moving.info['duration'] == 80
 
 
 def test_every_key_has_its_row():

@@ -383,10 +383,12 @@ def test_every_import_is_declared(setup):
             assert {'yaml': 'pyyaml'}.get(module, module) in required, (name, module)
 
 
-def test_rosdep_knows_every_dependency_and_the_readme_says_what_it_does_not():
+def test_rosdep_knows_every_dependency_and_the_docs_say_what_it_does_not():
     asked = {element.text for element in PACKAGE if element.tag.endswith('depend')}
     assert asked <= ROSDEP_KEYS | ROS_PACKAGES
-    (told,) = re.findall(r'^pip install (.*)$', (ROOT / 'README.md').read_text(), re.MULTILINE)
+    (told,) = re.findall(
+        r'^pip install (.*)$', (ROOT / 'docs' / 'nodes.md').read_text(), re.MULTILINE
+    )
     assert {re.split('[<>=]', word.strip("'"))[0] for word in told.split()} >= PIP
 
 

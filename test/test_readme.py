@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from parallel_robot_analysis.command_line import build_parser
 from parallel_robot_analysis.commands.simulate import given
@@ -21,6 +22,7 @@ COMMANDS = sorted(
         for line in block.splitlines()
     }
 )
+WRITES = r'(?:--out|--json|--figure|recorder.out:=|cp -r \S+|>)'  # before a name that is new
 LINKS = [
     (path, target)
     for path, text in PAGES.items()
@@ -62,7 +64,36 @@ def test_links_lead_somewhere(page, target):
     assert (page.parent / target).exists()
 
 
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_what_a_command_reads_was_made_before(page):
+    made = set()
+    for block in re.findall(r'```bash\n(.*?)```', PAGES[page], re.DOTALL):
+        for line in block.splitlines():
+            command = line.split(' #')[0]
+            written = re.findall(rf'{WRITES} ?(runs/\w+)', command)
+            read = set(re.findall(r'runs/\w+', command)) - set(written)
+            assert read <= made, line
+            made |= set(written)
+
+
+def test_the_readme_is_short_and_shows_the_robot_before_any_table():
+    lines = README.splitlines()
+    assert len(lines) <= 115
+    first = ' '.join(lines[2:4])
+    assert all(word in first for word in ('fairly', 'bit for bit', 'a real robot'))
+    picture, table = README.index('](docs/images/'), README.index('\n|')
+    assert picture < table
+    (name,) = re.findall(r'!\[.*\]\((docs/.*\.gif)\)', README)
+    assert (ROOT / name).stat().st_size < 600_000
+    with Image.open(ROOT / name) as moving:
+        assert moving.n_frames > 50
+
+
+def test_every_page_is_reached_from_the_readme():
+    assert {path.name for path in PAGES} - set(re.findall(r'[\w.]+\.md', README)) == {'README.md'}
+
+
 def test_every_topic_is_in_the_table():
-    table = README.replace('`, `/', '`, `controller/')
+    table = (ROOT / 'docs' / 'nodes.md').read_text().replace('`, `/', '`, `controller/')
     for topic in (*topics.RECORDED, topics.MARKERS, topics.CLOCK):
         assert f'`{topic.name}`' in table

@@ -1,9 +1,9 @@
-"""The moving robot as plain data for the page."""
+"""The moving robot as numbers, and as plain data for the page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,18 +15,31 @@ RATE = 50.0  # Hz, of the frames
 MOST = 1500  # frames of a long run
 
 
-def animation(runs: Sequence[Run]) -> dict[str, Any]:
-    """Postures of all runs of a robot that moves in a plane, at common times.
+class Postures(NamedTuple):
+    """A robot that moves in a plane, in all runs at common times.
 
-    Returns:
-        ``step`` between frames [s] and ``count`` of them, ``parts`` of the robot, each name and
-        number of lines, the ``view`` of the whole robot and the ``detail`` of the path as x, y,
-        width, height [m], and the ``runs``. The numbers of a frame, packed, are x, y of the
-        reference, of the end effector, and of both ends of each line, part by part; a run that is
-        shorter stays at its end.
+    Attributes:
+        time: Times of the frames [s], shape (F,).
+        parts: Parts of the robot, each name and number of lines.
+        frames: For each run the numbers of its frames [m], shape (F, K): x, y of the reference,
+            of the end effector, and of both ends of each line, part by part. A run that is
+            shorter stays at its end.
+    """
+
+    time: np.ndarray
+    parts: list[tuple[str, int]]
+    frames: list[np.ndarray]
+
+
+def postures(runs: Sequence[Run], rate: float = RATE) -> Postures:
+    """Postures of all runs of a robot that moves in a plane, at most MOST.
+
+    Args:
+        runs: The runs.
+        rate: Of the frames [Hz].
     """
     duration = max(float(run.log.time[-1]) for run in runs)
-    count = min(MOST, int(duration * RATE) + 1)
+    count = min(MOST, int(duration * rate) + 1)
     times = np.linspace(0.0, duration, count)
     parts: list[tuple[str, int]] = []
     all_frames = []
@@ -38,13 +51,25 @@ def animation(runs: Sequence[Run]) -> dict[str, Any]:
         parts = [(part, ends.shape[1]) for part, ends in segments.items()]
         points = (run.poses.reference[rows, :2], pose[:, :2], *segments.values())
         all_frames.append(np.hstack([part.reshape(count, -1) for part in points]))
+    return Postures(times, parts, all_frames)
+
+
+def animation(runs: Sequence[Run]) -> dict[str, Any]:
+    """Postures of all runs of a robot that moves in a plane, for the page.
+
+    Returns:
+        ``step`` between frames [s] and ``count`` of them, ``parts`` of the robot, the ``view`` of
+        the whole robot and the ``detail`` of the path as x, y, width, height [m], and the
+        ``runs``, whose frames are packed; see :class:`Postures`.
+    """
+    times, parts, all_frames = postures(runs)
     together = np.concatenate(all_frames)
     return {
-        'step': duration / max(count - 1, 1),
-        'count': count,
+        'step': float(times[-1]) / max(len(times) - 1, 1),
+        'count': len(times),
         'parts': parts,
-        'view': _box(together.reshape(-1, 2), 0.05),
-        'detail': _box(together[:, :4].reshape(-1, 2), 0.12),
+        'view': box(together.reshape(-1, 2), 0.05),
+        'detail': box(together[:, :4].reshape(-1, 2), 0.12),
         'runs': [
             {'style': run.style, 'frames': packed(frames)}
             for run, frames in zip(runs, all_frames, strict=True)
@@ -52,7 +77,7 @@ def animation(runs: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def _box(points: np.ndarray, margin: float) -> list[float]:
+def box(points: np.ndarray, margin: float) -> list[float]:
     """Square around points [m, m, m, m]: x, y of a corner, width, height."""
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float((high - low).max()) * (1.0 + 2.0 * margin), 1e-3)
