@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_analysis.node_graph import OUTPUTS
 from parallel_robot_base.errors import RunError
 from parallel_robot_base.plain_data import whole_number
+from parallel_robot_base.printable import printable
 from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_ros.tool_node import tool_node
 
@@ -32,6 +33,7 @@ class Session:
     Attributes:
         state: Index of the last state that the plant reported, -1 before the first report.
         driven_out: Whether the plant reported that the robot was driven out of its workspace.
+        alarms: What each node last reported as wrong; empty for nothing.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Session:
         self._exit = ExitStack()
         self.state = -1
         self.driven_out = False
+        self.alarms = dict.fromkeys(self._names, '')
 
     def __enter__(self) -> Session:
         """Create the node."""
@@ -164,9 +167,15 @@ class Session:
         return future.result() if future.done() else None
 
     def take_diagnostics(self, message: DiagnosticArray) -> None:
-        """Take the progress of the plant from diagnostics, which are of any node of the domain."""
+        """Take progress and alarms from diagnostics, which are of any node of the domain."""
         for status in message.status:
-            if status.hardware_id == f'{self._namespace}/plant':
+            space, _, name = status.hardware_id.rpartition('/')
+            if space != self._namespace:
+                continue
+            if name in self.alarms:
+                failed = status.level == DiagnosticStatus.ERROR
+                self.alarms[name] = printable(status.message) if failed else ''
+            if name == 'plant':
                 values = {item.key: item.value for item in status.values}
                 index = whole_number(values.get(STATE_INDEX, ''))
                 self.state = self.state if index is None else index

@@ -110,6 +110,10 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     stamps = states.stamps[used]
     if len(stamps) > 1 and not (stamps[-1] > stamps[0] and np.median(np.diff(stamps)) > 0.0):
         raise BagError(f'{bag}: the stamps of {topics.JOINT_STATES.name} do not increase')
+    repeated = len(stamps) - len(np.unique(stamps))
+    if repeated:
+        what = f'{repeated} messages on {topics.JOINT_STATES.name} repeat a stamp'
+        warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
     answered = command_states.align(commands.log_times, streams.get(topics.ANSWERED, []))
     answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(

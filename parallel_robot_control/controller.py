@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base import cdr, layouts
+from parallel_robot_base import cdr, cdr_reader, layouts
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults, law_core, transitions
 from parallel_robot_control.answer_log import AnswerLog
@@ -111,6 +111,14 @@ class Controller(ControllerState):
     def status(self) -> Status:
         """What the controller is doing."""
         return Status(self.law.name, self._faults.get(self.fault), int(self._numbers[ACTED]))
+
+    def waits(self) -> str:
+        """Which reference is missing for long (lockstep); empty for none."""
+        if self._pending is None or time.monotonic_ns() - self._answered_at < LOST:
+            return ''
+        stamp = (cdr_reader.header_stamp(self._pending) or 0) / NANOSECONDS
+        newest = f'{self._references.newest / NANOSECONDS} s' if len(self._references) else 'none'
+        return f'the state of {stamp} s waits for its reference; the newest one: {newest}'
 
     def expect(self, layout: cdr.Layout, order: list[int]) -> None:
         """Let :meth:`answer` read messages of a layout; `order`: index of each joint in it."""

@@ -147,9 +147,9 @@ class ControllerNode(SuiteNode):
         return self._controller.log.answered
 
     def alarm(self) -> str:
-        """The fault."""
+        """The fault, or the reference that is missing (lockstep)."""
         fault = self._controller.status.fault
-        return f'fault: {fault.text}' if fault else ''
+        return f'fault: {fault.text}' if fault else self._controller.waits()
 
     def leave_out(self, topic: topics.Topic) -> None:
         """Change to the safe action: with two robots or two motions, neither can be trusted."""

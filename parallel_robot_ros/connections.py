@@ -93,6 +93,8 @@ class Connections:
         return ''
 
     def several_publishers(self) -> dict[str, int]:
-        """Publishers of each input that has more than one, as entries of the diagnostics."""
-        counts = {topic: one.get_publisher_count() for topic, one in self._inputs.items()}
-        return {f'{topic.name}: publishers': n for topic, n in counts.items() if n > 1}
+        """Number of publishers of each topic that has more than one, by its name."""
+        counts = {topic.name: one.get_publisher_count() for topic, one in self._inputs.items()}
+        for name in (publisher.topic_name for publisher in self._outputs):
+            counts[name] = self._node.count_publishers(name)
+        return {name: count for name, count in counts.items() if count > 1}

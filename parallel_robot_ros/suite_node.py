@@ -142,6 +142,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         """What the node still waits for; empty when it is ready."""
         return self._connections.missing()
 
+    def ambiguous(self) -> list[str]:
+        """Topics that have several publishers, with their number."""
+        counts = self._connections.several_publishers()
+        return [f'{topic} has {count} publishers' for topic, count in counts.items()]
+
     def begin(self) -> None:
         """Start what keeps time; called when all that takes long is done."""
         if not self.lockstep:  # where nothing is late
@@ -309,6 +314,7 @@ class SuiteNode(Node):  # type: ignore[misc]
     def _publish_diagnostics(self) -> None:
         usual = {**self.diagnose(), **self._usage.measure(self.handled()), **self._granted}
         usual |= self._times.take()
-        unusual = {**self.counts, **self._connections.several_publishers()}
+        several = self._connections.several_publishers()
+        unusual = {**self.counts, **{f'{name}: publishers': n for name, n in several.items()}}
         message = diagnostics_message(self, {**usual, **unusual}, unusual, self.alarm())
         self._diagnostics.publish(message)

@@ -70,6 +70,8 @@ class PlantNode(SuiteNode):
         self._torque = np.zeros(len(self.loop.joints))  # torque of the command being read
         self._published = 0  # number of states
         self._published_at = 0  # ns, monotonic
+        self._advanced_at = 0  # ns, monotonic; the same, but for states that are repeated
+        self._stood_still = False  # whether that was said
         self._round_trips: list[int] = []  # ns
         self._delays: list[int] = []  # ns, from the stamp to the publication (wall time)
         self._states = self.publisher(topics.JOINT_STATES)
@@ -82,7 +84,7 @@ class PlantNode(SuiteNode):
         if self.lockstep:
             self._time = self.publisher(topics.CLOCK, essential=False)
             self._time_message = layouts.clock().draft()
-            self.create_timer(REPEAT / NANOSECONDS, self._poll)
+            self.create_timer(0.5 * REPEAT / NANOSECONDS, self._poll)
             for name, answer in (
                 ('pause', self._answer_pause),
                 ('resume', self._answer_resume),
@@ -112,9 +114,9 @@ class PlantNode(SuiteNode):
             self._publish()
 
     def alarm(self) -> str:
-        """How the robot left its workspace."""
+        """How the robot left its workspace, or why the motion stands still (lockstep)."""
         outside = self.run.outside
-        return f'{outside}; ~/reset puts it back' if outside else ''
+        return f'{outside}; ~/reset puts it back' if outside else self._standstill()
 
     def diagnose(self) -> dict[str, Any]:
         """Delays of the publications and round trips of the last second, and the state."""
@@ -163,16 +165,32 @@ class PlantNode(SuiteNode):
 
     def _poll(self) -> None:
         """Start once there is a controller, and repeat a state without an answer (lockstep)."""
-        unanswered = time.monotonic_ns() - self._published_at
+        before, unanswered = self.run.index, time.monotonic_ns() - self._published_at
         if self.run.poll(not self.missing(), unanswered):
-            self._publish()
+            self._publish(again=before is not None)
+        standstill = self._standstill()
+        if standstill and not self._stood_still:
+            self.get_logger().warning(standstill)
+        self._stood_still = bool(standstill)
 
-    def _publish(self) -> None:
-        """Publish the present state of the run."""
+    def _standstill(self) -> str:
+        """Why the motion does not go on (lockstep); empty if it does."""
+        seconds = 1e-9 * (time.monotonic_ns() - self._advanced_at)
+        if not (self.lockstep and self.run.stands_still(seconds)):
+            return ''
+        why = self.missing() or ', '.join(self.ambiguous()) or 'the controller may say why'
+        return (
+            f'no command for {seconds:.1f} s after state {self.run.index}: {why}; '
+            '~/reset begins the motion again'
+        )
+
+    def _publish(self, again: bool = False) -> None:
+        """Publish the present state of the run, perhaps once more."""
         stamp = self.run.stamp
         if self.lockstep:
             self._time.publish(self._time_message.encode(stamp))
         self._published_at = time.monotonic_ns()
+        self._advanced_at = self._advanced_at if again else self._published_at
         self._states.publish(self.run.message)
         self._published += 1
         index = stamp // self.period_ns
@@ -194,12 +212,9 @@ class PlantNode(SuiteNode):
     def _answer_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self.run.reset()
         if not response.success:
-            response.message = (
-                'not in lockstep with a common start: the other nodes would not start again'
-            )
+            response.message = 'the common start is still awaited'
         elif self.lockstep:
-            response.message = 'the motion begins again'
-            self._poll()
+            response.message = 'the motion begins again within a second'
         else:
             response.message = 'held at the initial pose until the next command'
         return response

@@ -68,6 +68,7 @@ class PlantRun:
         self._reset_requested = False
         self._steps_left = ENDLESS  # in lockstep; 0: paused
         self._was_ready = False  # whether all partners were present at an earlier poll
+        self._was_reset = False  # whether the motion begins again (lockstep)
         self.simulator = make()
         self.index: int | None = None
         self.stamp = 0
@@ -124,27 +125,36 @@ class PlantRun:
         return self._lockstep and self._steps_left != 0 and self._go_on()
 
     def poll(self, ready: bool, unanswered: int) -> bool:
-        """Start a motion without a common start, and repeat a state without an answer (lockstep).
+        """Start a motion that has no common start or was reset, and repeat states (lockstep).
 
-        Partners may join at any time: the state is repeated for them.
+        Partners may join at any time: a state without an answer is repeated for them. After a
+        common start they are all there, and a repetition would stand in the bag.
 
         Args:
             ready: Whether all partners are present.
             unanswered: Time since the last state was published [ns].
         """
-        if self._loop.start_stamp != 0 or not ready or self.finished:
+        if (self._loop.start_stamp != 0 and not self._was_reset) or not ready or self.finished:
             return False
-        if self.outside or not self._steps_left:
+        if self.outside or not self._steps_left or unanswered < REPEAT:
             return False
         if not self._was_ready:  # the partners may not have found each other yet
             self._was_ready = True
             return False
         if self.index is None:
-            self._start, self.index = STEP_START, 0
-        elif unanswered < REPEAT:
-            return False
+            self._start, self.index = self._start or STEP_START, 0
+            self._was_reset = False
         self._show(self._start + self.index * self._period)
         return True
+
+    def stands_still(self, seconds: float) -> bool:
+        """Whether the command that lets the motion go on is missing (lockstep).
+
+        Args:
+            seconds: Time since the last state was published for the first time [s].
+        """
+        waits = self.index is not None and not (self.finished or self.outside)
+        return waits and self._steps_left != 0 and seconds >= REPEAT / NANOSECONDS
 
     def pause(self) -> None:
         """Take no further step (lockstep)."""
@@ -158,16 +168,18 @@ class PlantRun:
     def reset(self) -> bool:
         """Put the robot back to its initial pose: now in lockstep, else with the next tick.
 
+        In lockstep, the motion begins again once commands that are on their way have come.
+
         Returns:
-            Whether that is possible: not in lockstep with a common start, which the other nodes
-            take only once.
+            Whether that is possible: not before a common start.
         """
         if not self._lockstep:
             self._reset_requested = self._by_command = True
-        elif self._loop.start_stamp == 0:
-            self._put_back()
-        else:
+        elif self._loop.start_stamp == WAIT and not self._start:
             return False
+        else:
+            self._put_back()
+            self._was_reset = True
         return True
 
     def _put_back(self) -> None:

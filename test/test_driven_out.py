@@ -17,7 +17,7 @@ from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.experiment import describe
 from parallel_robot_bags.progress import Progress
 from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.errors import DRIVEN_OUT
+from parallel_robot_base.errors import DRIVEN_OUT, RunError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 
@@ -52,8 +52,21 @@ def test_the_session_hears_it_from_the_plant(node, outside, driven_out):
     assert session.driven_out == driven_out  # it has been, though it was put back
 
 
+def test_a_motion_that_stands_still_is_told_with_what_the_nodes_say(monkeypatch):
+    monkeypatch.setattr(run, 'STANDSTILL', 0.0)
+    session = Session(['plant'], lambda: None)
+    status = diagnostics('/plant', **{STATE_INDEX: '7'})
+    status.status[0].level, status.status[0].message = DiagnosticStatus.ERROR, 'no \x1b[2Jcommand'
+    session.spin = lambda _: session.take_diagnostics(status)
+    session.silent = lambda _: []
+    processes = SimpleNamespace(running=lambda _: True, check=pytest.fail)
+    with pytest.raises(RunError, match=r'at state 7 of 12000: plant: no .*command$') as raised:
+        run.follow(processes, session, 12_000, 12.0, Progress(12.0, 's'))
+    assert '\x1b' not in str(raised.value)
+
+
 def test_the_run_does_not_wait_for_the_rest_of_the_motion():
-    session = SimpleNamespace(state=0, driven_out=False, spins=0)
+    session = SimpleNamespace(state=0, driven_out=False, spins=0, alarms={})
 
     def spin(_):
         session.spins += 1

@@ -210,12 +210,28 @@ def test_a_reset_in_lockstep_begins_again():
     assert rig.states[:4] == rig.states[4:]
 
 
-def test_a_common_start_in_lockstep_is_not_repeated():
+def test_after_a_common_start_no_state_is_repeated_but_a_reset_begins_again():
     rig = Rig('lockstep', start_stamp=WAIT)
+    assert not rig.run.reset()  # there is nothing to begin yet
     rig.publish(rig.run.start(START))
-    rig.command()
-    assert not rig.run.reset()
-    assert rig.run.index == 1 and rig.command() == 1
+    rig.command(times=3)
+    assert not rig.poll() and not rig.poll()
+    assert rig.run.reset() and rig.command() == 0
+    assert not rig.poll(unanswered=REPEAT - 1)  # commands may be on their way
+    rig.begin()
+    assert rig.command(times=3) == 3 and rig.states[:4] == rig.states[4:]
+    assert not rig.poll() and not rig.poll()
+
+
+def test_a_motion_stands_still_without_a_command_that_is_due():
+    rig = Rig('lockstep')
+    assert not rig.run.stands_still(60.0)
+    rig.begin()
+    assert rig.run.stands_still(0.5) and not rig.run.stands_still(0.4)
+    rig.run.pause()
+    assert not rig.run.stands_still(60.0)
+    rig.run.resume()
+    assert rig.run.stands_still(60.0) and rig.run.reset() and not rig.run.stands_still(60.0)
 
 
 @pytest.mark.parametrize('start', [0, WAIT, START])

@@ -94,13 +94,16 @@ class TrajectoryNode(SuiteNode):
         stamp = cdr_reader.header_stamp(data)
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
-        k = (stamp - (self._start or STEP_START)) // self.period_ns
+        start = self._start or STEP_START
+        k = (stamp - start) // self.period_ns
+        if k < 0 or (self.last_index is not None and k > self.last_index):
+            self.counts['joint states that are not of this motion'] += 1
+            return
         if not self._start or stamp <= self._asked:
-            self._start = self._start or STEP_START
             self._sent = k - 1  # a new run, or the plant repeats a state: references are missing
-        self._asked = stamp
+        self._start, self._asked = start, stamp
         if self._sent < k + BATCH // 2:
-            for index in range(self._sent + 1, k + BATCH + 1):
+            for index in range(max(self._sent + 1, k), k + BATCH + 1):
                 self._publish(index)
 
     def _publish(self, k: int) -> None:

@@ -216,6 +216,9 @@ def follow(
             progress.show(round(duration * min(1.0, seen / samples), 1))
         elif time.monotonic() - since > STANDSTILL:
             where = f'the motion stands still at state {seen} of {samples}'
-            silent = ' and '.join(session.silent(MODULES))
-            raise RunError(where + (f': no answer of {silent}' if silent else ''))
+            silent = session.silent(MODULES)
+            said = [f'{name}: {text}' for name, text in session.alarms.items() if text]
+            if silent:
+                said = [f'no answer of {" and ".join(silent)}']
+            raise RunError(': '.join([where, *said[:1]]))
     processes.check()
