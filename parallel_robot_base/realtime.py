@@ -13,6 +13,7 @@ from pathlib import Path
 LOOP = 20  # priority of SCHED_FIFO: above normal work, below the interrupt threads of Linux (50)
 LISTENER = 10  # of nodes that must not delay the loop, nor fall behind: resending costs more
 NORMAL = 'normal'
+LOCKED = 'memory locked'
 SLICE = 100_000  # ns, the shortest that Linux grants
 SCHED_SETATTR = {'x86_64': 314, 'aarch64': 274}  # system call; that after it is sched_getattr
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # Linux: present pages, future pages, once used
@@ -36,7 +37,7 @@ def acquire(priority: int) -> str:
     if not priority:
         return NORMAL
     schedule = _schedule(priority)
-    return f'{schedule}, memory locked' if _lock_memory() else schedule
+    return f'{schedule}, {LOCKED}' if _lock_memory() else schedule
 
 
 def give_way() -> None:

@@ -36,6 +36,12 @@ def test_make_targets_exist(command):
     assert re.search(rf'^{target}:', (ROOT / 'Makefile').read_text(), re.MULTILINE)
 
 
+def test_the_demo_is_one_run_which_tells_its_metrics_itself():
+    makefile = (ROOT / 'Makefile').read_text()
+    recipe = re.search(r'^demo:.*\n((?:\t.*\n)+)', makefile, re.MULTILINE).group(1)
+    assert re.findall(r'bin/parallel_robot (\w+)', recipe.replace('$(BIN)', 'bin')) == ['run']
+
+
 @pytest.mark.parametrize('command', [c for c in COMMANDS if 'bin/parallel_robot' in c])
 def test_commands_of_the_command_line_parse_and_their_keys_resolve(command, monkeypatch):
     monkeypatch.chdir(ROOT)

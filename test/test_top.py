@@ -158,15 +158,38 @@ def test_the_screen_shows_what_is_known(robots):
     ]  # fmt: skip
     names = [line.split()[1] for line in lines[2:7]]
     assert names == ['node', 'trajectory', 'plant', 'controller', 'recorder']
-    assert ' '.join(row(lines, 'controller')) == 'controller 998 Hz 24.1 % FIFO 40 ok'
-    assert row(lines, 'recorder') == ['recorder', '-', '-', '-', 'ok']
+    assert ' '.join(row(lines, 'controller')) == 'controller 998 Hz 24.1 % FIFO 40 - ok'
+    assert row(lines, 'recorder') == ['recorder', '-', '-', '-', '-', 'ok']
     text = ' '.join(' '.join(lines).split())
     for shown in (
         'law s_fotsmc', 'fault none', 'limits none', 'lag 1.00 2.00 31.2',
         'round trip 0.310 0.604 7.40', 'delay - - -',
-        '998 answered, 2 skipped', '5.00 µm rms, 5.00 µm max',
+        'answered 998, skipped 2', '5.00 µm rms, 5.00 µm max',
     ):  # fmt: skip
         assert shown in text, text
+
+
+@pytest.mark.parametrize(
+    ('granted', 'shown'),
+    [
+        ('SCHED_FIFO 20, memory locked', 'FIFO 20 locked'),
+        ('normal, slice 0.1 ms, memory locked', 'slice 0.1 ms locked'),
+        ('normal, slice 0.1 ms', 'slice 0.1 ms -'),
+        ('nice -10', 'nice -10 -'),
+        ('normal, memory locked', 'normal locked'),
+    ],
+)
+def test_nothing_is_cut_at_80_columns(granted, shown, robots):
+    says = 'joint states of two publishers, states that are too old, 2 publishers on reference'
+    figures = {'rate [Hz]': 1000.3, 'processor [%]': 100.04, 'real-time priority': granted}
+    report(robots, '/left/plant', text=says, **figures)
+    report(robots, '/left/controller', answered=36_000_000, skipped=12_345)
+    lines = drawn(robots, '/left')
+    assert {len(line) for line in lines} == {80}
+    assert ' '.join(row(lines, 'plant')).startswith(f'plant 1000 Hz 100.0 % {shown} joint states')
+    text = ' '.join(word for line in lines for word in line.split() if word not in '│')
+    assert says in text and 'answered 36000000, skipped 12345' in text
+    assert '…' not in text
 
 
 def test_a_robot_without_poses_has_no_panel_for_them(robots):

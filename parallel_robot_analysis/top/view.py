@@ -19,8 +19,11 @@ from parallel_robot_analysis.top.robots import (
     Robot,
     Robots,
 )
+from parallel_robot_base.printable import printable
+from parallel_robot_base.realtime import LOCKED
 
 UNKNOWN = '-'
+SAYS = 90  # characters of a node's message, four lines of 80 columns
 CALM = ('none', '')  # no fault, no limit
 PRIORITY = ('real-time priority', 'real time', 'realtime', 'priority')  # keys of a node
 TIMES = (('lag', 'controller'), ('round trip', 'plant'), ('delay', 'plant'))  # who reports them
@@ -69,19 +72,28 @@ def nodes(robot: Robot, now: float) -> Table:
     """A row for each node: rate, share of a processor, priority, message."""
     table = Table(box=None, expand=True, pad_edge=False, header_style='dim')
     table.add_column('node', width=10, no_wrap=True)
-    for title, width in (('rate', 8), ('cpu', 7), ('priority', 10)):
+    for title, width in (('rate', 7), ('cpu', 7), ('priority', 12), ('memory', 6)):
         table.add_column(title, justify='right', width=width, no_wrap=True)
-    table.add_column('says', ratio=1, no_wrap=True, overflow='ellipsis')
+    table.add_column('says', ratio=1, overflow='fold')
     known = [name for name in NODES if name in robot.nodes]
     for name in [*known, *sorted(set(robot.nodes) - set(known))]:
         table.add_row(
             Text(name),
             Text(rounded(robot.value(name, 'rate [Hz]'), 0, 'Hz')),
             Text(rounded(robot.value(name, 'processor [%]'), 1, '%')),
-            Text(robot.value(name, *PRIORITY) or UNKNOWN),
+            *granted(robot.value(name, *PRIORITY)),
             said(robot.nodes[name], now),
         )
     return table
+
+
+def granted(text: str) -> tuple[Text, Text]:
+    """What realtime.acquire returned, short enough for two columns: priority, memory."""
+    *schedule, last = text.split(', ')
+    locked = last == LOCKED
+    words = schedule if locked else [*schedule, last]
+    priority = words[-1].removeprefix('SCHED_') if words else ''
+    return Text(priority or UNKNOWN), Text('locked' if locked else UNKNOWN)
 
 
 def loop(robot: Robot) -> Table:
@@ -110,7 +122,7 @@ def times(robot: Robot) -> Group:
     answered, skipped = (
         robot.value('controller', key) or UNKNOWN for key in ('answered', 'skipped')
     )
-    states = Text.assemble(('states  ', 'dim'), f'{answered} answered, {skipped} skipped')
+    states = Text.assemble(('answered ', 'dim'), answered, (', skipped ', 'dim'), skipped)
     states.no_wrap = True
     return Group(table, states)
 
@@ -131,7 +143,7 @@ def said(report: Report, now: float) -> Text:
     silent = now - report.time
     if silent >= SILENT:
         return Text(f'silent for {silent:.0f} s', STYLES[ERROR])
-    return Text(report.text, STYLES.get(report.level, ''))
+    return Text(printable(report.text, SAYS), STYLES.get(report.level, ''))
 
 
 def number(word: str) -> str:
