@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import logging
 import os
@@ -18,6 +17,7 @@ from parallel_robot_base.errors import (
     StoppedError,
     UnknownNameError,
 )
+from parallel_robot_base.options import Parser
 from parallel_robot_base.printable import printable
 
 COMMANDS = {
@@ -44,13 +44,13 @@ def module_of(command: str) -> ModuleType:
     return import_module(f'parallel_robot_analysis.commands.{command}')
 
 
-def build_parser(words: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
+def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:
     """Make the parser of the command line.
 
     Args:
         words: Of the command line; subcommands that are none of them have no arguments.
     """
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='parallel_robot', description='Sliding-mode control of a 3-RRR parallel robot.'
     )
     subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
@@ -74,8 +74,8 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         if words and not words[0].startswith('-') and words[0] not in COMMANDS:
             raise UnknownNameError('command', words[0], COMMANDS)
+        name = ' '.join([name, *(word for word in words[:1] if word in COMMANDS)])
         arguments = build_parser(words).parse_args(words)
-        name = f'{name} {arguments.command}'
         # Says what takes long; a pipe gets results and errors alone, and a node has its own log.
         if sys.stderr.isatty() and arguments.command != 'node':
             logging.basicConfig(format=f'{name}: %(message)s')

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.options import number
 
 MEMORY = 2 << 30  # bytes that a command may take for what is in bags
 TRUSTED = 1 << 50  # the same, for a bag that this process has just had written
@@ -45,11 +46,15 @@ def add_memory_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def gigabytes(text: str) -> int:
-    """Bytes from a number of gigabytes on the command line."""
-    number = float(text)
-    if not 0.01 <= number <= 1e6:
+    """Bytes from a number of gigabytes on the command line.
+
+    Raises:
+        argparse.ArgumentTypeError: it is none, or out of range.
+    """
+    size = number(text)
+    if not 0.01 <= size <= 1e6:
         raise argparse.ArgumentTypeError(f'{text} GB are not from 0.01 to 1e6')
-    return round(number * (1 << 30))
+    return round(size * (1 << 30))
 
 
 class Allowance:

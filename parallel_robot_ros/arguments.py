@@ -6,19 +6,15 @@ import argparse
 import inspect
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 from rclpy.utilities import remove_ros_args
 
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.options import Parser
 
 AddArguments = Callable[[argparse.ArgumentParser], None]
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message}; {self.prog} --help lists what it takes')
 
 
 def read(
@@ -40,7 +36,7 @@ def read(
     """
     name = node.__name__.removesuffix('Node').lower()
     about = inspect.cleandoc(sys.modules[node.__module__].__doc__ or '')
-    parser = _Parser(
+    parser = Parser(
         prog=name,
         usage=None if add_arguments else '%(prog)s [-h] [--ros-args ...]',
         description=about,

@@ -57,7 +57,7 @@ def test_a_word_that_nobody_knows_costs_one_line(name, node):
     own = ['bag'] if name == 'player' else []
     code, out, err = node(name, *own, '--ros-args', '-p', 'a:=1', '--', '--rte')
     assert (code, out) == (2, '') and err.count('\n') == 1
-    assert f'unrecognized arguments: --rte; {name} --help lists' in err
+    assert "unknown option '--rte'" in err
 
 
 @pytest.mark.parametrize('name', ['recorder', 'player'])

@@ -11,12 +11,13 @@ from assembly import simulated
 from bags import full_disk
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.command_line import COMMANDS, main, module_of
 from parallel_robot_analysis.commands import recover, rerun, run
 from parallel_robot_analysis.readable_metrics import STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_base import config
+from parallel_robot_base.options import Parser
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 
@@ -295,3 +296,54 @@ def test_a_full_disk_ends_a_simulation_in_one_line(tmp_path, capsys):
     with full_disk(200_000):
         assert main(['recover', str(tmp_path / 'bag'), '--out', str(tmp_path / 'again')]) == 1
     assert not (tmp_path / 'again').exists()
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        ('simulate x --out y --duration 12s', "--duration: a number is wanted, not '12s'; did you "
+         'mean 12?'),
+        ('simulate x --out y --duration 1,5', "a number is wanted, not '1,5'; did you mean 1.5?"),
+        ('compare x --duration soon', "--duration: a number is wanted, not 'soon'"),
+        ('rerun x --duration 1h', "not '1h'; did you mean 1?"),
+        ('simulate x --out y --row 3.0', "--row: a whole number is wanted, not '3.0'; did "
+         'you mean 3?'),
+        ('sweep x --out y --runs 1e3', "not '1e3'; did you mean 1000?"),
+        ('sweep x --out y --workers 1.5', "--workers: a whole number is wanted, not '1.5'"),
+        ('tune smc x --out y --trials many', "--trials: a whole number is wanted, not 'many'"),
+        ('tune smc x --out y --chattering low', "--chattering: a number is wanted, not 'low'"),
+        ('identify x --cutoff 5Hz', "--cutoff: a number is wanted, not '5Hz'; did you mean 5?"),
+        ('analyze x --max-memory 4GB', "--max-memory: a number is wanted, not '4GB'; did "
+         'you mean 4?'),
+        ('run x --out y --time-mode lokstep', "--time-mode: unknown value 'lokstep'; did you mean "
+         "'lockstep'? (known: lockstep, wall)"),
+        ('show x --format jsno', "--format: unknown value 'jsno'; did you mean 'json'?"),
+        ('identify x --format jsno', "--format: unknown value 'jsno'; did you mean 'json'?"),
+        ('simulate x --out y --durration 3', "unknown option '--durration'; did you "
+         "mean '--duration'?"),
+        ('simulate x --out y --durration=3', "unknown option '--durration'; did you "
+         "mean '--duration'?"),
+        ('simulate x', 'the following arguments are required: --out; '),
+        ('simulate x --out', '--out: expected one argument'),
+        ('analyze x y', 'unrecognized arguments: y; '),
+        ('tune smc x --out y --pick 1 --chattering 2', 'not allowed with argument --pick'),
+    ],
+)  # fmt: skip
+def test_a_wrong_option_costs_one_line_that_says_what_is_right(words, message, capsys):
+    words = words.split()
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    start = f'parallel_robot {words[0]}: '
+    assert out == '' and err.startswith(start) and err.count('\n') == 1
+    assert message in err and 'usage' not in err
+
+
+def test_every_option_with_a_number_says_what_is_wanted(capsys):
+    """Also one that comes later."""
+    for command in COMMANDS:
+        parser = Parser()
+        module_of(command).add_arguments(parser)
+        for action in parser._actions:
+            if action.type in (int, float):
+                assert main([command, action.option_strings[-1], '?']) == 2
+                assert 'number is wanted, not' in capsys.readouterr().err
