@@ -210,13 +210,13 @@ def sweep(
     """
     pandas = _pandas()
     if isinstance(study, Mapping):
-        text, name = _as_yaml(study), 'study'
+        text, name, folder = _as_yaml(study), 'study', None
     elif isinstance(study, str | Path):
         file = studies.file_of(str(study))
-        text, name = studies.read(file), str(file)
+        text, name, folder = studies.read(file), str(file), file.parent
     else:
         raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
-    asked = studies.parse(text, name).changed(runs, values)
+    asked = studies.parse(text, name, folder).changed(runs, values)
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
     directory = Path(out)

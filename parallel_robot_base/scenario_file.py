@@ -18,9 +18,14 @@ def is_path(scenario: str) -> bool:
     return '/' in scenario or scenario.endswith(SUFFIXES)
 
 
-def absolute(scenario: str) -> str:
-    """A path made absolute, for processes with other current directories; a name as it is."""
-    return str(_place(scenario)) if is_path(scenario) else scenario
+def absolute(scenario: str, start: Path | None = None) -> str:
+    """A path made absolute, for processes with other current directories; a name as it is.
+
+    Args:
+        scenario: Name or path of a scenario.
+        start: Directory from which a relative path counts; None: the current one.
+    """
+    return str(_place(scenario, start)) if is_path(scenario) else scenario
 
 
 def stem(scenario: str) -> str:

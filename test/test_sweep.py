@@ -220,6 +220,29 @@ def test_results_name_a_scenario_by_its_name_not_by_its_path(tmp_path):
         assert 'eight' in found and str(file) not in found
 
 
+def test_paths_of_a_study_count_from_its_file(tmp_path, monkeypatch, capsys):
+    """And the command line may say how many runs there are."""
+    (tmp_path / 'studies' / 'mine').mkdir(parents=True)
+    file = tmp_path / 'studies' / 'one.yaml'
+    file.write_text('scenarios: [mine/eight.yaml]\nlaws: [smc]\nduration: 0.1\n')
+    (tmp_path / 'studies' / 'mine' / 'eight.yaml').write_text('base: paper_circle\n')
+    for here, count in ('.', 1), ('studies', 2), ('studies/mine', 2):
+        monkeypatch.chdir(tmp_path / here)
+        words = ['sweep', str(file), '--runs', str(count), '--workers', '1']
+        assert main([*words, '--out', str(tmp_path / 'out')]) == 0
+        assert '\neight: medians\n' in capsys.readouterr().out
+        bag = tmp_path / f'bag {len(here)}'
+        assert main(['simulate', str(tmp_path / 'out'), '--row', '0', '--out', str(bag)]) == 0
+        assert run_log.read(bag).scenario == 'eight'
+    assert runs(tmp_path / 'out').num_rows == 2
+    assert main(['sweep', str(file), '--out', str(tmp_path / 'other')]) == 2
+    error = capsys.readouterr().err
+    assert (
+        error
+        == 'parallel_robot sweep: runs is missing: neither the study nor --runs says how many\n'
+    )
+
+
 def test_the_order_of_the_rows_does_not_matter(whole, tmp_path):
     class Backwards(Inline):
         slots = 1000

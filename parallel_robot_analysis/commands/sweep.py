@@ -43,7 +43,7 @@ def execute(arguments: argparse.Namespace) -> int:
     file = study.file_of(arguments.study)
     text = study.read(file)
     fixed = assignments.parse(arguments.assignments)
-    asked = study.parse(text, str(file)).changed(arguments.runs, fixed)
+    asked = study.parse(text, str(file), file.parent).changed(arguments.runs, fixed)
     out: Path = arguments.out
     summary = sweep(plan(asked), text, out, workers, count)
     print(summary, end='')

@@ -141,7 +141,7 @@ def _study(arguments: argparse.Namespace, fixed: dict[str, Any]) -> Study:
     scenarios, laws = (arguments.scenario,), (Variant(arguments.law, arguments.law, {}),)
     if arguments.study is not None:
         file = study.file_of(arguments.study)
-        given = study.parse(study.read(file), str(file))
+        given = study.parse(study.read(file), str(file), file.parent)
         asked = replace(given, scenarios=scenarios, laws=laws)
     elif arguments.runs is not None:
         raise InputError('--runs are samples of the uncertainty of a --study')

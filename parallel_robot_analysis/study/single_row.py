@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def row_of(name: str, number: int, fixed: Mapping[str, Any]) -> tuple[Row, list[
     directory = Path(name)
     if not directory.is_dir():
         file = study.file_of(name)
-        asked = study.parse(study.read(file), str(file)).changed(None, fixed)
+        asked = study.parse(study.read(file), str(file), file.parent).changed(None, fixed)
         return plan(asked).row(number), []
     manifest = store.manifest_of(directory)
     for key in fixed:
@@ -41,7 +42,8 @@ def row_of(name: str, number: int, fixed: Mapping[str, Any]) -> tuple[Row, list[
                 f'{directory} was made with code of its own; give --set {key}=... once more'
             )
     file = directory / store.STUDY
-    asked = study.parse(study.read(file), str(file))
+    parsed = study.parse(study.read(file), str(file))
+    asked = replace(parsed, scenarios=tuple(map(str, manifest['scenarios'])))  # it is a copy
     found = plan(asked.changed(manifest['runs'], {**manifest['set'], **fixed}))
     doubts = [store.study_doubt(manifest, found), store.version_doubt(manifest)]
     return found.row(number), [f'{directory}: {doubt}' for doubt in doubts if doubt]

@@ -181,6 +181,7 @@ class Store:
             'format': FORMAT,
             'version': version(),
             'runs': self._plan.study.runs,
+            'scenarios': list(self._plan.study.scenarios),
             'set': plain(dict(self._plan.study.fixed)),
             'study': self._plan.description(),
         }
@@ -245,7 +246,7 @@ def manifest_of(directory: Path) -> dict[str, Any]:
         ) from None
     except ValueError:
         found = None
-    kinds = {'version': str, 'runs': int, 'set': dict, 'study': dict}
+    kinds = {'version': str, 'runs': int, 'scenarios': list, 'set': dict, 'study': dict}
     known = isinstance(found, dict) and found.get('format') == FORMAT
     if not known or any(type(found.get(key)) is not kind for key, kind in kinds.items()):
         raise InputError(f'{path} is not that of a sweep of this version; choose another --out')

@@ -13,7 +13,7 @@ from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.loop import DURATION
-from parallel_robot_base.scenario_file import stem
+from parallel_robot_base.scenario_file import absolute, stem
 
 MOST_RUNS = 10_000_000
 # What makes the experiment, or has a key of its own in a study.
@@ -40,9 +40,11 @@ class Study:
     """A study.
 
     Attributes:
-        scenarios: Names of the scenarios, or the paths of their files; each has another name.
+        scenarios: Names of the scenarios, or the absolute paths of their files; each has another
+            name.
         laws: The laws.
         runs: Number of samples of the uncertainty; each is a run of every law in every scenario.
+            0: the file does not say.
         seed: Seed of the samples and of the runs.
         method: How the uncertainty is sampled.
         duration: Length of each run [s].
@@ -63,9 +65,11 @@ class Study:
         """The study with another number of runs and more fixed values.
 
         Raises:
-            InputError: a value is wrong, or a key cannot be fixed.
+            InputError: a value is wrong, a key cannot be fixed, or nothing says how many runs.
         """
         if runs is None:
+            if not self.runs:
+                raise InputError('runs is missing: neither the study nor --runs says how many')
             runs = self.runs
         for uncertain in self.uncertainties:
             if uncertain.key in fixed:
@@ -108,12 +112,13 @@ def read(path: Path) -> str:
         raise InputError(f'the study {path} is not text in UTF-8') from None
 
 
-def parse(text: str, name: str = 'study') -> Study:
+def parse(text: str, name: str = 'study', folder: Path | None = None) -> Study:
     """Read a study; whether its keys exist is checked with the scenarios, see plan.py.
 
     Args:
         text: Content of the file.
         name: Name of the file, for messages.
+        folder: Directory of the file, from which its paths count; None: the current one.
 
     Raises:
         InputError: the text is not YAML, or something in it is wrong.
@@ -125,20 +130,20 @@ def parse(text: str, name: str = 'study') -> Study:
     if not isinstance(content, dict):
         raise InputError(f'{name} must hold keys and values')
     try:
-        return _study(content)
+        return _study(content, folder)
     except InputError as error:
         raise InputError(f'{name}: {error}') from None
 
 
-def _study(content: dict[str, Any]) -> Study:
+def _study(content: dict[str, Any], folder: Path | None) -> Study:
     known = {'scenarios', 'laws', 'runs', 'seed', 'method', 'duration', 'set', 'uncertainty'}
     for key in content:
         if key not in known:
             raise UnknownNameError('key', key, known)
-    for key in ('scenarios', 'laws', 'runs'):
+    for key in ('scenarios', 'laws'):
         if key not in content:
             raise InputError(f'{key} is missing')
-    scenarios = _names('scenarios', content['scenarios'])
+    scenarios = [absolute(each, folder) for each in _names('scenarios', content['scenarios'])]
     named = [stem(scenario) for scenario in scenarios]
     for name in named:
         if named.count(name) > 1:
@@ -150,9 +155,11 @@ def _study(content: dict[str, Any]) -> Study:
     for key in fixed.keys() & entries.keys():
         raise InputError(f'{key} is both in set and in uncertainty')
     return Study(
-        scenarios,
+        tuple(scenarios),
         _laws(content['laws']),
-        check('runs', int, Field('', '', 1, MOST_RUNS), content['runs']),
+        check('runs', int, Field('', '', 1, MOST_RUNS), content['runs'])
+        if 'runs' in content
+        else 0,
         check('seed', int, Field('', '', 0, 2**63 - 1), content.get('seed', 0)),
         check('method', Literal['sobol', 'random'], Field('', ''), content.get('method', 'sobol')),
         check('duration', float, Field('s', '', 0.0), content.get('duration', DURATION)),
