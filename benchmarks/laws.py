@@ -1,5 +1,7 @@
 """Cost of every law: its kernel, and one cycle of the controller node from bytes to command.
 
+The law from a file is docs/example_law.py: computed torque, as the suite's own of that name.
+
 Usage: python benchmarks/laws.py [cycles]
 """
 
@@ -10,7 +12,7 @@ import sys
 import time
 from typing import Any
 
-import checkout  # noqa: F401
+import checkout
 import numpy as np
 import rclpy
 from rclpy.context import Context
@@ -30,6 +32,7 @@ from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.configuration import configure
 from trajectory_gen.messages import reference_messages
 
+FILE = checkout.ROOT / 'docs' / 'example_law.py'
 WARM = 200  # cycles that are not counted
 BATCHES = 7  # of the kernel
 
@@ -54,9 +57,14 @@ def repeat(
     return total
 
 
+def chosen(law: str) -> dict[str, Any]:
+    """Parameters that choose a law; that of the file is none of LAWS."""
+    return {'law': law} | ({} if law in LAWS else {'custom_laws': [str(FILE)]})
+
+
 def experiment(law: str) -> Experiment:
     """The paper's circle under a law."""
-    return assemble(configure(resolve('paper_circle', {'law': law, 'duration': 1.0})))
+    return assemble(configure(resolve('paper_circle', {'duration': 1.0, **chosen(law)})))
 
 
 def kernel_cost(law: str, count: int) -> list[float]:
@@ -79,7 +87,8 @@ def kernel_cost(law: str, count: int) -> list[float]:
 
 def node_cost(law: str, count: int) -> list[float]:
     """Time from a joint state and a reference as bytes to the published command [us]."""
-    rclpy.init(args=['--ros-args', '-p', f'law:={law}'])
+    words = [word for key, value in chosen(law).items() for word in ('-p', f'{key}:={value}')]
+    rclpy.init(args=['--ros-args', *words])
     node, context = ControllerNode(), Context()
     context.init()
     listener = rclpy.create_node('listener', context=context)
@@ -117,7 +126,7 @@ def main() -> None:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 5000
     found = []
-    for law in LAWS:
+    for law in (*LAWS, FILE.stem):
         found.append(row(f'{law}, kernel', 'us a cycle', kernel_cost(law, count)))
         found.append(row(f'{law}, node, bytes to command', 'us a cycle', node_cost(law, count)))
         print(f'... {law}', flush=True)

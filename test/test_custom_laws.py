@@ -2,7 +2,6 @@
 
 import re
 import signal
-import timeit
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from rig import Rig
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
-from parallel_robot_base import cache_directory, layouts, topics
+from parallel_robot_base import cache_directory, topics
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.kernel_cache import NOTICE
 from parallel_robot_base.vector_types import Vector
@@ -77,29 +76,6 @@ def test_classes_of_the_same_names_as_those_of_another_law_are_told_apart(mine):
     first = made.experiment.control.law.memory
     assert type(made.run.memory) is type(first) is not LAWS['pid'].Memory
     assert type(pid.run.memory) is LAWS['pid'].Memory
-
-
-def test_a_cycle_with_such_a_law_takes_no_longer_than_with_the_other(mine):
-    times = {}
-    rigs = {law: Rig('lockstep', law=law, custom_laws=[str(mine)]) for law in ('pid', 'mine')}
-    for rig in rigs.values():
-        rig.run(5)
-    for law, rig in rigs.items():
-        core, joints = rig.controller, ('joint1', 'joint2', 'joint3')
-        stamps = rig.stamp + np.arange(1400) * 10**6
-        states = layouts.joint_state(joints).records(
-            len(stamps), stamps, position=rig.measured().position
-        )
-        messages = iter([state.tobytes() for state in states])
-        for stamp in stamps:
-            core.add_reference(int(stamp), rig.reference())
-
-        def cycle(core=core, messages=messages):
-            assert core.answer(next(messages)) > 0
-
-        times[law] = min(timeit.repeat(cycle, number=200, repeat=7))
-        assert type(core.memory) is type(core.law.memory)
-    assert times['mine'] < 3.0 * times['pid']
 
 
 def test_the_laws_are_switched_to_and_fro(mine):
