@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import fcntl
 import json
 import os
@@ -15,11 +14,12 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 from parallel_robot_base.errors import RunError
 from parallel_robot_base.kernel_cache import NOTICE
-from parallel_robot_base.module_process import START, command
+from parallel_robot_base.module_process import START, command, die_with_parent
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_base.user_directory import user_directories
 
 MODULES = {
@@ -31,7 +31,18 @@ MODULES = {
 # The plant ends first, at a state; what the others still publish is recorded.
 STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))
 END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
-PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
+
+
+class Work(NamedTuple):
+    """What a process has done.
+
+    Attributes:
+        ran: Processor time that it has used [s].
+        waited: Time in which it could have run, but others had the processors [s].
+    """
+
+    ran: float
+    waited: float
 
 
 class NodeProcesses:
@@ -88,12 +99,12 @@ class NodeProcesses:
         """Whether a node has logged that it compiles."""
         return NOTICE in self._output(name)
 
-    def processor_time(self, name: str) -> float:
-        """Processor time that a node has used [s]; 0 when it has ended."""
+    def work(self, name: str) -> Work:
+        """What a node has done so far; nothing when it has ended."""
         try:
-            return processor_seconds(self._processes[name].pid)
+            return work(self._processes[name].pid)
         except OSError:
-            return 0.0
+            return Work(0.0, 0.0)
 
     def check(self) -> None:
         """Check that all processes run; only the recorder may have ended, without an error.
@@ -131,11 +142,6 @@ class NodeProcesses:
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ', '', last)  # level, time and node
 
 
-def die_with_parent() -> None:
-    """Let this process end with its parent; for ``preexec_fn`` of a child."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
 def end(
     processes: Collection[subprocess.Popen[Any]], *signals: int, timeout: float = END_TIMEOUT
 ) -> None:
@@ -168,6 +174,19 @@ def processor_seconds(pid: int) -> float:
     """
     fields = process_status(pid)
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def work(pid: int) -> Work:
+    """What a process has done.
+
+    Raises:
+        OSError: it has ended.
+    """
+    waited = 0
+    for task in Path(f'/proc/{pid}/task').iterdir():
+        with contextlib.suppress(OSError):  # it has just ended, or the kernel does not say
+            waited += int((task / 'schedstat').read_text().split()[1])
+    return Work(processor_seconds(pid), waited / NANOSECONDS)
 
 
 def children(pid: int) -> dict[str, int]:

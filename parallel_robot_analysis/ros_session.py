@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.node_graph import OUTPUTS
+from parallel_robot_analysis.processes import Work
 from parallel_robot_base.errors import RunError
 from parallel_robot_base.plain_data import whole_number
 from parallel_robot_base.printable import printable
@@ -21,7 +22,7 @@ from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_ros.tool_node import tool_node
 
 ANSWER_TIMEOUT = 0.2  # s, for a question that can be asked again
-START_TIMEOUT = 10.0  # s, for the answer to a start
+START_TIMEOUT = 60.0  # s, for the answer to a start
 CHECK_INTERVAL = 2.0  # s, between two checks how busy the nodes are
 BUSY = 0.05  # share of a core; waiting for messages takes less
 SILENT = 'it does not answer'
@@ -84,27 +85,27 @@ class Session:
         self._watch()
 
     def wait_until_ready(
-        self, seconds: float, work: Callable[[str], float], show: Callable[[Collection[str]], None]
+        self, seconds: float, work: Callable[[str], Work], show: Callable[[Collection[str]], None]
     ) -> None:
         """Wait until every node says that it is ready.
 
-        A node whose service is there, that does not answer yet and that uses its processor is
-        compiling: it has all the time it needs.
+        A node whose service is there, that does not answer yet and that works, is compiling: it
+        has all the time it needs. Time in which others have the processors does not count.
 
         Args:
             seconds: How long to wait while no such node is busy [s].
-            work: Processor time that a node has used [s].
+            work: What a node has done.
             show: Called with the names of those that are not ready, again and again.
 
         Raises:
             RunError: one is not ready in time, or another suite runs on the same ROS domain.
         """
         waiting = dict.fromkeys(self._names, SILENT)
-        used = dict.fromkeys(self._names, 0.0)
+        done = {name: work(name) for name in self._names}
         deadline = looked = time.monotonic()
         deadline += seconds
         while waiting:
-            busy = set()
+            seen: dict[str, bool] = {}  # of those that do not answer, whether they are there
             for name in list(waiting):
                 show(waiting)
                 answer = self._call(self._ready[name], Trigger.Request())
@@ -112,14 +113,19 @@ class Session:
                     del waiting[name]
                 elif answer is not None:
                     waiting[name] = answer.message
-                elif self._ready[name].service_is_ready():
-                    busy.add(name)
+                else:
+                    seen[name] = self._ready[name].service_is_ready()
             now = time.monotonic()
             if now - looked > CHECK_INTERVAL:
+                new = {name: work(name) for name in waiting}
+                ran = {name: new[name].ran - done[name].ran for name in seen}
+                held = {name: new[name].waited - done[name].waited for name in seen}
                 enough = BUSY * (now - looked)
-                if any(work(name) - used[name] > enough for name in busy):
+                if any(ran[name] + held[name] > enough for name in seen if seen[name]):
                     deadline = now + seconds
-                looked, used = now, {name: work(name) for name in waiting}
+                else:
+                    deadline += min(max(held.values(), default=0.0), now - looked)
+                looked, done = now, new
             if waiting and now > deadline:
                 silent = {name: says for name, says in waiting.items() if says == SILENT}
                 name, reason = next(iter((silent or waiting).items()))  # others wait for it

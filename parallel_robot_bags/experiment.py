@@ -32,7 +32,7 @@ OWNERS = {  # nodes whose parameters count, the later overriding; and common key
 }
 OF_ROBOT = {'robot', 'true_robot', 'safety', 'trajectory'}  # groups with keys of a robot
 GIT = ('git', 'describe', '--always', '--dirty')
-GIT_PATIENCE = 2.0  # s
+GIT_PATIENCE = 10.0  # s, of a busy machine
 
 
 def describe(

@@ -1,9 +1,13 @@
-"""Command lines that run a module of the suite in a separate process."""
+"""Modules of the suite in separate processes: their command lines, and their end."""
 
 from __future__ import annotations
 
+import ctypes
+import signal
 import sys
 from pathlib import Path
+
+PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 
 # As ``python -m``, but without the current directory first on the path, so that nothing in it is
 # imported. The folder of the code of this process goes there, unless it is on the path anyway.
@@ -18,3 +22,8 @@ def command(module: str, *words: str) -> list[str]:
     """Command line that runs a module of the suite, the same code as here, from anywhere."""
     root = Path(__file__).parents[1]  # as on the path, not resolved
     return [sys.executable, '-c', START, str(root), module, *words]
+
+
+def die_with_parent() -> None:
+    """Let this process end with its parent; for ``preexec_fn`` of a child."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

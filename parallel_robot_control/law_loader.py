@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
+from types import ModuleType
 from typing import Any, cast
 
 from parallel_robot_base import custom_module
+from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.fields import defaults
+from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_control.contract import Law
 
 NEEDED = ('Gains', 'initial_memory', 'update')
@@ -24,8 +28,16 @@ def load(path: str) -> tuple[str, Law]:
     Raises:
         InputError: the file does not exist, cannot be imported or is not a law.
     """
-    name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',))
+    name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',), rehearse)
     return name, cast(Law, law)
+
+
+def rehearse(law: ModuleType) -> None:
+    """Call what a law has in Python; what it raises is told where it is called again."""
+    with contextlib.suppress(*RAISED), step('judge', LIMIT):
+        law.judge(law.Gains())
+    with contextlib.suppress(*RAISED), step('initial_memory', LIMIT):
+        law.initial_memory(3)
 
 
 def custom_laws(values: Mapping[str, Any]) -> dict[str, Law]:

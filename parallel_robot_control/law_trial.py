@@ -7,32 +7,24 @@ machine code, for this source of the law.
 
 from __future__ import annotations
 
-import contextlib
-import faulthandler
 import hashlib
-import json
-import os
-import signal
-import subprocess
-import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import typeof
 
-from parallel_robot_base import cache_directory, custom_module, fields
+from parallel_robot_base import cache_directory, custom_module, fields, trial_process
+from parallel_robot_base.custom_import import import_file
+from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
-from parallel_robot_base.module_process import command
+from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_base.vector_types import as_arrays, as_vectors
-from parallel_robot_control import law_loader
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model
 
-LIMIT = 1.0  # s, time within which each function of a law must return
-COMPILING = 120.0  # s, for the process as a whole
 OTHERS = (1, 2, 5)  # numbers of joints that a law should support, too
 UPDATES = 5  # for each number of joints
 SIZES = (0.0, 1e-3, 1.0, 10.0)  # magnitudes of the samples
@@ -75,76 +67,59 @@ def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
     Raises:
         InputError: the law is refused.
     """
-    environment = {**os.environ, 'NUMBA_BOUNDSCHECK': '1', 'NUMBA_CACHE_DIR': cache}
-    task = json.dumps({'file': str(file), 'gains': gains, 'joints': joints})
-    try:
-        child = subprocess.run(
-            command(__name__, task),
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors='replace',
-            timeout=COMPILING,
-        )
-    except subprocess.TimeoutExpired:
-        raise InputError(f'{name}: it is not compiled within {COMPILING:g} s') from None
-    said = child.stdout.splitlines()
-    if child.returncode == 0 and said:
-        result: dict[str, str] = json.loads(said[-1])
-        if 'refused' in result:
-            raise InputError(f'{name}: {result["refused"]}')
-        return result['warnings']
-    if 'Timeout' in child.stderr:
-        raise InputError(f'{name}: {said[-1]} does not return within {LIMIT:g} s')
-    code = child.returncode
-    how = signal.Signals(-code).name if code < 0 else f'exit code {code}'
-    raise InputError(f'{name}: {said[-1] if said else "its trial"} ends with {how}')
+    task = {'file': str(file), 'gains': gains, 'joints': joints}
+    ended = trial_process.run(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
+    if not ended.returned:
+        raise InputError(f'{name}: {ended.how}')
+    verdict: dict[str, str] = ended.result
+    if 'refused' in verdict:
+        raise InputError(f'{name}: {verdict["refused"]}')
+    return verdict['warnings']
 
 
-def main() -> int:
-    """Try a law with the task on the command line, and print the verdict as the last line."""
-    task = json.loads(sys.argv[1])
-    _, law = law_loader.load(task['file'])
+def _trial(task: dict[str, Any]) -> dict[str, str]:
+    """Try the law of a task: the verdict."""
+    file = Path(task['file'])
+    law: Any = import_file(file, file.read_bytes())
     names = [parameter.key for parameter in fields.parameters(law.Gains)]
     gains = fields.build(law.Gains, dict(zip(names, task['gains'], strict=True)))
-    result = {'warnings': ''}
-    try:
-        for joints in (task['joints'], *OTHERS):
-            try:
-                _run(law, gains, joints)
-            except Exception as error:
-                text = str(error) if isinstance(error, InputError) else first_line(error)
-                if joints == task['joints']:
-                    raise InputError(text) from None
-                result['warnings'] = f'written for {task["joints"]} joints; with {joints}: {text}'
-                break
-    except InputError as error:
-        result = {'refused': str(error)}
-    print('\n' + json.dumps(result), flush=True)
-    return 0
+    for joints in (task['joints'], *OTHERS):
+        try:
+            _run(law, gains, joints)
+        except RAISED as error:
+            text = str(error) if isinstance(error, InputError) else first_line(error)
+            if joints == task['joints']:
+                return {'refused': text}
+            return {'warnings': f'written for {task["joints"]} joints; with {joints}: {text}'}
+    return {'warnings': ''}
 
 
 def _run(law: Any, gains: Any, joints: int) -> None:
     """Update a law several times with a number of joints."""
-    with _limited('initial_memory'):
+    with step('initial_memory', LIMIT):
         memory = first = as_arrays(law.initial_memory(joints))
     random = np.random.default_rng(joints)
-    given = as_arrays
     for k in range(UPDATES * len(SIZES)):
         rows = random.normal(scale=SIZES[k % len(SIZES)], size=(6, joints))
         model = Model(np.eye(joints), np.eye(joints), np.zeros(joints))
         words = (gains, model, JointReference(*rows[:3]), Feedback(*rows[3:]), memory, 1e-3)
         if k == 0:
-            try:
-                law.update.compile(tuple(map(typeof, words)))
-            except Exception:  # it may need vectors, which cannot be read beyond their end
-                law.update.compile(tuple(map(typeof, as_vectors(words))))
-                given = as_vectors
-        with _limited('update'):
+            with step('the compilation of update'):
+                given = _compiled_for(law, words)
+        with step('update', LIMIT):
             output = law.update(*given(words))
         _check(output, joints, first)
         memory = output.memory
+
+
+def _compiled_for(law: Any, words: tuple[Any, ...]) -> Callable[[Any], Any]:
+    """Compile the update of a law; returns what makes the arguments that it takes."""
+    try:
+        law.update.compile(tuple(map(typeof, words)))
+    except Exception:  # it may need vectors, which cannot be read beyond their end
+        law.update.compile(tuple(map(typeof, as_vectors(words))))
+        return as_vectors
+    return as_arrays
 
 
 def _check(output: ControlOutput, joints: int, first: Any) -> None:
@@ -171,16 +146,5 @@ def _leaves(memory: Any) -> Iterator[tuple[int, ...]]:
         yield np.shape(memory)
 
 
-@contextlib.contextmanager
-def _limited(what: str) -> Iterator[None]:
-    """End this process if a function of the law does not return; nothing else can stop it."""
-    print(f'\n{what}', flush=True)
-    faulthandler.dump_traceback_later(LIMIT, exit=True)
-    try:
-        yield
-    finally:
-        faulthandler.cancel_dump_traceback_later()
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    trial_process.serve(_trial)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.compile_error import reason
+from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.function_value import FirstClass, distinguish
 from parallel_robot_base.vector_types import as_arrays, as_vectors, vector
@@ -57,7 +58,7 @@ def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
         return tuple(f'{name}: {text}' for text in of_law(gains)) if of_law else ()
     except InputError as error:
         raise InputError(f'{name}: {error}') from None
-    except Exception as error:  # custom code may raise anything
+    except RAISED as error:
         raise InputError(f'{name}: judge: {first_line(error)}') from error
 
 
@@ -81,7 +82,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         memory = law.initial_memory(joints)
         distinguish(gains, memory)
         typeof(memory)
-    except Exception as error:
+    except RAISED as error:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
     made = _with_vectors(law, gains, memory, joints)
     if made is None:

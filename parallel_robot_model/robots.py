@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Mapping
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from numba import types
@@ -14,6 +16,7 @@ from parallel_robot_base.compile_error import reason
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import defaults
 from parallel_robot_base.function_value import FirstClass, distinguish
+from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_base.vector_types import VectorType, shape_of
 from parallel_robot_model import axes, planar_3rrr, serial_2r
 from parallel_robot_model.contract import Estimate, JointMotion, Location, Measurement, Robot
@@ -161,7 +164,18 @@ def custom_robots(values: Mapping[str, Any]) -> dict[str, Any]:
         InputError: a file cannot be imported or is not a robot.
     """
     paths = values['custom_robots']
-    return dict(custom_module.load(path, 'custom_robots', NEEDED, GROUPS) for path in paths)
+    return dict(
+        custom_module.load(path, 'custom_robots', NEEDED, GROUPS, rehearse) for path in paths
+    )
+
+
+def rehearse(module: ModuleType) -> None:
+    """Call what a robot has in Python; what it raises is told where it is called again."""
+    found: Any = module
+    with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
+        group = config.group(_defaults('it', found), found.Parameters, 'robot')
+        robot = RobotModel('it', found, found.validate(group, 'robot'))
+        found.joints(robot.parameters), robot.pose_size, robot.constants
 
 
 def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -170,12 +184,15 @@ def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
     A custom robot has them in its ``DEFAULTS``, flat or in groups, as the files in config/robots;
     those of its parameters may stand in ``Parameters`` instead.
     """
-    robot = custom_robots(values).get(str(values['robot_model']))
-    if robot is None:
-        return {}
+    name = str(values['robot_model'])
+    robot = custom_robots(values).get(name)
+    return {} if robot is None else _defaults(name, robot)
+
+
+def _defaults(name: str, robot: Any) -> dict[str, Any]:
     given = getattr(robot, 'DEFAULTS', {})
     if not isinstance(given, Mapping):
-        raise InputError(f'{values["robot_model"]}: DEFAULTS must be a dictionary, not {given!r}')
+        raise InputError(f'{name}: DEFAULTS must be a dictionary, not {given!r}')
     given = config.flat(given)
     known = getattr(robot.Parameters, '_field_defaults', {})
     if len(known) == len(robot.Parameters._fields):

@@ -26,7 +26,7 @@ from parallel_robot_base.errors import BagError
 
 ROOT = Path(__file__).parents[1]
 EVERY = os.environ.get('HOSTILE_BAGS') == 'all'
-SECONDS, GIGABYTES = (20.0, 4.0) if EVERY else (60.0, 4.0)  # not alone on the machine
+SECONDS, GIGABYTES = 20.0, 4.0  # s of the processor: others may be busy, too
 QUICK = ('export', 'history', 'player', 'recover', 'rerun', 'replay')
 FOR_ALL = (
     'good', 'zstd bomb', 'pipe in it',
@@ -103,7 +103,7 @@ def faults(answer):
     if not (answer['out'] + answer['err']).replace('\n', '').isprintable():
         found.append(f'control characters: {answer["out"] + answer["err"]!r}')
     if answer['seconds'] > SECONDS or answer['peak'] > GIGABYTES:
-        found.append(f'{answer["seconds"]:.0f} s, {answer["peak"]:.1f} GB')
+        found.append(f'{answer["seconds"]:.0f} s of processor time, {answer["peak"]:.1f} GB')
     return found
 
 

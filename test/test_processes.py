@@ -1,6 +1,8 @@
 """Node processes: what they are told, and what is told of their end."""
 
 import os
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -93,13 +95,33 @@ sys.exit(3)
     monkeypatch.setattr(processes, 'STOP_ORDER', ('node',))
     with processes.NodeProcesses({'node': {}}) as running:
         until(lambda: running.compiling('node'))
-        used = running.processor_time('node')
-        assert 0.0 < used < 60.0
+        done = running.work('node')
+        assert 0.0 < done.ran < 60.0 and done.waited >= 0.0
         (tmp_path / 'go').write_text('')
         running._processes['node'].wait(20.0)
         assert running.compiling('node')
         with pytest.raises(RunError, match='exit code 3: as long as the notice'):
             running.check()
+        assert running.work('node') == (0.0, 0.0)  # it has ended
+
+
+def test_time_in_which_a_node_has_no_processor_is_known():
+    """Two processes on one processor, so that each waits for the other."""
+    core = min(os.sched_getaffinity(0))
+    code = f'import os; os.sched_setaffinity(0, [{core}]); print(flush=True)\nwhile True: pass'
+    pair = [
+        subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE) for _ in range(2)
+    ]
+    try:
+        for process in pair:
+            process.stdout.readline()
+        before = processes.work(pair[0].pid)
+        until(lambda: processes.work(pair[0].pid).waited - before.waited > 0.2)
+        assert processes.work(pair[0].pid).ran > before.ran
+    finally:
+        for process in pair:
+            process.kill()
+            process.communicate()
 
 
 @pytest.mark.parametrize(

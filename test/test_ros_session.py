@@ -6,6 +6,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from parallel_robot_analysis import ros_session
+from parallel_robot_analysis.processes import Work
 from parallel_robot_analysis.ros_session import Session
 from parallel_robot_base.errors import RunError
 from parallel_robot_ros.diagnostics import STATE_INDEX
@@ -21,6 +22,7 @@ class World:
         ready_at: When a node begins to answer [s].
         there_at: When its service can be seen [s].
         share: Of a core that a node uses until then.
+        held: Share of the time in which others have it.
     """
 
     def __init__(self):
@@ -28,11 +30,13 @@ class World:
         self.ready_at = {'plant': 100.0, 'controller': 100.0}
         self.there_at = {'plant': 100.0, 'controller': 100.0}
         self.share = {'plant': 0.0, 'controller': 0.0}
+        self.held = {'plant': 0.0, 'controller': 0.0}
         self.shown = []
         self.says = SimpleNamespace(success=True, message='')
 
     def work(self, name):
-        return self.share[name] * (min(self.now, self.ready_at[name]) - 100.0)
+        time = min(self.now, self.ready_at[name]) - 100.0
+        return Work(self.share[name] * time, self.held[name] * time)
 
     def wait(self, monkeypatch, seconds):
         monkeypatch.setattr(ros_session, 'time', SimpleNamespace(monotonic=lambda: self.now))
@@ -82,12 +86,21 @@ def test_a_node_that_nobody_can_see_is_an_error_however_busy(monkeypatch):
         world.wait(monkeypatch, seconds=20.0)
 
 
+@pytest.mark.parametrize('there_at', [100.0, 390.0])
+def test_time_in_which_others_have_the_processors_does_not_count(there_at, monkeypatch):
+    world = World()
+    world.ready_at['controller'], world.there_at['controller'] = 400.0, there_at
+    world.share['controller'], world.held['controller'] = 0.02, 0.96
+    world.wait(monkeypatch, seconds=20.0)
+    assert 400.0 <= world.now < 402.0
+
+
 def test_a_node_that_stops_working_is_an_error_from_then_on(monkeypatch):
     world = World()
     world.ready_at['controller'] = 700.0
     world.share['controller'] = 0.5
     whole = world.work
-    world.work = lambda name: min(whole(name), 100.0)  # until t = 300 s
+    world.work = lambda name: Work(min(whole(name).ran, 100.0), 0.0)  # until t = 300 s
     with pytest.raises(RunError, match='controller is not ready'):
         world.wait(monkeypatch, seconds=20.0)
     assert 315.0 < world.now < 330.0

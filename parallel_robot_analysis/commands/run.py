@@ -155,7 +155,7 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
             with Session(MODULES, watch, namespace, loop.middleware) as session:
                 with Progress(len(MODULES), 'nodes ready') as progress:
                     session.wait_until_ready(
-                        READY, processes.processor_time, waiting_display(processes, progress)
+                        READY, processes.work, waiting_display(processes, progress)
                     )
                 now = time.time_ns()
                 start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID

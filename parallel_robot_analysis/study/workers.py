@@ -14,11 +14,10 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import IO, Protocol
 
-from parallel_robot_analysis.processes import die_with_parent
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_analysis.study.tasks import Task
 from parallel_robot_base.errors import RunError
-from parallel_robot_base.module_process import command
+from parallel_robot_base.module_process import command, die_with_parent
 
 MODULE = 'parallel_robot_analysis.study.worker'
 ONE_THREAD = {

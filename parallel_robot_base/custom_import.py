@@ -1,0 +1,105 @@
+"""How a Python file of a user's is executed, and that in a separate process first.
+
+The file may end its process or never return: in that other process it can, and is refused.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import os
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from parallel_robot_base import cache_directory, trial_process
+from parallel_robot_base.errors import InputError
+
+Rehearse = Callable[[ModuleType], None]
+MOVED = {  # names that files for older versions import, and where they are now
+    ('parallel_robot_control.coupling', 'sig'): 'parallel_robot_control.switching_functions',
+    ('parallel_robot_control.coupling', 'saturate'): 'parallel_robot_control.switching_functions',
+    ('parallel_robot_interface.errors', 'InputError'): 'parallel_robot_base.errors',
+    ('parallel_robot_interface.fields', 'Field'): 'parallel_robot_base.fields',
+    ('parallel_robot_model.dynamics', 'Model'): 'parallel_robot_model.contract',
+    ('parallel_robot_model.kernel', 'inner'): 'parallel_robot_base.kernel',
+    ('parallel_robot_model.kernel', 'kernel'): 'parallel_robot_base.kernel',
+    ('parallel_robot_model.kinematics', 'inverse'): 'parallel_robot_base.linear_algebra',
+    ('parallel_robot_model.kinematics', 'multiply'): 'parallel_robot_base.linear_algebra',
+}
+
+
+def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
+    """Import a file in a separate process, once for each version of its source.
+
+    Args:
+        file: The file.
+        source: Its source.
+        rehearse: Function of a module of the suite: it calls what the file defines in Python.
+
+    Raises:
+        InputError: it cannot be imported, or it ends its process, or does not return.
+    """
+    mark = f'imported_{hashlib.sha256(source).hexdigest()[:16]}'
+    if cache_directory.marked(mark) is not None:
+        return
+    names = [rehearse.__module__, rehearse.__name__]
+    ended = trial_process.run(__name__, {'file': str(file), 'rehearse': names})
+    if not ended.returned:
+        raise InputError(f'{file}: {ended.how}')
+    cache_directory.mark(mark)
+
+
+def import_file(file: Path, source: bytes) -> ModuleType:
+    """Execute a file as a module of a name of its own."""
+    # Numba tells tuples apart by the names of module and class: two files must not share one.
+    # Machine code is kept under the name, too, so that it belongs to this source.
+    digest = hashlib.sha256(bytes(file) + b'\0' + source).hexdigest()[:16]
+    name = f'{cache_directory.PREFIX}{file.stem}_{digest}'
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None  # a .py file always has one
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    tree = _Renamer().visit(ast.parse(source, str(file)))
+    process = os.getpid()
+    try:
+        exec(compile(ast.fix_missing_locations(tree), str(file), 'exec'), vars(module))
+    finally:
+        if os.getpid() != process:  # a copy that the file has forked: one command is enough
+            os._exit(1)
+    for kind in vars(module).values():
+        if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == name:
+            kind.__name__ = f'{name}.{kind.__qualname__}'
+    return module
+
+
+class _Renamer(ast.NodeTransformer):
+    """Lets files for older versions import names from where they are now."""
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> list[ast.ImportFrom]:
+        """Split an import by the modules that have its names now."""
+        found: dict[str | None, list[ast.alias]] = {}
+        for name in node.names:
+            module = MOVED.get((node.module or '', name.name), node.module)
+            found.setdefault(module, []).append(name)
+        return [
+            ast.copy_location(ast.ImportFrom(module, names, node.level), node)
+            for module, names in found.items()
+        ]
+
+
+def _trial(task: dict[str, Any]) -> None:
+    """Import the file of a task, and call what it has in Python."""
+    file = Path(task['file'])
+    with trial_process.step('its import'):
+        module = import_file(file, file.read_bytes())
+    where, name = task['rehearse']
+    getattr(import_module(where), name)(module)
+
+
+if __name__ == '__main__':
+    trial_process.serve(_trial)
