@@ -7,7 +7,7 @@ import sys
 from std_msgs.msg import Float64
 
 from parallel_robot_analysis.monitor import Monitor, MonitorParameters
-from parallel_robot_base import topics
+from parallel_robot_base import realtime, topics
 from parallel_robot_base.topics import Topic
 from parallel_robot_model.robots import module_of, resolve
 from parallel_robot_ros.joint_reader import JointReader
@@ -18,6 +18,7 @@ from parallel_robot_ros.suite_node import SuiteNode
 class MonitorNode(SuiteNode):
     """Publishes each metric on a topic of its own, ten times in a second of motion."""
 
+    priority = realtime.LISTENER
     example = '--ros-args -p monitor.window:=2.0'
 
     def __init__(self) -> None:

@@ -162,11 +162,14 @@ class PlayerNode(SuiteNode):
         response.message = f'{how} at {self._player.position:.3f} s'
         return response
 
+    def is_settable(self, key: str) -> bool:
+        """Whether a parameter can change while the node runs: position and rate."""
+        return super().is_settable(key) or key in SETTABLE
+
     def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
         """Seek and set the rate; all other parameters are fixed."""
-        others = {key: value for key, value in changes.items() if key not in SETTABLE}
-        if others:
-            return super().prepare_change(others)
+        if not changes.keys() <= SETTABLE.keys():
+            return super().prepare_change(changes)
         values = {
             key: fields.check(key, float, SETTABLE[key], value) for key, value in changes.items()
         }

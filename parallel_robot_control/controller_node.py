@@ -41,6 +41,7 @@ from parallel_robot_control.ros_controller_topics import ControllerTopics
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
+from parallel_robot_ros.parameters import START
 from parallel_robot_ros.suite_node import SuiteNode
 
 LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
@@ -105,9 +106,8 @@ class ControllerNode(SuiteNode):
 
     def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
         """Let the controller prepare a change of law, preset and gains."""
-        fixed = {key: value for key, value in changes.items() if not self.is_settable(key)}
-        if fixed or 'start_stamp' in changes:
-            return super().prepare_change(fixed or changes)
+        if START in changes or not all(map(self.is_settable, changes)):
+            return super().prepare_change(changes)
         change = self._controller.prepare_change(changes)
         settings = dict(configuration.settings(change.configuration))
 

@@ -11,6 +11,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from parallel_robot_base import plain_data
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.loop import WAIT, LoopParameters
@@ -78,9 +79,19 @@ def split(node: Node, wanted: Iterable[Parameter]) -> tuple[list[Parameter], dic
     Returns:
         Parameters of ROS, and key to value of the suite's or unknown ones.
     """
-    changes = [parameter for parameter in wanted if not _keeps_fixed(node, parameter)]
-    of_ros = [p for p in changes if not is_configuration(p.name) and node.has_parameter(p.name)]
-    return of_ros, {p.name: plain(p.value) for p in changes if p not in of_ros}
+    of_ros, changes = [], {}
+    for parameter in wanted:
+        name, value = parameter.name, plain(parameter.value)
+        if node.has_parameter(name):
+            own = plain(node.get_parameter(name).value)
+            value = _meant(own, value)
+            if value == own and (name == START or not node.is_settable(name)):
+                continue
+        if node.has_parameter(name) and not is_configuration(name):
+            of_ros.append(parameter)
+        else:
+            changes[name] = value
+    return of_ros, changes
 
 
 def plain(value: Any) -> Any:
@@ -88,14 +99,30 @@ def plain(value: Any) -> Any:
     return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
 
 
-def _keeps_fixed(node: Node, parameter: Parameter) -> bool:
-    """Whether a parameter that can no longer change shall have the value that it has."""
-    name = parameter.name
-    if not node.has_parameter(name):
-        return False
-    if name != START and not node.describe_parameter(name).read_only:
-        return False
-    return bool(plain(node.get_parameter(name).value) == plain(parameter.value))
+def _meant(own: Any, value: Any) -> Any:
+    """What is meant by a value that rclpy read in a file, or `ros2 param set` on its command line.
+
+    Their YAML takes a number without a dot, as 7e-05, for a text, and the text off for false.
+
+    Args:
+        own: What the parameter has.
+        value: What it shall have.
+    """
+    if isinstance(own, str):
+        return own if not isinstance(value, str) and _read(own) == value else value
+    if isinstance(own, float) or (isinstance(own, list) and own and isinstance(own[0], float)):
+        found = [_read(item) for item in value] if isinstance(value, list) else _read(value)
+        items = found if isinstance(found, list) else [found]
+        return found if all(isinstance(item, (int, float)) for item in items) else value
+    return value
+
+
+def _read(value: Any) -> Any:
+    """What a text is in YAML, or as a number without a dot; other values as they are."""
+    try:
+        return plain_data.load(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 class CommonStart:

@@ -130,10 +130,12 @@ class SuiteNode(Node):  # type: ignore[misc]
             InputError: a change is refused; none of them is made.
         """
         for key in changes:
-            if key not in self.values:
-                raise UnknownNameError('parameter', key, self.values)
-            if key != START:
+            if not self.is_settable(key):
+                if key not in self.values:
+                    raise UnknownNameError('parameter', key, self.values)
                 raise InputError(f'{key} is fixed at the start of the node')
+        if set(changes) != {START}:
+            raise InputError(f'{START} is set in a request of its own')
         stamp = changes[START]
         self._common_start.check(stamp)
         return changes, lambda: self._pass_on_start(stamp)

@@ -1,14 +1,31 @@
 """What a request may be before a node looks at it, and that it is taken as a whole."""
 
+import contextlib
+
 import pytest
+import rclpy
+import yaml
+from assembly import simulated
 from rcl_interfaces import srv
 from rcl_interfaces.msg import Parameter as Message
-from rcl_interfaces.msg import ParameterValue
-from rclpy.parameter import Parameter
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rclpy.parameter import (
+    Parameter,
+    get_parameter_value,
+    parameter_dict_from_yaml_file,
+    parameter_value_to_python,
+)
 
-from parallel_robot_base import topics
+from parallel_robot_analysis.monitor_node import MonitorNode
+from parallel_robot_bags import simulation_bag
+from parallel_robot_bags.player import PlayerOptions
+from parallel_robot_bags.player_node import PlayerNode
+from parallel_robot_bags.recorder_node import RecorderNode
+from parallel_robot_base import config, realtime, topics
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_ros import parameter_services as services
+from parallel_robot_sim.plant_node import PlantNode
+from trajectory_gen.trajectory_node import TrajectoryNode
 
 pytest_plugins = ['ros_fixtures']
 
@@ -64,20 +81,93 @@ def test_a_request_that_cannot_be_is_refused_as_a_whole(wrong, service):
     assert service._get_node().get_parameter('smc.z').value == before
 
 
-def test_what_was_dumped_can_be_loaded_again(service):
-    """A value that is fixed and stays as it is is no change."""
+def bag(path):
+    """A tenth of a second of the paper's circle."""
+    values = config.resolve('paper_circle', {'duration': 0.1})
+    simulation_bag.write(path, values, simulated(values))
+    return path
+
+
+STARTED = {
+    'trajectory': lambda _: TrajectoryNode(),
+    'plant': lambda _: PlantNode(),
+    'controller': lambda _: ControllerNode(),
+    'recorder': lambda _: RecorderNode(),
+    'monitor': lambda _: MonitorNode(),
+    'player': lambda path: PlayerNode(**PlayerOptions(str(bag(path)))._asdict()),
+}
+GIVEN = {  # to every node, as the launch file does; YAML makes false, a text and a number of them
+    'recorder.out': "'2026'",
+    'realtime': "'off'",
+    'excitation.sine': '[0.00007, 0.0, 0.0]',
+    'safety.damping': '[0.00007, 0.00001, 0.00002]',
+    's_fotsmc.g': '0.00007',
+}
+
+
+@pytest.fixture(params=STARTED)
+def any_service(request, domain, tmp_path, monkeypatch):
+    """Parameter services of a node that was given some parameters, not all of them its own."""
+    monkeypatch.chdir(tmp_path)
+    words = [word for key, value in GIVEN.items() for word in ('-p', f'{key}:={value}')]
+    rclpy.init(args=['--ros-args', *words, '--log-level', 'fatal'])
+    with contextlib.ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        node = STARTED[request.param](tmp_path / 'bag')
+        stack.callback(node.destroy_node)
+        stack.callback(node.close)
+        yield node._parameter_service
+
+
+def dumped(service):
+    """Name to value of every parameter."""
     found = service._list_parameters_callback(
         srv.ListParameters.Request(), srv.ListParameters.Response()
     )
     request = srv.GetParameters.Request(names=found.result.names)
     values = service._get_parameters_callback(request, srv.GetParameters.Response()).values
-    assert len(values) > 100
-    dumped = [Message(name=n, value=v) for n, v in zip(request.names, values, strict=True)]
-    result, *others = put(service, *dumped)
-    assert result.successful, result.reason
-    assert all(other == result for other in others)
-    again = service._get_parameters_callback(request, srv.GetParameters.Response()).values
-    assert again == values
+    return dict(zip(request.names, map(parameter_value_to_python, values), strict=True))
+
+
+def test_what_was_dumped_can_be_loaded_again(any_service, tmp_path):
+    """As `ros2 param dump` writes the file, and `ros2 param load` reads it."""
+    before = dumped(any_service)
+    file = tmp_path / 'dump.yaml'
+    file.write_text(yaml.dump({'/**': {'ros__parameters': before}}, default_flow_style=False))
+    results = put(any_service, *parameter_dict_from_yaml_file(str(file), True).values())
+    assert len(results) == len(before)
+    assert {result.reason for result in results if not result.successful} == set()
+    assert dumped(any_service) == before
+
+
+def test_a_node_that_hears_every_message_goes_before_normal_work():
+    """Else requests wait behind its messages, on a busy machine for ever."""
+    assert MonitorNode.priority == RecorderNode.priority == realtime.LISTENER > 0
+
+
+def test_a_number_without_a_dot_is_a_number(service):
+    """Which rclpy takes for a text."""
+    assert get_parameter_value('7e-05').type == ParameterType.PARAMETER_STRING
+    (result,) = put(service, text('s_fotsmc.g', '7e-05'))
+    assert result.successful and dumped(service)['s_fotsmc.g'] == 7e-5
+    (result,) = put(service, text('s_fotsmc.g', 'much'))
+    assert result.reason == "s_fotsmc.g must be a number, not 'much'"
+
+
+def test_a_refusal_names_what_is_wrong(any_service):
+    """And nothing that could be set."""
+    node = any_service._get_node()
+    settable = {'plant': {'plant.steps': 5}, 'player': {'rate': 2.0}, 'controller': {'law': 'smc'}}
+    own = [Parameter(k, value=v) for k, v in settable.get(node.get_name(), {}).items()]
+    for key, reason in {
+        'period': 'period is fixed at the start of the node',
+        'start_stamp': 'start_stamp is set in a request of its own'
+        if own
+        else 'the node does not',
+    }.items():
+        changes = [*own, Parameter(key, value=2)]
+        refused = node.set_parameters_atomically(changes)
+        assert not refused.successful and refused.reason.startswith(reason)
 
 
 @pytest.mark.parametrize('kind', ['Get', 'Describe', 'List'])
