@@ -35,6 +35,7 @@ COMMANDS = {
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
     'tune': 'gains of a law: error against chattering, under the uncertainty of a study',
     'identify': 'masses, inertias and friction of the robot from its motion in a bag',
+    'limit': 'the least error of any controller, in a scenario or on the robots of a study',
     'compare': "all laws on one scenario, without ROS, beside the paper's claims",
 }
 

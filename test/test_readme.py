@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from parallel_robot_analysis.command_line import build_parser
+from parallel_robot_analysis.commands.limit import is_study
 from parallel_robot_analysis.commands.simulate import given
 from parallel_robot_base import assignments, config, topics
 
@@ -46,9 +47,9 @@ def test_the_demo_is_one_run_which_tells_its_metrics_itself():
 def test_commands_of_the_command_line_parse_and_their_keys_resolve(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     arguments = build_parser().parse_args(shlex.split(command.partition(' > ')[0])[1:])
-    if getattr(arguments, 'row', None) is not None:
-        return  # the scenario is that of a study
-    if 'scenario' in arguments:
+    if 'scenario' not in arguments:
+        return
+    if getattr(arguments, 'row', None) is None and not is_study(arguments.scenario):
         config.resolve(arguments.scenario, given(arguments))
 
 

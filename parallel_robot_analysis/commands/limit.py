@@ -1,0 +1,128 @@
+"""The command ``limit``: the least error of any controller, in a scenario or in a study."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from parallel_robot_analysis.commands import simulate
+from parallel_robot_analysis.limit.causes import CAUSES, LeastError, least_error
+from parallel_robot_analysis.readable_metrics import shown
+from parallel_robot_bags import new_files
+from parallel_robot_bags.progress import tracked
+from parallel_robot_base import config, plain_data
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.scenario_file import stem
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import Configuration, configure
+
+TRAVELLED = 'travelled while a state is late'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument(
+        'scenario', metavar='SCENARIO|STUDY', help='a name or a file; of a study, all its robots'
+    )
+    parser.add_argument(
+        '--runs', type=int, metavar='N', help="robots of each scenario, default: the study's"
+    )
+    parser.add_argument('--duration', type=float, metavar='S', help='length of the motion [s]')
+    parser.add_argument(
+        '--out', type=Path, metavar='FILE', help='write one row for each robot, as CSV'
+    )
+    simulate.add_set_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.out:
+        new_files.check(arguments.out, '--out')
+    found: dict[str, list[LeastError]] = {}
+    planar = True
+    for scenario, configuration in _experiments(arguments):
+        planar &= configuration.plant.robot.module.PLANAR
+        found.setdefault(scenario, []).append(least_error(configuration))
+    for scenario, members in found.items():
+        print('\n'.join(_table(scenario, members, planar)))
+    if arguments.out:
+        try:
+            new_files.write(arguments.out, _rows(found, planar).encode())
+        except OSError as error:
+            raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
+        print(f'rows    {arguments.out}')
+    return 0
+
+
+def _experiments(arguments: argparse.Namespace) -> Iterator[tuple[str, Configuration]]:
+    """Each robot with its motion, and the name of its scenario.
+
+    Raises:
+        InputError: no such scenario or study, or an argument is wrong.
+    """
+    name = arguments.scenario
+    if not is_study(name):
+        if arguments.runs is not None:
+            raise InputError(f'--runs is for studies; {name} is a scenario')
+        yield stem(name), configure(resolve(name, simulate.overrides(arguments)))
+        return
+    from parallel_robot_analysis.study import study  # they take long to import
+    from parallel_robot_analysis.study.plan import plan
+
+    file = study.file_of(name)
+    if arguments.duration is not None:
+        raise InputError(f'--duration is for scenarios; the study {name} has its own')
+    fixed = simulate.given(arguments)
+    asked = study.parse(study.read(file), str(file), file.parent).changed(arguments.runs, fixed)
+    planned = plan(asked)
+    first = {case.scenario: k for k, case in reversed([*enumerate(planned.cases)])}
+    rows = [row for k in first.values() for row in planned.rows(k, 0, asked.runs)]
+    for row in tracked(rows, len(rows), 'robots'):
+        yield stem(row.scenario), configure(resolve(row.scenario, row.overrides))
+
+
+def is_study(name: str) -> bool:
+    """Whether a name or a file is that of a study."""
+    if (config.directory() / 'studies' / f'{name}.yaml').is_file():
+        return True
+    path = Path(name)
+    if not path.is_file():
+        return False
+    return 'scenarios' in plain_data.mapping(path.read_text())
+
+
+def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:
+    """The least errors of some robots, as lines."""
+    what, unit = ('end-effector error', 'µm') if planar else ('joint error', 'µrad')
+    count = f', {len(members)} robots' if len(members) > 1 else ''
+    head = f'{scenario}{count}: least {what} of any controller, rms [{unit}], second half'
+    columns = {name: [1e6 * one.errors[name] for one in members] for name in CAUSES}
+    if planar:
+        columns[TRAVELLED] = [1e6 * one.travelled for one in members]
+    lines = [head]
+    if len(members) > 1:
+        lines.append(f'  {"":<34}{"median":>10}{"5 %":>10}{"95 %":>10}')
+    for name, values in columns.items():
+        figures = np.percentile(values, [50, 5, 95] if len(members) > 1 else [50])
+        lines.append(f'  {name:<34}' + ''.join(f'{shown(float(each)):>10}' for each in figures))
+    return lines
+
+
+def _rows(found: dict[str, list[LeastError]], planar: bool) -> str:
+    """One row for each robot, as CSV in SI units."""
+    unit = 'm' if planar else 'rad'
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator='\n')
+    errors = [f'{name.replace(" ", "_")}_{unit}' for name in CAUSES]
+    writer.writerow(['scenario', 'sample', *errors, 'travelled_m'])
+    for scenario, members in found.items():
+        for k, one in enumerate(members):
+            travelled = '' if math.isnan(one.travelled) else one.travelled
+            writer.writerow([scenario, k, *one.errors.values(), travelled])
+    return stream.getvalue()

@@ -1,0 +1,204 @@
+"""The least error of any controller, held against closed forms, a dense solution and runs."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.limit.causes import WHOLE, least_error
+from parallel_robot_analysis.limit.linear_motion import LinearMotion, linearise
+from parallel_robot_analysis.limit.prediction import Noise, errors, least, noise_of
+from parallel_robot_analysis.study import study
+from parallel_robot_analysis.study.plan import plan
+from parallel_robot_analysis.study.run_chunk import run_chunk
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulator import Simulator
+
+PERIOD = 1e-3  # s
+NOISY = {
+    'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 5e-3, 'sensor.delay': 2e-3,
+    'disturbance.noise': 0.5, 'disturbance.bandwidth': 10.0,
+}  # fmt: skip
+AXES = {'friction.viscous': [0.0] * 5, 'friction.coulomb': [0.0] * 5, 'duration': 0.2}
+
+
+def of(scenario, **changes):
+    return configure(resolve(scenario, changes))
+
+
+def noise_in(configuration):
+    joints = len(configuration.loop.joints)
+    return noise_of(configuration.plant.imperfections, configuration.loop.period, joints)
+
+
+def one_mass(mass=0.5, samples=400):
+    """One joint with a mass and no friction."""
+    times = np.array([0.0, samples * PERIOD])
+    stay = np.array([[1.0, PERIOD], [0.0, 1.0]])
+    push = np.array([[0.5 * PERIOD**2], [PERIOD]]) / mass
+    each = (stay, push, np.eye(2), np.eye(2)[:1])
+    return LinearMotion(times, *(np.array([part, part]) for part in each))
+
+
+def noise(position=0.0, velocity=0.0, disturbance=0.0, memory=0.0, late=0):
+    one = np.ones(1)
+    return Noise(position * one, velocity * one, disturbance * one, memory, 0.0 * one, late)
+
+
+def test_without_noise_there_is_no_error():
+    configuration = of('paper_circle', duration=1.0, **{'sensor.delay': 3e-3})
+    assert least_error(configuration).errors[WHOLE] < 1e-10
+
+
+@pytest.mark.parametrize('late', [0, 1, 4])
+def test_exact_states_leave_the_disturbance_since_the_measurement(late):
+    """A mass that is pushed at random for late + 1 samples: a sum of squares."""
+    share = np.arange(late + 1) + 0.5
+    expected = 0.2 * PERIOD**2 / 0.5 * np.sqrt(np.sum(share**2))
+    found = least(one_mass(), noise(1e-14, 1e-13, disturbance=0.2, late=late), PERIOD)
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_axes_are_masses():
+    changes = {'disturbance.noise': 0.2, 'sensor.delay': 2e-3}
+    configuration = of('axes_step', **AXES, **changes)
+    inertia = np.array(configuration.plant.robot.parameters.inertia)
+    share = np.arange(3) + 0.5
+    each = 0.2 * PERIOD**2 / inertia * np.sqrt(np.sum(share**2))
+    found = least_error(configuration).errors[WHOLE]
+    assert found == pytest.approx(np.sqrt(np.mean(each**2)), rel=1e-4)
+
+
+def test_the_limit_is_that_of_all_measurements_at_once():
+    """The filter step by step, and the conditional variance of one large Gaussian vector."""
+    samples, late, sigma, memory = 60, 2, 0.3, 0.94
+    told = noise(1e-5, 5e-3, sigma, memory, late)
+    motion = one_mass(samples=samples)
+    # Each state is a linear function of the draws: w_0, xi_0, xi_1, ...
+    draws = samples + 2
+    state, pushed = np.zeros((samples + 1, 2, draws)), np.zeros(draws)
+    pushed[0] = sigma
+    for k in range(samples):
+        state[k + 1] = motion.transition[0] @ state[k] + np.outer(motion.torque[0, :, 0], pushed)
+        pushed = memory * pushed
+        pushed[k + 1] += sigma * np.sqrt(1.0 - memory**2)
+    times, found = errors(motion, told, PERIOD)
+    for at in np.round(times / PERIOD).astype(int):
+        heard = state[: at - late].reshape(-1, draws)
+        variance = heard @ heard.T + np.diag(np.tile([1e-10, 2.5e-5], at - late))
+        wanted = state[at, 0]
+        known = np.linalg.solve(variance, heard @ wanted)
+        expected = np.sqrt(wanted @ wanted - (heard @ wanted) @ known)
+        assert found[times == at * PERIOD][0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_filter_that_runs_has_the_error_of_the_limit():
+    """Monte Carlo on the 3-RRR robot: 300 noisy motions, predicted by a filter of its own."""
+    configuration = of('paper_circle', duration=1.0, **NOISY)
+    motion, told = linearise(configuration), noise_in(configuration)
+    chance, runs, joints, states = np.random.default_rng(1), 300, 3, 6
+    wide = states + joints
+    count, ratio = round(1.0 / PERIOD), round((motion.times[1] - motion.times[0]) / PERIOD)
+    deviation = np.zeros((runs, wide))
+    deviation[:, states:] = told.disturbance * chance.standard_normal((runs, joints))
+    guess, history = np.zeros((runs, wide)), []
+    covariance = np.diag([0.0] * states + [*told.disturbance**2])
+    spread = np.concatenate((told.position, told.velocity))
+    fresh = np.sqrt(1.0 - told.memory**2) * told.disturbance
+    squares = []
+
+    def system(k):
+        place = min(round(k / ratio), len(motion.times) - 1)
+        whole = np.zeros((wide, wide))
+        whole[:states, :states], whole[:states, states:] = (
+            motion.transition[place], motion.torque[place],
+        )  # fmt: skip
+        whole[states:, states:] = told.memory * np.eye(joints)
+        return whole, np.hstack((motion.measured[place], np.zeros((6, 3)))), motion.error[place]
+
+    for k in range(count):
+        whole, output, shown = system(k)
+        if len(history) > told.late and k >= count // 2:
+            predicted = history[-told.late - 1]
+            for j in range(k - told.late - 1, k):
+                predicted = predicted @ system(j)[0].T
+            missed = (deviation - predicted)[:, :states] @ shown.T
+            squares.append(np.sum(missed**2, axis=1))
+        heard = deviation @ output.T + spread * chance.standard_normal((runs, 6))
+        inner = output @ covariance @ output.T + np.diag(spread**2)
+        gain = covariance @ output.T @ np.linalg.inv(inner)
+        guess = guess + (heard - guess @ output.T) @ gain.T
+        covariance = covariance - gain @ output @ covariance
+        history.append(guess)
+        deviation = deviation @ whole.T
+        deviation[:, states:] += fresh * chance.standard_normal((runs, joints))
+        guess = guess @ whole.T
+        covariance = whole @ covariance @ whole.T
+        covariance[states:, states:] += np.diag(fresh**2)
+    assert np.sqrt(np.mean(squares)) == pytest.approx(least(motion, told, PERIOD), rel=0.03)
+
+
+def test_the_linear_motion_is_that_of_the_plant():
+    """A robot that is pushed a little while it rests, against the plant itself."""
+    changes = {'trajectory.shape': 'hold', 'friction.coulomb': [0.0] * 3, 'duration': 0.1}
+    configuration = of('paper_circle', **changes)
+    configuration = of('paper_circle', **changes, **{
+        'plant.initial_pose': configuration.trajectory.sample(0.0).pose[0].tolist(),
+    })  # fmt: skip
+    motion, plant = linearise(configuration), Simulator(configuration.plant)
+    start, torque = plant.pose[:2], np.array([0.3, -0.2, 0.1])
+    deviation = np.zeros(6)
+    for _ in range(20):
+        plant.advance(torque)
+        deviation = motion.transition[0] @ deviation + motion.torque[0] @ torque
+    assert motion.error[0] @ deviation == pytest.approx(plant.pose[:2] - start, rel=2e-3)
+
+
+def test_what_the_limit_counts_as_noise():
+    changes = {**NOISY, 'sensor.resolution': 1.2e-4, 'actuator.delay': 1e-3, 'actuator.noise': 0.1}
+    found = noise_in(of('paper_circle', duration=1.0, **changes))
+    assert found.late == 3 and found.motor.tolist() == [0.1] * 3
+    assert found.position == pytest.approx(np.hypot(1e-5, 1.2e-4 / np.sqrt(12.0)))
+    assert found.memory == pytest.approx(np.exp(-2 * np.pi * 10.0 * PERIOD))
+    silent = noise_in(of('paper_circle', duration=1.0, **{**NOISY, 'sensor.differentiate': True}))
+    assert np.isinf(silent.velocity).all()
+
+
+@pytest.mark.parametrize('name', ['robustness', 'equal_effort', 'uncertain_robot'])
+def test_no_law_is_below_the_limit(name):
+    file = study.file_of(name)
+    planned = plan(study.parse(study.read(file), str(file)).changed(2, {}))
+    limits = [
+        least_error(configure(resolve(row.scenario, row.overrides)), causes=False)
+        for row in planned.rows(0, 0, 2)
+    ]
+    for case in range(len(planned.cases)):
+        rows = planned.rows(case, 0, 2)
+        outcomes = run_chunk([configure(resolve(row.scenario, row.overrides)) for row in rows])
+        for outcome, limit in zip(outcomes, limits, strict=True):
+            error = outcome.metrics.steady.xy_rms_m if outcome.metrics else np.inf
+            assert error >= limit.errors[WHOLE]
+
+
+def test_the_command_writes_one_row_for_each_robot(tmp_path, capsys):
+    out = tmp_path / 'limit.csv'
+    words = ['--runs', '2', '--out', str(out)]
+    assert main(['limit', 'robustness', *words]) == 0
+    rows = [*csv.DictReader(out.open())]
+    assert [row['sample'] for row in rows] == ['0', '1']
+    late = [float(row['as_it_is_m']) / float(row['without_delays_m']) for row in rows]
+    assert late[0] > 1.5 and late[1] > 1.1  # four samples late, and one
+    assert 'paper_circle, 2 robots: least end-effector error' in capsys.readouterr().out
+    assert main(['limit', 'robustness', *words]) == 2
+    assert 'exists' in capsys.readouterr().err
+    assert main(['limit', 'robustness', '--duration', '1']) == 2
+    assert 'the study robustness has its own' in capsys.readouterr().err
+
+
+def test_a_scenario_has_one_robot(capsys):
+    assert main(['limit', 'axes_step', '--set', 'disturbance.noise=0.1']) == 0
+    assert 'axes_step: least joint error' in capsys.readouterr().out
+    assert main(['limit', 'paper_circle', '--runs', '3']) == 2
+    assert '--runs is for studies' in capsys.readouterr().err
