@@ -60,7 +60,7 @@ def test_there_is_a_curve_for_each_joint(count, planar, log, tmp_path, monkeypat
         pose = metrics.poses(log)
     found = drawn(monkeypatch)
     figures.draw_run(other, pose, tmp_path / 'run.png')
-    panels = {axes.get_title(): axes for axes in found[0].axes}
+    panels = {axes.get_title('left') or axes.get_title(): axes for axes in found[0].axes}
     expected = ['Joint errors', 'Torques']
     expected += ['Path', 'End-effector error'] if planar else ['Synchronisation errors']
     assert sorted(panels) == sorted(expected)
@@ -71,6 +71,38 @@ def test_there_is_a_curve_for_each_joint(count, planar, log, tmp_path, monkeypat
         assert len(looks) == min(count, 12)
     figures.draw_torques(other, other.effort, 'pid', tmp_path / 'torques.png')
     assert [axes.get_title() for axes in found[1].axes] == [f'axis {k + 1}' for k in range(count)]
+
+
+@pytest.mark.parametrize('scale', ['auto', 'linear', 'log'])
+def test_errors_are_magnitudes_where_they_would_look_like_zero(scale, log, tmp_path, monkeypatch):
+    found = drawn(monkeypatch)
+    settled = np.where(log.time[:, np.newaxis] < 0.02, 1e-3, 1e-6)
+    for k, error in enumerate((np.full_like(log.position, 1e-3), settled)):
+        run = log._replace(position=log.reference_position - error)
+        figures.draw_run(run, metrics.poses(run), tmp_path / f'{k}.png', scale)
+    scales = [{axes.get_title('left'): axes.get_yscale() for axes in f.axes} for f in found]
+    even, spread = (one['Joint errors'] for one in scales)
+    assert (even, spread) == (('linear', 'log') if scale == 'auto' else (scale, scale))
+    lowest, highest = found[1].axes[2].get_ylim()
+    assert highest > 1e3 and (lowest < 1.0)
+    assert all(one['Torques'] == 'linear' for one in scales)
+
+
+def test_runs_are_drawn_over_one_another(log, monkeypatch):
+    far = log._replace(position=log.reference_position + 1e-2, law='smc')
+    both = {'near': (log, metrics.poses(log)), 'far': (far, metrics.poses(far))}
+    path, error, joints, torque = figures.figure_of_runs(both).axes
+    assert [len(axes.lines) for axes in (path, error, joints, torque)] == [5, 2, 2, 2]
+    near, away = joints.lines
+    assert (near.get_label(), away.get_label()) == ('near', 'far')
+    assert near.get_color() != away.get_color()
+    np.testing.assert_allclose(away.get_ydata(), 1e4)
+    largest = np.abs(log.effort).max(axis=1)
+    np.testing.assert_array_equal(torque.lines[0].get_ydata(), largest)
+    distance = 1e6 * metrics.distances(both['near'][1])
+    np.testing.assert_allclose(error.lines[0].get_ydata(), distance)
+    bare = {name: (run, pose._replace(planar=False)) for name, (run, pose) in both.items()}
+    assert len(figures.figure_of_runs(bare).axes) == 3
 
 
 def test_errors_of_zero_can_be_drawn(log, tmp_path):

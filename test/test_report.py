@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from bags import WRITERS, content, streams, write_foreign, write_mcap
 from geometry import PAPER_START, legs
+from matplotlib.figure import Figure
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.report import page, runs
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.paper_figures import draw
 from parallel_robot_base import topics
+from parallel_robot_base.errors import InputError
 
 pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
 
@@ -95,6 +97,35 @@ def test_errors_are_reference_less_feedback_in_the_unit_they_name(bags):
     for name, (panel, value) in first.items():
         assert by_name[name][panel].curves[0].y[0] == pytest.approx(value, abs=1e-6)
         assert by_name[name][panel].unit == ('mm' if panel == 0 else 'mrad')
+
+
+def axes_of(chart, directory, monkeypatch, scale):
+    """Scales and names of the y axes of a figure."""
+    found = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: found.append(figure))
+    draw(chart, directory, 'name', scale)
+    return {(axes.get_yscale(), axes.get_ylabel()) for axes in found[0].axes}
+
+
+def test_errors_are_magnitudes_where_a_good_law_would_look_like_zero(bags, tmp_path, monkeypatch):
+    both = charts(runs.read_runs(bags)['paper_circle'])
+    alone = charts(runs.read_runs(bags[:1])['paper_circle'])  # SMC: 1.1 of 8.4 mm
+    linear, log = {('linear', 'x error [mm]')}, {('log', '|x error| [mm]')}
+    for found, scale, expected in (
+        (both, 'auto', log), (both, 'linear', linear), (alone, 'auto', linear), (alone, 'log', log)
+    ):  # fmt: skip
+        assert axes_of(found[1], tmp_path, monkeypatch, scale) == expected
+        assert found[1].logarithmic(scale) == (expected == log)
+        assert not found[0].logarithmic(scale) and not found[-1].logarithmic(scale)
+    with pytest.raises(InputError, match="scale 'lin'"):
+        both[1].logarithmic('lin')
+
+
+def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path):
+    words = ['report', str(bags[1]), '--scale', 'linear', '--out', str(tmp_path / 'out')]
+    assert main(words) == 0
+    text = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert '"log": true' not in text and '"log": false' in text
 
 
 def test_figures_fit_the_columns_of_a_paper(report):
@@ -374,7 +405,7 @@ def test_the_page_works_in_a_browser(report, browser, bags):
     WebDriverWait(browser, 10).until(lambda _: play.text == '▶')
 
 
-def test_a_legend_hides_curves_and_errors_get_a_logarithmic_axis(report, browser):
+def test_a_legend_hides_curves_and_errors_change_their_axis(report, browser):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.support.ui import WebDriverWait
 
@@ -389,8 +420,12 @@ def test_a_legend_hides_curves_and_errors_get_a_logarithmic_axis(report, browser
         lambda _: browser.execute_script(shown) == ['legendonly', True]
     )
     button = browser.find_element('css selector', '.log')
-    browser.execute_script('arguments[0].click()', button)
     axis = f'{plot}._fullLayout.yaxis.type'
+    assert browser.execute_script(axis) == 'log' and button.text == 'signed, linear'
+    browser.execute_script('arguments[0].click()', button)
+    WebDriverWait(browser, 5).until(lambda _: browser.execute_script(axis) == 'linear')
+    assert button.text == 'magnitude, logarithmic'
+    browser.execute_script('arguments[0].click()', button)
     WebDriverWait(browser, 5).until(lambda _: browser.execute_script(axis) == 'log')
     browser.find_element('id', 'theme').click()
     assert browser.find_element('tag name', 'html').get_attribute('data-theme') == 'dark'

@@ -4,9 +4,11 @@ import csv
 import io
 import math
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from parallel_robot_analysis.study import picture, statistics, study, summary
 from parallel_robot_analysis.study.plan import plan
@@ -162,3 +164,30 @@ def test_the_pictures_are_the_same_every_time(results):
     pictures = picture.draw(results)
     assert pictures['png'].startswith(b'\x89PNG') and pictures['pdf'].startswith(b'%PDF')
     assert pictures == picture.draw(results)
+
+
+def test_labels_keep_their_order_and_distance_near_their_curves():
+    wanted = np.array([0.1, 0.5, 0.51, 0.52, 0.99, 1.0])
+    places = picture.spread(wanted, 0.05)
+    assert (np.diff(places) > 0.05 - 1e-12).all() and places[0] >= 0.0 and places[-1] <= 1.0
+    np.testing.assert_allclose(places, [0.1, 0.46, 0.51, 0.56, 0.95, 1.0])
+    np.testing.assert_allclose(picture.spread(np.full(5, 0.9), 0.5), np.linspace(0, 1, 5))
+    assert picture.spread(np.zeros(0), 0.1).size == 0
+
+
+def test_a_law_is_named_at_its_curve(monkeypatch):
+    found = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: found.append(figure))
+    errors = {'s_fotsmc': np.array([3.0, 1.0, 2.0]), 'pid': np.full(3, np.inf)}
+    laws = {law: SimpleNamespace(errors=values) for law, values in errors.items()}
+    quantity = SimpleNamespace(name='error', unit='µm')
+    picture.draw({'paper_circle': SimpleNamespace(laws=laws, quantities=[quantity])})
+    (axes,) = found[0].axes
+    assert [(t.get_text(), t.get_fontweight()) for t in axes.texts] == [
+        ('S-FOTSMC', 'bold'),
+        ('PID (no run)', 'normal'),
+    ]
+    ours, other = axes.lines
+    assert axes.texts[0].xy == (1.0, 3.0) and ours.get_linewidth() > other.get_linewidth()
+    np.testing.assert_array_equal(ours.get_ydata(), [1.0, 1.0, 2.0, 3.0])
+    assert axes.get_legend() is None

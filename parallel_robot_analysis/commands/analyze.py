@@ -21,6 +21,7 @@ from parallel_robot_analysis.readable_metrics import (
     sensor_remarks,
 )
 from parallel_robot_analysis.report import figures
+from parallel_robot_analysis.report.scale import add_scale_argument
 from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_base.errors import BagError, InputError, KinematicsError
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='picture; png, pdf, svg; default: BAG/run.png, where there is none yet',
     )
+    add_scale_argument(parser)
     add_memory_argument(parser)
 
 
@@ -67,7 +69,7 @@ def execute(arguments: argparse.Namespace) -> int:
             if arguments.json:
                 written.enter_context(new_files.written(arguments.json, as_json(result)))
             if not kept:
-                figures.draw_run(log, poses, figure)
+                figures.draw_run(log, poses, figure, arguments.scale)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):

@@ -11,6 +11,7 @@ from parallel_robot_analysis.report import page, paper_figures
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.palette import RUNS
 from parallel_robot_analysis.report.runs import Run, read_runs
+from parallel_robot_analysis.report.scale import AUTO, add_scale_argument
 from parallel_robot_bags import new_files
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.progress import tracked
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, required=True, metavar='DIR', help='of the report; must not exist'
     )
+    add_scale_argument(parser)
     add_memory_argument(parser)
 
 
@@ -35,7 +37,7 @@ def execute(arguments: argparse.Namespace) -> int:
     new_files.check_directory(arguments.out)
     groups = read_runs(arguments.bags, arguments.max_memory)
     try:
-        figures = write(groups, arguments.out)
+        figures = write(groups, arguments.out, arguments.scale)
     except OSError as error:
         raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
     lacking = [str(r.bag) for runs in groups.values() for r in runs if r.cross_coupling is None]
@@ -45,12 +47,13 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def write(groups: dict[str, list[Run]], directory: str | Path) -> int:
+def write(groups: dict[str, list[Run]], directory: str | Path, scale: str = AUTO) -> int:
     """Write a report; it appears complete or not at all.
 
     Args:
         groups: Name of a group to its runs.
         directory: Directory of the report; must not exist.
+        scale: Of errors, see scale.SCALES.
 
     Returns:
         Number of files of the figures.
@@ -66,12 +69,12 @@ def write(groups: dict[str, list[Run]], directory: str | Path) -> int:
     ) as name:
         draft = Path(name) / 'report'
         draft.mkdir()
-        text = page.render(groups, drawn)
+        text = page.render(groups, drawn, scale)
         (draft / PAGE).write_text(text, encoding='utf-8')
         members = [(scenario, chart) for scenario, some in drawn.items() for chart in some]
         for scenario, chart in tracked(members, len(members), 'figures'):
             stem = f'figure_{chart.number}_{chart.name}_{_file_name(scenario)}'
-            paper_figures.draw(chart, draft, stem)
+            paper_figures.draw(chart, draft, stem, scale)
         figures = len(list(draft.iterdir())) - 1
         draft.rename(directory)
     return figures

@@ -11,6 +11,7 @@ from parallel_robot_analysis.report.decimation import extremes
 from parallel_robot_analysis.report.labels import joint_label
 from parallel_robot_analysis.report.palette import joint_style
 from parallel_robot_analysis.report.runs import Run, Series
+from parallel_robot_analysis.report.scale import logarithmic
 from parallel_robot_control.coupling import synchronisation_error
 
 TIME = 't [s]'
@@ -62,7 +63,7 @@ class Chart(NamedTuple):
         x_label: Label of the x axis of all panels.
         panels: Panels, row by row.
         widths: Widths of the columns of panels, relative to each other.
-        magnitude: Whether the curves are errors that deserve a logarithmic axis too.
+        magnitude: Whether the curves are errors, which may be drawn as magnitudes.
         equal: Whether both axes have the same scale.
         spans: Whether the columns show different times; then the panels of a column have the same
             limits, otherwise all panels have the same time.
@@ -78,6 +79,11 @@ class Chart(NamedTuple):
     magnitude: bool = False
     equal: bool = False
     spans: bool = False
+
+    def logarithmic(self, scale: str) -> bool:
+        """Whether its errors are drawn as magnitudes, see :func:`scale.logarithmic`."""
+        curves = [curve.y for panel in self.panels for curve in panel.curves]
+        return self.magnitude and logarithmic(scale, curves)
 
 
 def charts(runs: Sequence[Run]) -> list[Chart]:

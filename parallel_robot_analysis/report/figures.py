@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot_analysis.metrics import Motion, Poses
+from parallel_robot_analysis.metrics import Motion, Poses, distances
 from parallel_robot_analysis.report.labels import joint_label, label, law_label
+from parallel_robot_analysis.report.palette import RUNS, slots
+from parallel_robot_analysis.report.scale import AUTO, logarithmic
 from parallel_robot_bags import new_files
 from parallel_robot_bags.printable_output import without_mathematics
 from parallel_robot_bags.run_log import RunLog
@@ -20,6 +22,9 @@ from parallel_robot_control.coupling import synchronisation_error
 FORMATS = ('.png', '.pdf', '.svg')
 COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
 DASHES = ('-', '--')  # of as many joints as there are colours each
+LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins ten times higher
+LARGEST = 'Largest '  # of all joints
+COLUMNS = 6  # of a legend
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 
 
@@ -39,22 +44,23 @@ class NamedMotion(Motion, Protocol):
         """Names of the actuated joints."""
 
 
-def draw_run(log: NamedMotion, pose: Poses, path: str | Path) -> None:
+def draw_run(log: NamedMotion, pose: Poses, path: str | Path, scale: str = AUTO) -> None:
     """Draw path, errors and torques of a run to a PNG or vector file.
 
     Args:
         log: The run.
         pose: Poses of the run.
         path: File to write, which must not exist; its suffix chooses the format.
+        scale: Of errors, see scale.SCALES.
 
     Raises:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    save(figure_of_run(log, pose), path)
+    save(figure_of_run(log, pose, scale), path)
 
 
-def figure_of_run(log: NamedMotion, pose: Poses) -> Any:
+def figure_of_run(log: NamedMotion, pose: Poses, scale: str = AUTO) -> Any:
     """Path, errors and torques of a run as a figure of matplotlib.
 
     A robot that does not move in a plane has no path; its synchronisation errors are drawn.
@@ -62,36 +68,74 @@ def figure_of_run(log: NamedMotion, pose: Poses) -> Any:
     Args:
         log: The run.
         pose: Poses of the run.
+        scale: Of errors, see scale.SCALES.
     """
-    figure = _figure(f'{label(log.scenario)}, {law_label(log.law)}')
+    figure, path, (first, joints, torque) = _panels(
+        f'{label(log.scenario)}, {law_label(log.law)}', pose.planar
+    )
     names = [without_mathematics(joint_label(name)) for name in log.joints]
+    looks = [_look(k) for k in range(len(names))]
     error = log.reference_position - log.position
     if pose.planar:
-        grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
-        _draw_path(figure.add_subplot(grid[:, 0]), pose)
-        first = figure.add_subplot(grid[0, 1])
-        offset = (pose.actual - pose.reference)[:, :2]
-        _draw_magnitude(first, log.time, 1e6 * offset, ['x', 'y'])
-        first.set(ylabel='|error| [µm]', title='End-effector error')
+        _draw_paths(path, [pose], looks, 'end effector')
+        offset = (pose.reference - pose.actual)[:, :2]
+        curves = _curves(log.time, 1e6 * offset, looks, ['x', 'y'])
+        _draw_errors(first, curves, 'µm', scale, 'End-effector error')
     else:
-        grid = figure.add_gridspec(3, 1)
-        first = figure.add_subplot(grid[0, 0])
-        _draw_magnitude(first, log.time, 1e6 * synchronisation_error(error), names)
-        first.set(ylabel='|error| [µrad]', title='Synchronisation errors')
-
-    joints = figure.add_subplot(grid[1, -1], sharex=first)
-    _draw_magnitude(joints, log.time, 1e6 * error, names)
-    joints.set(ylabel='|error| [µrad]', title='Joint errors')
-
-    torque = figure.add_subplot(grid[2, -1], sharex=first)
-    for k, name in enumerate(names):
-        torque.plot(log.time, log.effort[:, k], **_look(k), label=name)
-    torque.set(xlabel='t [s]', ylabel='[N m]', title='Torques')
-
+        curves = _curves(log.time, 1e6 * synchronisation_error(error), looks, names)
+        _draw_errors(first, curves, 'µrad', scale, 'Synchronisation errors')
+    curves = _curves(log.time, 1e6 * error, looks, names)
+    _draw_errors(joints, curves, 'µrad', scale, 'Joint errors')
+    _draw_curves(torque, _curves(log.time, log.effort, looks, names))
+    torque.set(xlabel='t [s]', ylabel='torque [N m]')
+    torque.set_title('Torques', loc='left')
     for axes in (first, joints, torque):
-        axes.legend(loc='upper right', ncols=3, fontsize='small')
-    for axes in figure.axes:
-        axes.grid(alpha=0.3)
+        _add_legend(axes)
+    return figure
+
+
+def figure_of_runs(runs: Mapping[str, tuple[NamedMotion, Poses]], scale: str = AUTO) -> Any:
+    """Several runs over one another as a figure of matplotlib, one curve each in a panel.
+
+    Of the joints, the largest magnitude at each time is drawn. Without a path if a robot does not
+    move in a plane.
+
+    Args:
+        runs: Name to a run and its poses, up to as many as palette.RUNS.
+        scale: Of errors, see scale.SCALES.
+    """
+    logs, poses = zip(*runs.values(), strict=True)
+    planar = all(pose.planar for pose in poses)
+    title = ', '.join(dict.fromkeys(label(log.scenario) for log in logs))
+    figure, path, (first, joints, torque) = _panels(title, planar)
+    names = [without_mathematics(label(name)) for name in runs]
+    looks = [
+        {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
+        for style in (RUNS[slot] for slot in slots([log.law for log in logs]))
+    ]
+
+    def curves(columns: Iterable[np.ndarray]) -> list[Curve]:
+        """One curve for each run: the largest magnitude of its columns, shape (N, k)."""
+        return [
+            Curve(log.time, np.abs(values).max(axis=1), look, name)
+            for log, values, look, name in zip(logs, columns, looks, names, strict=True)
+        ]
+
+    errors = [1e6 * (log.reference_position - log.position) for log in logs]
+    if planar:
+        _draw_paths(path, poses, looks)
+        distance = curves(1e6 * distances(pose)[:, np.newaxis] for pose in poses)
+        _draw_errors(first, distance, 'µm', scale, 'End-effector error', sign=False)
+    else:
+        synchronisation = curves(map(synchronisation_error, errors))
+        _draw_errors(
+            first, synchronisation, 'µrad', scale, LARGEST + 'synchronisation error', sign=False
+        )
+    _draw_errors(joints, curves(errors), 'µrad', scale, LARGEST + 'joint error', sign=False)
+    _draw_curves(torque, curves(log.effort for log in logs))
+    torque.set(xlabel='t [s]', ylabel='|torque| [N m]')
+    torque.set_title(LARGEST + 'torque', loc='left')
+    figure.legend(*torque.get_legend_handles_labels(), loc='outside lower center', ncols=COLUMNS)
     return figure
 
 
@@ -159,20 +203,79 @@ def draw_prediction(
     save(figure, path)
 
 
-def _draw_path(axes: Any, pose: Poses) -> None:
-    axes.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label='reference')
-    axes.plot(*(1e3 * pose.actual[:, :2].T), color=COLOURS[0], lw=1.2, label='end effector')
-    axes.plot(*(1e3 * pose.actual[0, :2]), 'o', color=COLOURS[1], label='start')
+class Curve(NamedTuple):
+    """One curve: times, values, both shape (N,), arguments of its line, name."""
+
+    time: np.ndarray
+    values: np.ndarray
+    look: dict[str, Any]
+    name: str
+
+
+def _panels(title: str, planar: bool) -> tuple[Any, Any, list[Any]]:
+    """A figure, the panel of the path, None if not planar, and three panels over time."""
+    figure = _figure(title)
+    grid = figure.add_gridspec(3, 2 if planar else 1, width_ratios=(1.1, 1.0)[-1 - planar :])
+    path = figure.add_subplot(grid[:, 0]) if planar else None
+    first = figure.add_subplot(grid[0, -1])
+    others = [figure.add_subplot(grid[k, -1], sharex=first) for k in (1, 2)]
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    return figure, path, [first, *others]
+
+
+def _curves(
+    time: np.ndarray, values: np.ndarray, looks: list[dict[str, Any]], names: list[str]
+) -> list[Curve]:
+    """One curve for each column of the values, shape (N, k)."""
+    return [Curve(time, *one) for one in zip(values.T, looks, names, strict=False)]
+
+
+def _draw_paths(
+    axes: Any, poses: Sequence[Poses], looks: list[dict[str, Any]], name: str = ''
+) -> None:
+    for k, pose in enumerate(poses):
+        grey = '' if k else 'reference'
+        axes.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label=grey)
+    for pose, look in zip(poses, looks, strict=False):
+        axes.plot(*(1e3 * pose.actual[:, :2].T), **{**look, 'lw': 1.2}, label=name)
+    starts = np.unique([1e3 * pose.actual[0, :2] for pose in poses], axis=0)
+    axes.plot(*starts.T, 'o', color=COLOURS[1], label='start')
     axes.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
     axes.margins(0.12)
     axes.legend(loc='upper right')
 
 
-def _draw_magnitude(axes: Any, time: np.ndarray, errors: np.ndarray, names: list[str]) -> None:
-    """Draw the magnitude of errors, shape (N, columns), on a logarithmic axis."""
-    for k, name in enumerate(names):
-        axes.semilogy(time, np.maximum(np.abs(errors[:, k]), 1e-4), **_look(k), label=name)
-    axes.set_ylim(1e-3, None)
+def _draw_errors(
+    axes: Any, curves: list[Curve], unit: str, scale: str, title: str, sign: bool = True
+) -> None:
+    """Draw errors, with their sign unless the axis is logarithmic or they have none."""
+    log = logarithmic(scale, [curve.values for curve in curves])
+    if log:
+        curves = [c._replace(values=np.maximum(np.abs(c.values), LEAST)) for c in curves]
+    _draw_curves(axes, curves)
+    if log:
+        axes.set_yscale('log')
+        axes.set_ylim(max(axes.get_ylim()[0], 10 * LEAST), None)
+    axes.set_ylabel(f'|error| [{unit}]' if log or not sign else f'error [{unit}]')
+    axes.set_title(title, loc='left')
+
+
+def _draw_curves(axes: Any, curves: list[Curve]) -> None:
+    for curve in curves:
+        axes.plot(curve.time, curve.values, **curve.look, label=curve.name)
+
+
+def _add_legend(axes: Any) -> None:
+    """Add a legend above the curves, beside the title."""
+    axes.legend(
+        loc='lower right',
+        bbox_to_anchor=(1.0, 1.0),
+        borderpad=0.2,
+        fontsize='small',
+        frameon=False,
+        ncols=COLUMNS,
+    )
 
 
 def _look(column: int) -> dict[str, Any]:

@@ -14,15 +14,21 @@ from parallel_robot_analysis.report.labels import law_label
 from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.plots import plot
 from parallel_robot_analysis.report.runs import Run
+from parallel_robot_analysis.report.scale import AUTO
 from parallel_robot_base.printable import printable
 
 
-def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Chart]]) -> str:
+def render(
+    groups: Mapping[str, Sequence[Run]],
+    charts: Mapping[str, Sequence[Chart]],
+    scale: str = AUTO,
+) -> str:
     """Write the page.
 
     Args:
         groups: Name of a group to its runs, see :func:`runs.read_runs`.
         charts: Name of a group to its charts.
+        scale: Of errors at first, see scale.SCALES.
 
     Returns:
         HTML with scripts, styles and data inside; it loads nothing from the network.
@@ -44,7 +50,7 @@ def render(groups: Mapping[str, Sequence[Run]], charts: Mapping[str, Sequence[Ch
         plotly=get_plotlyjs(),
         styles=STYLES,
         intervals=INTERVALS,
-        groups=[_section(name, members, charts[name]) for name, members in groups.items()],
+        groups=[_section(name, members, charts[name], scale) for name, members in groups.items()],
         runs=runs,
         gains=[_gains(run) for run in runs],
         differences=differences(runs),
@@ -60,9 +66,11 @@ def differences(runs: Sequence[Run]) -> dict[str, list[str]]:
     return {key: row for key, row in _parameters(runs).items() if len(set(row)) > 1}
 
 
-def _section(name: str, runs: Sequence[Run], charts: Sequence[Chart]) -> dict[str, Any]:
+def _section(
+    name: str, runs: Sequence[Run], charts: Sequence[Chart], scale: str
+) -> dict[str, Any]:
     first = {run.log.law: run.metrics for run in reversed(runs)}
-    data: dict[str, Any] = {'plots': [plot(chart) for chart in charts]}
+    data: dict[str, Any] = {'plots': [plot(chart, scale) for chart in charts]}
     if runs[0].poses.planar:
         data['animation'] = animation(runs)
     return {

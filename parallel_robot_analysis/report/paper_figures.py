@@ -13,6 +13,7 @@ import numpy as np
 from parallel_robot_analysis.report.charts import Chart, Panel
 from parallel_robot_analysis.report.decimation import envelope
 from parallel_robot_analysis.report.palette import STYLES, Style
+from parallel_robot_analysis.report.scale import AUTO
 from parallel_robot_bags.printable_output import without_mathematics
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ FORMATS = ('pdf', 'svg')
 COLUMN = 3.45  # in, of a journal with two columns
 PAGE = 7.1  # in, of both
 ROW = 1.25  # in, height of a panel over time
+LOWEST = 1.7  # in, of all rows together
 TALLEST = 9.0  # in, of all rows together
 RC: dict[Any, Any] = {
     'axes.grid': True,
@@ -50,15 +52,14 @@ RC: dict[Any, Any] = {
 UNDATED: dict[str, dict[str, Any]] = {'pdf': {'CreationDate': None}, 'svg': {'Date': None}}
 
 
-def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
+def draw(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> list[Path]:
     """Draw a chart once in each of FORMATS.
-
-    Errors get a second panel with their magnitude on a logarithmic axis where there is room.
 
     Args:
         chart: The chart.
         directory: Directory of the files.
         name: Name of the files, without suffix.
+        scale: Of errors, see scale.SCALES.
 
     Returns:
         The files.
@@ -69,14 +70,13 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
     import matplotlib as mpl  # slow to import: only when drawn
     from matplotlib.figure import Figure
 
-    twice = chart.magnitude and len(chart.widths) == 1
-    scales = (False, True) if twice else (False,)
-    views = [(panel, log) for panel in chart.panels for log in scales]
-    widths = (1.0, 1.0) if twice and len(chart.panels) > 1 else chart.widths
-    rows = -(-len(views) // len(widths))
+    log, widths = chart.logarithmic(scale), chart.widths
+    rows = -(-len(chart.panels) // len(widths))
     width = PAGE if len(widths) > 1 else COLUMN
     with mpl.rc_context(RC):
-        height = 0.6 + (3.0 * _slope(chart) if chart.equal else min(ROW * rows, TALLEST))
+        height = 0.6 + (
+            3.0 * _slope(chart) if chart.equal else float(np.clip(ROW * rows, LOWEST, TALLEST))
+        )
         figure = Figure(figsize=(width, height), layout='constrained')
         grid = figure.subplots(
             rows,
@@ -86,9 +86,9 @@ def draw(chart: Chart, directory: Path, name: str) -> list[Path]:
             squeeze=False,
             width_ratios=widths,
         )
-        for letter, axes, (panel, log) in zip(_letters(), grid.flat, views, strict=False):
+        for letter, axes, panel in zip(_letters(), grid.flat, chart.panels, strict=False):
             _draw_panel(axes, panel, log)
-            if len(views) > 1:
+            if len(chart.panels) > 1:
                 axes.set_title(f'({letter}) {without_mathematics(panel.title)}'.rstrip())
         for axes in grid[-1]:
             axes.set_xlabel(chart.x_label)

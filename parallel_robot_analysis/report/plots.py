@@ -17,14 +17,16 @@ TOP, BOTTOM = 56, 48  # px, for legend and time axis
 COLUMN_GAP = 0.09  # of the width
 
 
-def plot(chart: Chart) -> dict[str, Any]:
+def plot(chart: Chart, scale: str) -> dict[str, Any]:
     """Traces and layout of a chart.
 
     Args:
         chart: The chart.
+        scale: Of errors, see scale.SCALES.
 
     Returns:
-        ``data`` and ``layout`` of plotly.js. The points of a trace are packed, see
+        ``data`` and ``layout`` of plotly.js with signed values, and whether they are shown as
+        magnitudes on a ``log`` axis at first. The points of a trace are packed, see
         :func:`packed`, and its ``meta`` is the key of the style; the page fills in points and
         colours.
     """
@@ -84,7 +86,7 @@ def plot(chart: Chart) -> dict[str, Any]:
             data.append(_trace(curve, number, panel, chart.equal))
             data[-1]['showlegend'] = curve.label not in named
             named.add(curve.label)
-    return {'data': data, 'layout': layout}
+    return {'data': data, 'layout': layout, 'log': chart.logarithmic(scale)}
 
 
 def packed(values: np.ndarray) -> str:

@@ -42,6 +42,8 @@ LAWS: dict[str, Law] = {
     'fixed_time_smc': fixed_time_smc,
 }
 
+PAPER = ('smc', 's_smc', 'nftsmc', 's_fotsmc')  # Doan, Le, Vo (2019)
+
 TITLES = {
     'smc': 'SMC',
     's_smc': 'S-SMC',

@@ -30,22 +30,21 @@ const magnitude = (y) => y.map((v, i) => Math.max(Math.abs(v), Math.abs(y[i ^ 1]
 class Plot {
   constructor(element) {
     this.element = element;
-    const { data: traces, layout } = data(element).plots[element.dataset.index];
+    const { data: traces, layout, log } = data(element).plots[element.dataset.index];
     this.layout = layout;
     this.traces = traces.map((trace) => {
       const y = unpack(trace.y);
       return { ...trace, x: unpack(trace.x), y, signed: y };
     });
-    const button = element.parentElement.querySelector('.log');
-    button?.addEventListener('click', () => {
-      const log = button.getAttribute('aria-pressed') !== 'true';
-      button.setAttribute('aria-pressed', log);
-      button.textContent = log ? 'signed, linear' : 'magnitude, logarithmic';
-      this.scale(log);
-    });
+    this.button = element.parentElement.querySelector('.log');
+    this.button?.addEventListener('click', () => { this.scale(!this.log); this.draw(); });
+    if (this.button) this.scale(log);
   }
 
   scale(log) {
+    this.log = log;
+    this.button.setAttribute('aria-pressed', log);
+    this.button.textContent = log ? 'signed, linear' : 'magnitude, logarithmic';
     for (const trace of this.traces) trace.y = log ? magnitude(trace.signed) : trace.signed;
     for (const key of Object.keys(this.layout).filter((name) => name.startsWith('yaxis'))) {
       const { range, autorange, title, ...axis } = this.layout[key];
@@ -55,7 +54,6 @@ class Plot {
         title: { text: `${log ? `|${quantity}|` : quantity} [${unit}` },
       };
     }
-    return this.draw();
   }
 
   draw() {
