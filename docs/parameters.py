@@ -24,8 +24,8 @@ those of `paper_circle`; other robots have other groups `robot`, limits and marg
 file is written by `make docs`.
 
 `ros2 param load` takes what `ros2 param dump` wrote of the same node: a fixed parameter that keeps
-its value is no change. On a machine that is busy, while kernels are compiled say, a request may get
-no answer ("client will not receive response" in the log): the middleware drops an answer whose
+its value is no change. On a machine that is busy, while kernels are compiled say, a request may
+get no answer ("client will not receive response" in the log): the middleware drops an answer whose
 receiver it has not found within 0.1 s. Then call again.
 """
 LAST = {'recorder': RecorderParameters, 'monitor': MonitorParameters}

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis.metrics import Metrics
+from parallel_robot_analysis.true_motion import TrueError
 from parallel_robot_bags.counts import TopicCount
 
 
@@ -58,20 +59,24 @@ METRICS = (*TRANSIENT, *STEADY, *TORQUE)
 
 # Parameters by which the joints of a bag are not the true ones, see docs/noise.md.
 UNTRUE = ('sensor.position_noise', 'sensor.resolution', 'sensor.delay', 'sensor.jitter')
-AS_SENSED = (
-    'the sensors are not ideal ({0}): errors are computed from what they tell; parallel_robot '
-    'compare and sweep measure the true motion'
-)
+AS_SENSED = 'the sensors are not ideal ({0}): errors are those that they show; {1}'
+TRUE = 'the true end-effector error is {0} µm rms, {1} µm at most'
+ELSEWHERE = 'parallel_robot compare and sweep measure the true motion'
 
 
-def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
-    """A line that says that errors of a bag are not the true ones, if they are not.
+def sensor_remarks(values: Mapping[str, Any], truth: Callable[[], TrueError | None]) -> list[str]:
+    """A line that says that errors of a run are not the true ones, if they are not.
 
     Args:
         values: The resolved configuration.
+        truth: Returns the true error, if it is known; called where it is told.
     """
     acting = [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0)) != 0.0)]
-    return [AS_SENSED.format(', '.join(acting))] if acting else []
+    if not acting:
+        return []
+    true = truth()
+    known = true and TRUE.format(shown(1e6 * true.rms_m), shown(1e6 * true.max_m))
+    return [AS_SENSED.format(', '.join(acting), known or ELSEWHERE)]
 
 
 def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:

@@ -131,6 +131,8 @@ def _kind(bag: Path, topic: Topic, message: bytes) -> Kind:
     try:
         if len(message) > MESSAGE:
             raise ValueError(f'a message of more than {MESSAGE} bytes')
+        if topic.type == topics.POSE.type:
+            return layouts.pose_stamped(topics.FRAME), ()
         if topic.type not in OWN:
             return ARRAYS[topic.type](len(Reader(message).array())), ()  # in the order of joints
         joints, _, layout = joint_message(topic.type, message)

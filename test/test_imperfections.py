@@ -1,5 +1,7 @@
 """Sensors, motors and disturbances: their statistics and closed forms, and the same everywhere."""
 
+import re
+
 import numpy as np
 import pytest
 from assembly import make_plant
@@ -311,8 +313,22 @@ def test_studies_measure_the_true_motion_and_bags_say_that_they_do_not(tmp_path,
     rms = np.sqrt((error**2).sum(axis=1).mean())
     assert outcome.metrics.steady.xy_rms_m == pytest.approx(rms, rel=1e-6)
     bag = str(tmp_path / 'bag')
-    words = ['--duration', '0.1', '--set', 'sensor.delay=0.005', '--out', bag]
-    assert main(['simulate', 'paper_circle', *words]) == 0
-    assert 'the sensors are not ideal (sensor.delay)' in capsys.readouterr().err
+    words = ['--duration', '1', '--law', 'computed_torque', '--set', 'sensor.delay=0.005']
+    assert main(['simulate', 'paper_circle', *words, '--out', bag]) == 0
+    said = re.search(
+        r'the sensors are not ideal \(sensor.delay\): errors are those that they show; '
+        r'the true end-effector error is ([\d.]+) µm rms',
+        capsys.readouterr().err,
+    )
+    assert float(said[1]) == pytest.approx(1e6 * rms, rel=0.02)  # of every tenth sample
     assert main(['analyze', bag]) == 0
-    assert 'the sensors are not ideal (sensor.delay)' in capsys.readouterr().out
+    assert said[0] in capsys.readouterr().out
+
+
+def test_a_bag_without_poses_does_not_tell_the_true_error(tmp_path, capsys):
+    bag = str(tmp_path / 'bag')
+    words = ['--duration', '0.1', '--set', 'sensor.delay=0.005', '--out', bag]
+    assert main(['simulate', 'axes_step', *words]) == 0
+    assert 'compare and sweep measure the true motion' in capsys.readouterr().err
+    assert main(['analyze', bag]) == 0
+    assert 'compare and sweep measure the true motion' in capsys.readouterr().out

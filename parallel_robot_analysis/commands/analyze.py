@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis import metrics, timing, true_motion
 from parallel_robot_analysis.readable_metrics import (
     STEADY,
     TORQUE,
@@ -77,7 +77,8 @@ def execute(arguments: argparse.Namespace) -> int:
     print(table(result, found, float(log.config['duration'])))
     quiet = ['no limit acted, no fault'] if past.statuses else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
-    for text in [*remarks, *sensor_remarks(log.config)]:
+    remarks += sensor_remarks(log.config, lambda: true_motion.of_bag(arguments.bag, log, memory))
+    for text in remarks:
         print(f'  {text}')
     old = ' exists and is kept; --figure draws another' if kept else ''
     print(f'bag     {arguments.bag}\nfigure  {figure}{old}')

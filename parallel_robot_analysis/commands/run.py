@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot_analysis import metrics, readable_metrics, timing
+from parallel_robot_analysis import metrics, readable_metrics, timing, true_motion
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.namespaces import add_namespace_argument, full
 from parallel_robot_analysis.node_graph import subscribers
@@ -101,7 +101,10 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
-    remarks += [*timing.remarks(timed, past), *readable_metrics.sensor_remarks(log.config)]
+    remarks += timing.remarks(timed, past)
+    remarks += readable_metrics.sensor_remarks(
+        log.config, lambda: true_motion.of_bag(out, log, TRUSTED)
+    )
     for text in (*experiment.control.law.warnings, *remarks):
         print(f'warning: {text}', file=sys.stderr)
     if end.signal:

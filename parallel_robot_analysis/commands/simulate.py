@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import metrics, readable_metrics
+from parallel_robot_analysis import metrics, readable_metrics, true_motion
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
-from parallel_robot_base import assignments, config, parameter_file
+from parallel_robot_base import assignments, config, parameter_file, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_base.loop import DURATION
 from parallel_robot_control.configuration import resolve
@@ -138,6 +138,14 @@ def motion(made: Simulation) -> Simulated:
     return Simulated(time, run.position, made.reference.position, run.effort)
 
 
+def true_error(made: Simulation) -> true_motion.TrueError | None:
+    """The true error of a simulation, the same as that of its bag; None without a plane."""
+    if not made.experiment.trajectory.robot.module.PLANAR:
+        return None
+    slow = slice(0, made.run.steps, topics.SLOW)
+    return true_motion.of_poses(made.run.pose[slow], made.reference.pose[slow])
+
+
 def evaluate(values: Mapping[str, Any], made: Simulation) -> list[str]:
     """The metrics of a simulation, the same as those of its bag, in lines."""
     joints = motion(made)
@@ -191,7 +199,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     simulation = simulate(configure(values))
-    for text in (*remarks(simulation), *readable_metrics.sensor_remarks(values)):
+    sensed = readable_metrics.sensor_remarks(values, lambda: true_error(simulation))
+    for text in (*remarks(simulation), *sensed):
         print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(out, values, simulation)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import metrics, timing
+from parallel_robot_analysis import metrics, timing, true_motion
 from parallel_robot_analysis.readable_metrics import sensor_remarks
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.labels import label, law_label
@@ -111,7 +111,7 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
         raise BagError(f'{bag}: {error}') from None
     result = metrics.evaluate(log, poses)
     coupling = cross_coupling(bag, log, memory)
-    doubts = sensor_remarks(log.config)
+    doubts = sensor_remarks(log.config, lambda: true_motion.of_bag(bag, log, memory))
     return Run(bag, name, style, log, poses, result, coupling, timed, cut, doubts)
 
 
