@@ -1,1 +1,5 @@
 """Base of all packages: errors, configuration, message bytes, compiler; no ROS, no law."""
+
+from parallel_robot_base.numba_settings import take_from_environment_alone
+
+take_from_environment_alone()

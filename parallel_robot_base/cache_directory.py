@@ -135,6 +135,4 @@ def _version() -> str:
     return digest.hexdigest()[:16]
 
 
-# Not the directory from a .numba_config.yaml in the current directory, which anybody may have put
-# there: the files of a cache are executed.
 OWN = '' if os.environ.get('NUMBA_CACHE_DIR') else directory()

@@ -10,8 +10,12 @@ from numba.core.registry import CPUDispatcher
 
 import parallel_robot_base.vector_functions
 import parallel_robot_base.vector_operators  # noqa: F401 and these
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.kernel_cache import cache_of
 from parallel_robot_base.vector_types import holds_vectors
+
+if numba.config.DISABLE_JIT:
+    raise InputError('NUMBA_DISABLE_JIT is set; unset it: nothing here runs without the compiler')
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 

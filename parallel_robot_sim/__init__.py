@@ -8,6 +8,8 @@ What is offered here is imported when it is used first: the compiler takes a sec
 
 from typing import TYPE_CHECKING, Any
 
+import parallel_robot_base  # noqa: F401, before Numba
+
 __all__ = ['Run', 'simulate']
 
 if TYPE_CHECKING:

@@ -207,11 +207,6 @@ def test_the_users_own_cache_directory_is_respected(tmp_path):
     assert Path(found).parent == tmp_path
 
 
-def test_a_configuration_of_numba_in_the_current_directory_names_no_cache(tmp_path):
-    (tmp_path / '.numba_config.yaml').write_text(f'cache_dir: {tmp_path}\n')
-    assert str(tmp_path) not in print_in_python(WHERE, tmp_path)
-
-
 MOVE = """
 from trajectory_gen.circle import Parameters, motion
 motion(Parameters((0.0, 0.0), 1.0, 1.0, 0.0), 0.5)

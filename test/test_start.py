@@ -37,6 +37,7 @@ def hostile(tmp_path):
     trap = f'open({str(tmp_path / "imported")!r}, "a").write(__name__)\n'
     for path in (*HOSTILE, 'parallel_robot_sim/__init__', 'parallel_robot_control/__init__'):
         (folder / f'{path}.py').write_text(trap)
+    (folder / '.numba_config.yaml').write_text('disable_jit: 1\ndebug: 1\ncache_dir: .\n')
     return folder
 
 
