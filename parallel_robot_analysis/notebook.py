@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import io
+import itertools
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,10 @@ import yaml
 
 from parallel_robot_analysis import metrics as evaluation
 from parallel_robot_analysis.metrics import Metrics, Poses
-from parallel_robot_analysis.report import figures
+from parallel_robot_analysis.readable_metrics import METRICS, NEVER, defined, shown
+from parallel_robot_analysis.report import figures, palette
+from parallel_robot_analysis.report.labels import law_label
+from parallel_robot_analysis.report.scale import AUTO
 from parallel_robot_analysis.study import study as studies
 from parallel_robot_analysis.study import table
 from parallel_robot_analysis.study.plan import plan
@@ -26,15 +29,14 @@ from parallel_robot_analysis.study.workers import Processes
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.statuses import LIMIT_TEXT
+from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_sim.scenario_run import Run
+from parallel_robot_sim.scenario_run import Run, simulate
 
 RESOLUTION = 70  # dots per inch of a picture in a notebook
-
-Frame = Any  # a pandas.DataFrame; pandas is optional, and untyped
 
 
 @dataclass(frozen=True)
@@ -136,15 +138,35 @@ def save(run: Run, bag: str | Path) -> None:
         raise RunError(f'cannot write {bag}: {error.strerror}') from None
 
 
-def metrics(run: Run) -> Metrics:
-    """Metrics of a run, in SI units.
+class RunMetrics(Metrics):
+    """Metrics that are shown as a table; the attributes are those of Metrics, in SI units."""
+
+    __slots__ = ()
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        found = [(one, shown(one.value(self))) for one in defined(METRICS, self)]
+        return [(one.name, value, one.unit if value != NEVER else '') for one, value in found]
+
+    def __repr__(self) -> str:
+        """A line for each metric, with its unit."""
+        lines = [f'{name:<27}{value:>11} {unit}'.rstrip() for name, value, unit in self._rows()]
+        return '\n'.join(lines)
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        rows = (''.join(f'<td>{word}</td>' for word in row) for row in self._rows())
+        return f'<table>{"".join(f"<tr>{row}</tr>" for row in rows)}</table>'
+
+
+def metrics(run: Run) -> RunMetrics:
+    """Metrics of a run, in SI units; shown as a table in units that fit.
 
     >>> from parallel_robot_sim import simulate
     >>> found = metrics(simulate('paper_circle', law='smc', duration=2))
     >>> round(found.torque.max_nm, 2)
     8.24
     """
-    return evaluation.evaluate(_drawn(run), _poses(run))
+    return RunMetrics(*evaluation.evaluate(_drawn(run), _poses(run)))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
@@ -166,22 +188,85 @@ def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
     Raises:
         InputError: something among them is not a run, or pandas is not installed.
     """
-    named = dict(runs) if isinstance(runs, Mapping) else _named(runs)
-    for run in named.values():
-        if not isinstance(run, Run):
-            raise InputError(f'compare takes runs, not {run!r}')
+    named = _named('compare', runs)
     rows = []
     for run in named.values():
         found = metrics(run)
         values = {name: of(found) for name, of in table.METRICS.items()}
         rows.append({'scenario': run.scenario, 'law': run.law, **values})
-    frame: Frame = _pandas().DataFrame(rows, index=list(named))
+    frame: Frame = pandas().DataFrame(rows, index=list(named))
     return frame
 
 
-def plot(run: Run) -> Picture:
-    """Path, errors and torques of a run as a picture, which a notebook shows."""
-    return Picture(figures.figure_of_run(_drawn(run), _poses(run)))
+def grid(
+    scenario: str | Path,
+    law: str,
+    choices: Mapping[str, Iterable[Any]],
+    *,
+    duration: float | None = None,
+    **values: Any,
+) -> Frame:
+    """Run a law with every combination of some values.
+
+    >>> found = grid('paper_circle', 'smc', {'smc.z': [10, 25], 'smc.u': [0.2, 0.7]}, duration=2)
+    >>> found[['smc.z', 'smc.u', 'torque_max_nm']].round(2).values.tolist()
+    [[10.0, 0.2, 10.9], [10.0, 0.7, 4.38], [25.0, 0.2, 13.96], [25.0, 0.7, 10.16]]
+
+    Args:
+        scenario: Name or file of a scenario.
+        law: Control law.
+        choices: Key of the configuration to the values that it takes.
+        duration: Length of the motion [s], see ``simulate``.
+        values: Other keys and their values in all runs.
+
+    Returns:
+        A pandas.DataFrame with one row a combination, the last key changing fastest: the values,
+        ``status`` and ``reason`` and the metrics, as in the table of a sweep.
+
+    Raises:
+        InputError: a key or a value is wrong, or pandas is not installed.
+    """
+    frames = pandas()
+    for key, some in choices.items():
+        if isinstance(some, str) or not isinstance(some, Iterable):
+            raise InputError(f'{key} must have a list of values, not {some!r}')
+    rows = []
+    for combination in itertools.product(*choices.values()):
+        chosen = dict(zip(choices, combination, strict=True))
+        row = {**chosen, 'status': 'ok', 'reason': ''}
+        try:
+            run = simulate(scenario, law=law, duration=duration, **{**values, **chosen})
+        except RunError as error:
+            row |= {'status': 'failed', 'reason': str(error)}
+        else:
+            if run.fault is not None:
+                row |= {'status': 'fault', 'reason': f'{run.fault[1]} at t = {run.fault[0]:.3f} s'}
+            found = metrics(run)
+            row |= {name: of(found) for name, of in table.METRICS.items()}
+        rows.append(row)
+    columns = [*choices, 'status', 'reason', *table.METRICS]
+    frame: Frame = frames.DataFrame(rows, columns=columns)
+    return frame
+
+
+def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) -> Picture:
+    """Path, errors and torques as a picture, which a notebook shows.
+
+    Args:
+        runs: A run; or several, which are drawn over one another, or name to run.
+        scale: Of errors: 'linear'; 'log', their magnitude; 'auto', log where a curve would look
+            like zero.
+
+    Raises:
+        InputError: something among them is not a run, they are too many, or the scale is unknown.
+    """
+    if isinstance(runs, Run):
+        return Picture(figures.figure_of_run(_drawn(runs), _poses(runs), scale))
+    named = _named('plot', runs, law_label)
+    if not 1 <= len(named) <= len(palette.RUNS):
+        raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
+    drawn = {name: (_drawn(run), _poses(run)) for name, run in named.items()}
+    return Picture(figures.figure_of_runs(drawn, scale))
 
 
 def sweep(
@@ -208,7 +293,7 @@ def sweep(
         InputError: something in the study or in the arguments is wrong.
         RunError: workers cannot run it, or the disk is full; finished rows are kept.
     """
-    pandas = _pandas()
+    frames = pandas()
     if isinstance(study, Mapping):
         text, name, folder = _as_yaml(study), 'study', None
     elif isinstance(study, str | Path):
@@ -221,7 +306,7 @@ def sweep(
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
     directory = Path(out)
     run_sweep(plan(asked), text, directory, Processes(count), count)
-    frame: Frame = pandas.read_parquet(directory / RUNS)
+    frame: Frame = frames.read_parquet(directory / RUNS)
     return frame
 
 
@@ -232,16 +317,30 @@ def _as_yaml(study: Mapping[str, Any]) -> str:
         raise InputError('study must hold plain numbers, texts, lists and mappings') from None
 
 
-def _named(runs: Iterable[Run]) -> dict[str, Run]:
-    """Runs by the names of their laws, with a number where there are several of one."""
+def _named(
+    caller: str,
+    runs: Iterable[Run] | Mapping[str, Run],
+    title: Callable[[str], str] = str,
+) -> dict[str, Run]:
+    """Runs by name; without names by their laws, with a number where there are several of one.
+
+    Raises:
+        InputError: something is not a run.
+    """
+    if isinstance(runs, Run) or not isinstance(runs, Iterable):
+        raise InputError(f'{caller} takes several runs: a list, or name to run')
+    members = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
+    for run in members:
+        if not isinstance(run, Run):
+            raise InputError(f'{caller} takes runs, not {run!r}')
+    if isinstance(runs, Mapping):
+        return {str(name): run for name, run in runs.items()}
     seen: Counter[str] = Counter()
     named = {}
-    if isinstance(runs, Run) or not isinstance(runs, Iterable):
-        raise InputError('compare takes several runs: a list, or name to run')
-    for run in runs:
-        law = run.law if isinstance(run, Run) else ''
-        seen[law] += 1
-        named[law if seen[law] == 1 else f'{law} #{seen[law]}'] = run
+    for run in members:
+        seen[run.law] += 1
+        number = '' if seen[run.law] == 1 else f' #{seen[run.law]}'
+        named[title(run.law) + number] = run
     return named
 
 
@@ -254,17 +353,3 @@ def _drawn(run: Run) -> _Drawn:
 
 def _poses(run: Run) -> Poses:
     return Poses(run.pose, run.pose_reference, run.planar)
-
-
-def _pandas() -> ModuleType:
-    """The module pandas.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import pandas  # optional
-    except ImportError:
-        raise InputError('pandas is not installed; pip install pandas') from None
-    found: ModuleType = pandas
-    return found

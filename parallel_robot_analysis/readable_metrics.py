@@ -55,6 +55,7 @@ TORQUE = (
     ),
     Metric('torque, chattering', 'chatter', 'N m', lambda m: m.torque.chattering_nm),
 )
+NEVER = 'never'  # in place of the time to a state that was not reached
 METRICS = (*TRANSIENT, *STEADY, *TORQUE)
 
 # Parameters by which the joints of a bag are not the true ones, see docs/noise.md.
@@ -131,6 +132,6 @@ def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
 def shown(value: float | None) -> str:
     """Four significant digits, also of zero; 'never' for a state that was not reached."""
     if value is None or math.isinf(value):
-        return 'never'
+        return NEVER
     text = f'{value:#.4g}'.removesuffix('.')
     return f'{float(text):.0f}' if 1e4 <= abs(float(text)) < 1e7 else text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from parallel_robot_analysis.metrics import Poses
 from parallel_robot_bags import command_states, run_log, telemetry
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_base.errors import InputError, ParallelRobotError
+from parallel_robot_base.data_frames import Frame, pandas
+from parallel_robot_base.errors import ParallelRobotError
 from parallel_robot_base.topics import SLIDING_VARIABLE
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.robots import robot_of
@@ -84,18 +85,15 @@ def columns(
     )
 
 
-def to_frame(bag: Path) -> Any:
+def to_frame(bag: Path) -> Frame:
     """A bag as a pandas DataFrame, see :func:`read`.
 
     Raises:
         InputError: pandas is not installed.
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    try:
-        import pandas  # optional
-    except ImportError:
-        raise InputError('pandas is not installed; pip install pandas') from None
-    return pandas.DataFrame(read(bag).columns)
+    frame: Frame = pandas().DataFrame(read(bag).columns)
+    return frame
 
 
 def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import config, parameter_file
+from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import DURATION
 from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
+from parallel_robot_model.robots import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import Simulation
@@ -82,6 +84,36 @@ class Run:
     def pose_error(self) -> Array:
         """Error of the pose, desired - actual, shape (N, m)."""
         return self.pose_reference - self.pose
+
+    def to_frame(self) -> Frame:
+        """The run as a pandas.DataFrame, one row a state, with the columns of ``export``.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        joints = {
+            'position_rad': self.position,
+            'velocity_rad_per_s': self.velocity,
+            'effort_nm': self.torque,
+            'reference_position_rad': self.reference,
+            'reference_velocity_rad_per_s': self.reference_velocity,
+        }
+        columns = {'time_s': self.time}
+        for quantity, numbers in joints.items():
+            columns |= dict(
+                zip((f'{joint}_{quantity}' for joint in self.joints), numbers.T, strict=True)
+            )
+        prefix = 'platform' if self.planar else 'pose'
+        if is_known(self.values):
+            robot = robot_of(self.values)
+            coordinates = robot.module.coordinates(robot.parameters)
+            for k, (name, unit) in enumerate(coordinates):
+                columns[f'{prefix}_{name}_{unit}'] = self.pose[:, k]
+                columns[f'{prefix}_reference_{name}_{unit}'] = self.pose_reference[:, k]
+        if self.planar:
+            columns['platform_error_m'] = np.hypot(*self.pose_error[:, :2].T)
+        frame: Frame = pandas().DataFrame(columns)
+        return frame
 
     def __repr__(self) -> str:
         """The run in a line; others for a fault, limits and warnings."""

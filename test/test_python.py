@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 import parallel_robot_sim
-from parallel_robot_analysis import command_line, notebook
+from parallel_robot_analysis import command_line, notebook, table
 from parallel_robot_bags import run_log
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_base.loop import DURATION
@@ -133,6 +133,10 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: simulate('paper_circle', param_file='no.yaml'), 'no.yaml does not exist'),
         (lambda: notebook.load('nowhere'), 'nowhere'),
         (lambda: notebook.metrics('bag'), "a run is wanted, as of simulate or load, not 'bag'"),
+        (lambda: notebook.plot('a'), "plot takes runs, not 'a'"),
+        (lambda: notebook.plot([]), 'plot takes up to 8 runs, not 0'),
+        (lambda: notebook.grid('paper_circle', 'smc', {'smc.z': 3}), 'smc.z must have a list of'),
+        (lambda: notebook.grid('paper_circle', 'smc', {'smc.zz': [3]}), "did you mean 'smc.z'"),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -173,6 +177,57 @@ def test_runs_are_compared_in_a_table(run):
     assert found.loc['smc', 'xy_rms_m'] == notebook.metrics(run).steady.xy_rms_m
     assert found.xy_rms_m.iloc[0] != found.xy_rms_m.iloc[1]
     assert list(notebook.compare({'z = 25': run}).index) == ['z = 25']
+
+
+def test_metrics_are_shown_as_a_table(run):
+    found = notebook.metrics(run)
+    lines = repr(found).splitlines()
+    assert len(lines) == 9 and lines[1].split() == ['time', 'to', '0.1', 'mm', 'never']
+    assert lines[2] == f'end-effector error, rms {1e6 * found.steady.xy_rms_m:>14.0f} µm'
+    assert '<td>torque, chattering</td>' in found._repr_html_()
+    axes = notebook.metrics(simulate('axes_step', duration=0.1))
+    assert 'end-effector' not in repr(axes) and 'nan' not in repr(axes)
+
+
+@pytest.mark.parametrize('scenario', ['paper_circle', 'axes_step'])
+def test_a_run_as_a_frame_has_the_columns_of_its_bag(scenario, tmp_path):
+    run = simulate(scenario, duration=0.1)
+    notebook.save(run, tmp_path / 'bag')
+    frame, exported = run.to_frame(), table.to_frame(tmp_path / 'bag')
+    assert len(frame) == 101 and set(frame) < set(exported)
+    left = {column.split('_', 1)[1] for column in set(exported) - set(frame)}
+    assert left == {
+        'ns', 'reference_acceleration_rad_per_s2', 'command_nm', 'synchronisation_error_rad',
+        'sliding_variable',
+    }  # fmt: skip
+    np.testing.assert_allclose(frame, exported[list(frame)], atol=1e-9)
+
+
+def test_runs_are_drawn_over_one_another(run):
+    other = simulate('paper_circle', duration=1)
+    drawn = notebook.plot([run, other, run]).figure
+    (legend,) = drawn.legends
+    assert [text.get_text() for text in legend.texts] == ['SMC', 'S-FOTSMC', 'SMC #2']
+    (legend,) = notebook.plot({'z = 25': run, 5: other}).figure.legends
+    assert [text.get_text() for text in legend.texts] == ['z = 25', '5']
+    path, error, *_ = notebook.plot(run, scale='log').figure.axes
+    assert (path.get_yscale(), error.get_yscale()) == ('linear', 'log')
+
+
+def test_a_grid_has_a_row_for_each_combination():
+    choices = {'smc.z': [10, np.float64(25)], 'smc.u': (0.2, 0.7)}
+    found = notebook.grid('paper_circle', 'smc', choices, duration=0.1, **{'smc.G': 12})
+    assert found[['smc.z', 'smc.u']].to_numpy().tolist() == [
+        [10, 0.2], [10, 0.7], [25, 0.2], [25, 0.7]
+    ]  # fmt: skip
+    assert set(found.status) == {'ok'}
+    alone = simulate(
+        'paper_circle', law='smc', duration=0.1, **{'smc.z': 25, 'smc.u': 0.2, 'smc.G': 12}
+    )
+    assert found.torque_max_nm[2] == notebook.metrics(alone).torque.max_nm
+    choices = {'safety.speed_limit': [0.1, 10]}
+    found = notebook.grid('paper_circle', 'smc', choices, duration=0.1)
+    assert found.status.tolist() == ['fault', 'ok'] and ' at t = 0.' in found.reason[0]
 
 
 def test_a_picture_is_small_in_a_notebook_and_overwrites_nothing(run, tmp_path):
