@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +14,7 @@ from parallel_robot_base.config_files import flat as flat
 from parallel_robot_base.config_files import label, read
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import build, parameters, plain
+from parallel_robot_base.placed import Placed, locating, merged, places_of
 
 Group = TypeVar('Group')
 
@@ -36,7 +37,7 @@ def default(key: str) -> Any:
 
 
 Extend = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-Layer = tuple[str, dict[str, Any]]  # a source, as people know it, and its keys with their values
+Layer = tuple[str, Mapping[str, Any]]  # a source, as people know it, and its keys and values
 
 
 def resolve(
@@ -82,32 +83,31 @@ def resolve_with_sources(
     if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
     of_scenario = _scenario(scenario, name)
-    asked = flat(read(directory() / DEFAULTS))
-    layers = [(DEFAULTS, dict(asked))]
-    for _, values in of_scenario:
-        asked |= values
-    asked |= changed
+    defaults = flat(read(directory() / DEFAULTS))
+    layers: list[Layer] = [(DEFAULTS, defaults)]
+    asked = merged([defaults, *(values for _, values in of_scenario), changed])
     for key in CUSTOM:
         _check_paths(key, asked[key])
-    layers.append(_robot(asked, extend))
+    with locating(asked):
+        layers.append(_robot(asked, extend))
     gains = _gains(asked, extend)
     layers += gains
-    config = _merged(layers)
+    config = merged(values for _, values in layers)
     custom_laws = {Path(path).stem for path in asked['custom_laws']}
     taken = custom_laws & {key.partition('.')[0] for _, values in layers[:2] for key in values}
     if taken:
         raise InputError(f'custom_laws: {min(taken)} is a group of parameters; rename the file')
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
-    preset = _merged(gains)
+    preset = merged(values for _, values in gains)
     opaque = custom_laws - {key.partition('.')[0] for key in preset}  # not loaded on this floor
     of_scenario.append((of_scenario[-1][0], {'scenario': name}))
     for source, values in (*of_scenario, (OVERRIDE, changed)):
         for key in values:
             if key not in known and key.partition('.')[0] not in opaque:
-                place = f' in {source}' if scenario_file.is_path(source) else ''
-                raise UnknownNameError(f'parameter{place}', key, known)
+                with locating(values):
+                    raise UnknownNameError('parameter', key, known, key)
         layers.append((source, values))
-    config = _merged(layers)
+    config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
     for key in CUSTOM:
         config[key] = [_absolute(key, path) for path in config[key]]
@@ -131,14 +131,18 @@ def scenario_values(scenario: str) -> dict[str, Any]:
         InputError: one of its files cannot be read.
     """
     name = scenario_file.name_of(scenario, directory() / 'scenarios')
-    return _merged(_scenario(scenario, name))
+    return merged(values for _, values in _scenario(scenario, name))
 
 
-def renamed(values: Mapping[str, Any]) -> dict[str, Any]:
+def renamed(values: Mapping[str, Any]) -> Placed:
     """Values by the present names of their keys, with a hint for each older name."""
     for old in RENAMED.keys() & values.keys():
         logging.getLogger('parallel_robot').warning(f'{old} is called {RENAMED[old]} now')
-    return {RENAMED.get(key, key): value for key, value in values.items()}
+    places = places_of(values)
+    return Placed(
+        {RENAMED.get(key, key): value for key, value in values.items()},
+        {RENAMED.get(key, key): place for key, place in places.items()},
+    )
 
 
 def changed(
@@ -157,12 +161,13 @@ def changed(
     known = gains | dict(values)
     for key in changes:
         if key not in known:
-            raise UnknownNameError('parameter', key, known)
-    merged = known | changes
+            with locating(changes):
+                raise UnknownNameError('parameter', key, known, key)
+    found = merged((known, changes))
     for key in CUSTOM:
-        merged[key] = [_absolute(key, path) for path in merged[key]]
-    same = all(merged[key] == value for key, value in gains.items())
-    return merged | {'preset': PRESET if same else 'custom'}
+        found[key] = [_absolute(key, path) for path in found[key]]
+    same = all(found[key] == value for key, value in gains.items())
+    return found | {'preset': PRESET if same else 'custom'}
 
 
 def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str, Any]:
@@ -175,7 +180,7 @@ def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str,
     Raises:
         InputError: a custom module cannot be loaded, or has the name of one that exists.
     """
-    return _merged(_gains(values, extend))
+    return merged(gains for _, gains in _gains(values, extend))
 
 
 def _gains(values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
@@ -188,7 +193,7 @@ def _gains(values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
             what = f'there is already a law {name}; rename the file'
             raise InputError(f'custom_laws: {path}: {what}')
         laws.add(name)
-    layers = [(label(file), flat(read(file))) for file in files]
+    layers: list[Layer] = [(label(file), flat(read(file))) for file in files]
     if extend:
         layers.append((CUSTOM_DEFAULT, _of(laws, extend(values))))
     if _robot_file(values).is_file():
@@ -221,18 +226,13 @@ def _robot(values: Mapping[str, Any], extend: Extend | None) -> Layer:
         found = extend(values) if extend else {}
         return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(laws, found)}
     if name not in robot_models():
-        raise UnknownNameError('robot_model', str(name), robot_models() + custom)
+        raise UnknownNameError('robot_model', str(name), robot_models() + custom, 'robot_model')
     return label(_robot_file(values)), flat(read(_robot_file(values)))
 
 
 def _of(laws: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
     """The values that are gains of some laws."""
     return {key: value for key, value in values.items() if key.partition('.')[0] in laws}
-
-
-def _merged(layers: Iterable[Layer]) -> dict[str, Any]:
-    """Values of all layers; the later ones win."""
-    return {key: value for _, values in layers for key, value in values.items()}
 
 
 def _check_paths(key: str, paths: Any) -> None:
@@ -265,11 +265,12 @@ def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
     keys = [parameter.key for parameter in parameters(kind)]
     values = {key: config[start + key] for key in keys if start + key in config}
     joints = config.get('joints')
-    return build(kind, values, start, len(joints) if isinstance(joints, list) else None)
+    with locating(config):
+        return build(kind, values, start, len(joints) if isinstance(joints, list) else None)
 
 
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: plain(value) for key, value in values.items()}
+def _plain(values: Mapping[str, Any]) -> Placed:
+    return Placed({key: plain(value) for key, value in values.items()}, places_of(values))
 
 
 def _scenario(scenario: str, name: str) -> list[Layer]:
@@ -279,12 +280,14 @@ def _scenario(scenario: str, name: str) -> list[Layer]:
         UnknownNameError: no such scenario is shipped.
         InputError: a file cannot be read, names code, or has another name of the scenario.
     """
-    layers = []
+    layers: list[Layer] = []
     for path, values in scenario_file.layers(scenario, directory() / 'scenarios'):
         values = renamed(values)
-        for key in CUSTOM & values.keys():
-            raise InputError(f'{path}: {key} is given on a command line alone: it is code')
-        if values.pop('scenario', path.stem) != path.stem:
-            raise InputError(f'{path}: a scenario has the name of its file; remove its scenario')
+        with locating(values):
+            for key in CUSTOM & values.keys():
+                raise InputError(f'{key} is given on a command line alone: it is code', key)
+            if values.pop('scenario', path.stem) != path.stem:
+                what = 'a scenario has the name of its file; remove its scenario'
+                raise InputError(what, 'scenario')
         layers.append((label(path), values))
     return layers

@@ -18,7 +18,16 @@ class ParallelRobotError(Exception):
 
 
 class InputError(ParallelRobotError):
-    """A value from outside is wrong; the text names the value and what would be right."""
+    """A value from outside is wrong; the text names the value and what would be right.
+
+    Attributes:
+        key: Key of the parameter, or of the group of parameters, that is wrong; empty if it is
+            none. Whoever knows where it was set puts the place in front of the text.
+    """
+
+    def __init__(self, text: str = '', key: str = '') -> None:
+        self.key = key
+        super().__init__(text)
 
 
 class UnknownNameError(InputError):
@@ -30,7 +39,7 @@ class UnknownNameError(InputError):
         choices: The names that exist.
     """
 
-    def __init__(self, kind: str, name: str, choices: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, choices: Iterable[str], key: str = '') -> None:
         self.kind = kind
         self.name = name
         self.choices = sorted(choices)
@@ -39,7 +48,7 @@ class UnknownNameError(InputError):
         shown = ', '.join(self.choices) if len(self.choices) <= FEW else ''
         hint = f'; did you mean {near[0]!r}?' if near else ''
         super().__init__(
-            f'unknown {kind} {name!r}{hint}' + (f' (known: {shown})' if shown else '')
+            f'unknown {kind} {name!r}{hint}' + (f' (known: {shown})' if shown else ''), key
         )
 
 

@@ -107,7 +107,8 @@ def build(
     keys = [parameter.key for parameter in known]
     for key in values:
         if key not in keys:
-            raise UnknownNameError('parameter', prefix + key, [prefix + key for key in keys])
+            known_keys = [prefix + each for each in keys]
+            raise UnknownNameError('parameter', prefix + key, known_keys, prefix + key)
     missing = [prefix + key for key in keys if key not in values]
     if missing:
         raise InputError(f'parameter {missing[0]} is missing')
@@ -137,20 +138,21 @@ def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = N
         length = None if items[-1] is Ellipsis else len(items)
         wanted = f'a list of {f"{length} " if length else ""}{_noun(items[0])}s'
         if isinstance(value, str) or not isinstance(value, Sequence):
-            raise InputError(f'{name} must be {wanted}, not {value!r}')
+            raise InputError(f'{name} must be {wanted}, not {value!r}', name)
         if length is not None and len(value) != length:
-            raise InputError(f'{name} must be {wanted}, not {len(value)}')
+            raise InputError(f'{name} must be {wanted}, not {len(value)}', name)
         return tuple(check(f'{name}[{i}]', items[0], field, item) for i, item in enumerate(value))
     if get_origin(kind) is Literal:
         if value is False and 'off' in get_args(kind):
             return 'off'  # YAML reads an unquoted off as false
         if value not in get_args(kind):
-            raise UnknownNameError(f'value of {name}', str(value), map(str, get_args(kind)))
+            choices = map(str, get_args(kind))
+            raise UnknownNameError(f'value of {name}', str(value), choices, name)
         return value
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value) if abs(value) < 1e300 else math.inf
     if type(value) is not kind:
-        raise InputError(f'{name} must be {_article(kind)}, not {value!r}')
+        raise InputError(f'{name} must be {_article(kind)}, not {value!r}', name)
     if kind in (int, float):
         _check_range(name, field, value)
     return value
@@ -162,7 +164,7 @@ def _check_per_joint(name: str, field: Field, value: Any, joints: int) -> PerJoi
         return PerJoint((check(name, float, field, value),) * joints)
     if len(value) != joints:
         wanted = f'a number or a list of {joints} numbers, one for each joint'
-        raise InputError(f'{name} must be {wanted}, not {len(value)}')
+        raise InputError(f'{name} must be {wanted}, not {len(value)}', name)
     return PerJoint(
         tuple(check(f'{name}[{i}]', float, field, item) for i, item in enumerate(value))
     )
@@ -171,7 +173,7 @@ def _check_per_joint(name: str, field: Field, value: Any, joints: int) -> PerJoi
 def _check_range(name: str, field: Field, value: float) -> None:
     unit = f' {field.unit}' if field.unit else ''
     if not abs(value) < 1e300:  # also NaN
-        raise InputError(f'{name} must be finite, not {value}')
+        raise InputError(f'{name} must be finite, not {value}', name)
     if not field.low <= value <= field.high:
         if field.high == math.inf:
             wanted = f'at least {field.low:g}{unit}'
@@ -179,7 +181,7 @@ def _check_range(name: str, field: Field, value: float) -> None:
             wanted = f'at most {field.high:g}{unit}'
         else:
             wanted = f'from {field.low:g} to {field.high:g}{unit}'
-        raise InputError(f'{name} must be {wanted}, not {value:g}')
+        raise InputError(f'{name} must be {wanted}, not {value:g}', name)
 
 
 def _noun(kind: Any) -> str:

@@ -75,13 +75,15 @@ def validate(loop: LoopParameters) -> LoopParameters:
             0.1 s, the grid on which slow topics and common starts lie; a motion without samples.
     """
     if not loop.joints or len(set(loop.joints)) != len(loop.joints):
-        raise InputError(f'joints must be different names, not {list(loop.joints)}')
+        raise InputError(f'joints must be different names, not {list(loop.joints)}', 'joints')
     if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
         raise InputError(
-            f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}'
+            f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}',
+            'period',
         )
     if loop.last_index == 0:
         raise InputError(
-            f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}'
+            f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}',
+            'duration',
         )
     return loop

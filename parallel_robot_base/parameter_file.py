@@ -9,6 +9,7 @@ from typing import Any
 
 from parallel_robot_base import yaml_file
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.placed import Place, Placed, locating
 from parallel_robot_base.printable import printable
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'monitor')  # which have a configuration
@@ -23,7 +24,7 @@ def is_configuration(name: str) -> bool:
     return name not in ROS_PARAMETERS and not name.startswith(OTHER_GROUPS)
 
 
-def read(path: Path) -> dict[str, Any]:
+def read(path: Path) -> Placed:
     """Read a parameter file.
 
     In the form of ROS, what is for a node wins over what is for all (``/**``), whatever the
@@ -42,8 +43,10 @@ def read(path: Path) -> dict[str, Any]:
     if is_of_ros(values):
         values = _by_node(path, values)
     for key in CODE & values.keys():
-        if values.pop(key):
-            raise InputError(f'{path}: {key} is code: give it by --set {key}=[FILE]')
+        if values[key]:
+            with locating(values):
+                raise InputError(f'{key} is code: give it by --set {key}=[FILE]', key)
+        del values[key]
     return values
 
 
@@ -52,9 +55,9 @@ def is_of_ros(values: Mapping[str, Any]) -> bool:
     return any(MARK in key.split('.') for key in values)
 
 
-def _by_node(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+def _by_node(path: Path, values: Placed) -> Placed:
     """Parameters of the nodes of the suite."""
-    found: dict[str, tuple[Any, str]] = {}  # value, and the node that it is for
+    found: dict[str, tuple[Any, str, Place]] = {}  # value, the node that it is for, its place
     strangers = set()
     for own in (False, True):  # a node's own parameters count more than those for all
         for full, value in values.items():
@@ -68,13 +71,16 @@ def _by_node(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
             if name not in NODES and '*' not in name:
                 strangers.add(printable(node))
             elif (name in NODES) == own and is_configuration(key):
-                before, other = found.get(key, (value, ''))
+                before, other, _ = found.get(key, (value, '', None))
                 if before != value and (other.rpartition('/')[2] in NODES or not own):
                     raise InputError(
                         f'{path}: {key} is {before} for {other} and {value} for {node}'
                     )
-                found[key] = value, node
+                found[key] = value, node, values.places[full]
     for name in sorted(strangers):
         text = f'{path}: {name} is not a node of the suite; its parameters are left out'
         logging.getLogger('parallel_robot').warning(text)
-    return {key: value for key, (value, _) in found.items()}
+    return Placed(
+        {key: value for key, (value, *_) in found.items()},
+        {key: place for key, (*_, place) in found.items()},
+    )

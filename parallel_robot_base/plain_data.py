@@ -18,6 +18,18 @@ MERGE = 'tag:yaml.org,2002:merge'
 PARTS = 100_000  # values in all, what an alias stands for counted again
 
 
+class NotFiniteError(ValueError):
+    """A number that is infinite or none.
+
+    Attributes:
+        key: Its dotted key; in a list, with the index.
+    """
+
+    def __init__(self, key: str, value: float) -> None:
+        self.key = key
+        super().__init__(f'{key or "a number"} must be finite, not {value}')
+
+
 def dump(values: Mapping[str, Any]) -> str:
     """Write a mapping as JSON, in the order of its keys."""
     return json.dumps(dict(values), sort_keys=True, ensure_ascii=False)
@@ -34,6 +46,7 @@ def load(text: str, longest: int = LONGEST) -> Any:
         Null, a truth value, a finite number, a text, a list or a mapping with texts as keys.
 
     Raises:
+        NotFiniteError: a number is not finite.
         ValueError: it is neither, holds anything else, or is too long or too deep.
     """
     if len(text) > longest:
@@ -117,19 +130,23 @@ def bound(text: str) -> None:
             raise ValueError('too deep or too many')
 
 
-def _check(value: Any, depth: int) -> None:
+def _check(value: Any, depth: int, key: str = '') -> None:
     """Refuse everything that is not a plain value."""
     if isinstance(value, (list, dict)):
         if depth == 0:
             raise ValueError('too deep')
         if isinstance(value, dict) and not all(isinstance(key, str) for key in value):
             raise ValueError('a key that is not a text')
-        for item in value.values() if isinstance(value, dict) else value:
-            _check(item, depth - 1)
+        if isinstance(value, dict):
+            for name, item in value.items():
+                _check(item, depth - 1, f'{key}.{name}'.removeprefix('.'))
+        else:
+            for k, item in enumerate(value):
+                _check(item, depth - 1, f'{key}[{k}]')
     elif isinstance(value, int) and not isinstance(value, bool):
         if value.bit_length() > 64:
             raise ValueError('a number of more than 64 bits')
     elif not (value is None or isinstance(value, (bool, float, str))):
         raise ValueError(f'{type(value).__name__} is not a plain value')
     elif isinstance(value, float) and not math.isfinite(value):
-        raise ValueError(f'{value}')
+        raise NotFiniteError(key, value)

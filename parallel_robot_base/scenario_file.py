@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from parallel_robot_base import parameter_file, yaml_file
 from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.placed import Placed, locating
 
 SUFFIXES = ('.yaml', '.yml')
 LONGEST = 200  # characters of a name
@@ -54,7 +54,7 @@ def name_of(scenario: str, shipped: Path) -> str:
     """
     if not is_path(scenario):
         if scenario not in names(shipped):
-            raise UnknownNameError('scenario', scenario, names(shipped))
+            raise UnknownNameError('scenario', scenario, names(shipped), 'scenario')
         return scenario
     place = _place(scenario)
     name = stem(str(place))
@@ -66,7 +66,7 @@ def name_of(scenario: str, shipped: Path) -> str:
     return name
 
 
-def layers(scenario: str, shipped: Path) -> list[tuple[Path, dict[str, Any]]]:
+def layers(scenario: str, shipped: Path) -> list[tuple[Path, Placed]]:
     """Files of a scenario with their values: the first base first, the scenario last.
 
     Args:
@@ -80,7 +80,7 @@ def layers(scenario: str, shipped: Path) -> list[tuple[Path, dict[str, Any]]]:
     """
     name = name_of(scenario, shipped)
     place = _place(scenario) if is_path(scenario) else _shipped(name, shipped)
-    found: list[tuple[Path, dict[str, Any]]] = []
+    found: list[tuple[Path, Placed]] = []
     while True:
         way = [path for path, _ in found]
         if place in way or len(way) == DEEPEST:
@@ -94,14 +94,15 @@ def layers(scenario: str, shipped: Path) -> list[tuple[Path, dict[str, Any]]]:
         base = values.pop('base', None)
         if base is None:
             return found[::-1]
-        if not isinstance(base, str):
-            raise InputError(f'{place}: base must be the name or the path of a scenario')
-        if is_path(base):
-            place = _place(base, place.parent)
-        elif base in names(shipped):
-            place = _shipped(base, shipped)
-        else:
-            raise UnknownNameError(f'base of {place}:', base, names(shipped))
+        with locating(values):
+            if not isinstance(base, str):
+                raise InputError('base must be the name or the path of a scenario', 'base')
+            if is_path(base):
+                place = _place(base, place.parent)
+            elif base in names(shipped):
+                place = _shipped(base, shipped)
+            else:
+                raise UnknownNameError('base', base, names(shipped), 'base')
 
 
 def _shipped(name: str, shipped: Path) -> Path:

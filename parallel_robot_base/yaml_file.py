@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import math
 import re
@@ -12,6 +13,7 @@ import yaml
 
 from parallel_robot_base import plain_data
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.placed import Place, Placed
 from parallel_robot_base.plain_data import LOADER
 from parallel_robot_base.printable import printable
 
@@ -43,7 +45,7 @@ def kind_of(value: Any) -> str:
     return 'a date' if isinstance(value, datetime.date) else f'a {type(value).__name__}'
 
 
-def read(path: Path) -> dict[str, Any]:
+def read(path: Path) -> Placed:
     """Read keys and values; nested groups become dotted keys.
 
     Args:
@@ -61,7 +63,7 @@ def read(path: Path) -> dict[str, Any]:
         plain_data.bound(text)
         loader = Loader(text)
         root = loader.get_single_node()
-        found: dict[str, Any] = {}
+        found = Placed()
         if not isinstance(root, yaml.MappingNode):
             raise InputError(f'{path} must hold keys and values')
         _flatten(path, loader, root, '', found)
@@ -73,6 +75,28 @@ def read(path: Path) -> dict[str, Any]:
         raise InputError(f'{path}: not valid YAML: {printable(error)}') from None
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f'{path} has what a configuration cannot: {printable(error)}') from None
+    return found
+
+
+def places(text: str, file: str) -> dict[str, Place]:
+    """Where the keys of a text stand, those of groups, too.
+
+    Args:
+        text: A text that was already read as YAML, with mappings whose keys are texts.
+        file: What its file is called.
+
+    Returns:
+        Dotted key to place.
+    """
+    found: dict[str, Place] = {}
+
+    def note(node: Any, prefix: str) -> None:
+        for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+            found[f'{prefix}{key.value}'] = Place(file, key.start_mark.line + 1)
+            note(value, f'{prefix}{key.value}.')
+
+    with contextlib.suppress(yaml.YAMLError):  # JSON may be none
+        note(yaml.compose(text, LOADER), '')
     return found
 
 
@@ -99,7 +123,7 @@ def _text(path: Path) -> str:
         raise InputError(f'{path} is not a text in UTF-8') from None
 
 
-def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: dict[str, Any]) -> None:
+def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: Placed) -> None:
     """Add the keys of a mapping to those found.
 
     Raises:
@@ -126,3 +150,4 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: dict[str, A
                 what = f'{printable(key)} cannot be {shown}: YAML reads {kind_of(item)} there'
                 raise InputError(f'{where}: {what}')
         found[key] = value
+        found.places[key] = Place(str(path), key_node.start_mark.line + 1)

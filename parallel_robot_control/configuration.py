@@ -13,6 +13,7 @@ from parallel_robot_base.config import PRESET
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, build, parameters, plain
 from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_base.placed import locating
 from parallel_robot_control import law_loader
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimator import EstimatorParameters
@@ -92,6 +93,11 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         UnknownNameError: no such law.
         InputError: a value is wrong, or the theory of a law forbids its gains.
     """
+    with locating(values):
+        return _configured(values)
+
+
+def _configured(values: Mapping[str, Any]) -> ControlConfiguration:
     robot = robot_of(values)
     laws = available(values)
     preset = config.preset(values, custom_defaults)
@@ -123,7 +129,10 @@ def first_guess(values: Mapping[str, Any], robot: RobotModel) -> Array:
         return first_pose(values)
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
     if len(given) != len(names):
-        raise InputError(f'controller.guess must be empty or [{", ".join(names)}], not {given}')
+        raise InputError(
+            f'controller.guess must be empty or [{", ".join(names)}], not {given}',
+            'controller.guess',
+        )
     return np.array(given)
 
 
@@ -181,5 +190,5 @@ def _with_law(loop: LoopParameters, law: str, laws: Mapping[str, Law]) -> LoopPa
         UnknownNameError: no such law.
     """
     if law not in laws:
-        raise UnknownNameError('law', law, laws)
+        raise UnknownNameError('law', law, laws, 'law')
     return loop._replace(law=law)

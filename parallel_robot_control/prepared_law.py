@@ -57,7 +57,7 @@ def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
     try:
         return tuple(f'{name}: {text}' for text in of_law(gains)) if of_law else ()
     except InputError as error:
-        raise InputError(f'{name}: {error}') from None
+        raise InputError(f'{name}: {error}', name) from None
     except RAISED as error:
         raise InputError(f'{name}: judge: {first_line(error)}') from error
 

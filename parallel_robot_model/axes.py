@@ -79,19 +79,22 @@ def validate(robot: Parameters, name: str = 'robot') -> Parameters:
     """
     count = len(robot.inertia)
     if not count:
-        raise RobotError(f'{name}.inertia must hold at least one number')
+        raise RobotError(f'{name}.inertia must hold at least one number', f'{name}.inertia')
     for key in ('lower', 'upper'):
         ends = len(getattr(robot, key))
         if ends != count:
-            raise RobotError(f'{name}.{key} must hold {count} numbers like inertia, not {ends}')
+            what = f'{name}.{key}'
+            raise RobotError(f'{what} must hold {count} numbers like inertia, not {ends}', what)
     for axis, inertia in enumerate(robot.inertia, start=1):
         if not inertia > 0.0:
-            raise RobotError(f'{name}.inertia must be positive, not {inertia:g} (axis {axis})')
+            what = f'{name}.inertia'
+            raise RobotError(f'{what} must be positive, not {inertia:g} (axis {axis})', what)
     for axis, (lower, upper) in enumerate(zip(robot.lower, robot.upper, strict=True), start=1):
         if not lower < upper:
             raise RobotError(
                 f'{name}.lower must be below {name}.upper, not {lower:g} and {upper:g} rad '
-                f'(axis {axis})'
+                f'(axis {axis})',
+                f'{name}.lower',
             )
     return robot
 
@@ -116,7 +119,8 @@ def start(robot: Parameters, pose: Array) -> Array:
         if not robot.lower[i] <= pose[i] <= robot.upper[i]:
             raise InputError(
                 f'plant.initial_pose {pose.tolist()} is out of reach of axis {i + 1} '
-                f'(it travels from {robot.lower[i]:g} to {robot.upper[i]:g} rad)'
+                f'(it travels from {robot.lower[i]:g} to {robot.upper[i]:g} rad)',
+                'plant.initial_pose',
             )
     return pose
 

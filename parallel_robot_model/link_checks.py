@@ -23,11 +23,13 @@ def check_links(robot: Any, positive: Sequence[str], name: str) -> None:
     """
     for key in positive:
         if not getattr(robot, key) > 0.0:
-            raise RobotError(f'{name}.{key} must be positive, not {getattr(robot, key):g}')
+            value, key = getattr(robot, key), f'{name}.{key}'
+            raise RobotError(f'{key} must be positive, not {value:g}', key)
     for key, link in CENTRES:
         centre, length = getattr(robot, key), getattr(robot, link)
         if not 0.0 <= centre <= length:
             raise RobotError(
                 f'{name}.{key} must lie on its link, from 0 to {link} = {length:g} m, '
-                f'not {centre:g}'
+                f'not {centre:g}',
+                f'{name}.{key}',
             )

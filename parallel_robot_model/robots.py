@@ -131,7 +131,7 @@ def module_of(values: Mapping[str, Any]) -> Robot:
     found = ROBOTS | custom_robots(values)
     name = str(values['robot_model'])
     if name not in found:
-        raise UnknownNameError('robot_model', name, found)
+        raise UnknownNameError('robot_model', name, found, 'robot_model')
     return found[name]
 
 
@@ -153,7 +153,8 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
         count, names = module.joints(robot), list(values['joints'])
         module.coordinates(robot)
     if count != len(names):
-        raise InputError(f'joints must be {count} names, one for each joint, not {names}')
+        what = f'joints must be {count} names, one for each joint, not {names}'
+        raise InputError(what, 'joints')
     return RobotModel(name, module, robot)
 
 

@@ -96,7 +96,7 @@ def validate(robot: Parameters, name: str = 'robot') -> Parameters:
     """
     check_links(robot, ('l1', 'l2', 'm1', 'm2', 'I1', 'I2'), name)
     if robot.elbow not in (-1.0, 1.0):
-        raise RobotError(f'{name}.elbow must be +1 or -1, not {robot.elbow:g}')
+        raise RobotError(f'{name}.elbow must be +1 or -1, not {robot.elbow:g}', f'{name}.elbow')
     return robot
 
 
@@ -123,7 +123,8 @@ def start(robot: Parameters, pose: Array) -> Array:
     still = vector(np.zeros(2))
     motion = joint_motion(robot, PoseMotion(vector(pose), still, still))
     if motion.out_of_reach != REACHED:
-        raise InputError(f'plant.initial_pose {pose.tolist()} is out of reach ({_reach(robot)})')
+        what = f'{pose.tolist()} is out of reach ({_reach(robot)})'
+        raise InputError(f'plant.initial_pose {what}', 'plant.initial_pose')
     return motion.position
 
 

@@ -10,6 +10,7 @@ from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.custom_module import blaming
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.placed import locating
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
@@ -49,8 +50,9 @@ def assemble(configuration: Configuration) -> Experiment:
         InputError: the robot cannot perform the motion or does not reach its initial pose, or a
             law cannot be used.
     """
-    controller = control.assemble(configuration.control)
-    plant = assemble_plant(configuration.plant)
+    with locating(configuration.values):
+        controller = control.assemble(configuration.control)
+        plant = assemble_plant(configuration.plant)
     preflight.check(configuration.trajectory, configuration.loop.period)
     return Experiment(configuration.loop, configuration.trajectory, controller, plant)
 
@@ -66,7 +68,8 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     load, pose = Boxed(configuration.load), np.array(configuration.parameters.initial_pose)
     if len(pose) != robot.pose_size:
         names = ', '.join(axis.name for axis in module.coordinates(parameters))
-        raise InputError(f'plant.initial_pose must be [{names}], not {pose.tolist()}')
+        key = 'plant.initial_pose'
+        raise InputError(f'{key} must be [{names}], not {pose.tolist()}', key)
     with blaming(robot.name):
         start = vector(module.start(parameters, pose))
     still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(configuration.loop.joints)))

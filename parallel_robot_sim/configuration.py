@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from parallel_robot_base import config
 from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_base.placed import locating
 from parallel_robot_control import configuration as control
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.safety import SafetyParameters
@@ -71,11 +72,11 @@ def configure(values: Mapping[str, Any]) -> Configuration:
     """
     for name, shape in SHAPES.items():
         config.group(values, shape.Parameters, name)
-    loop = validate(config.group(values, LoopParameters, ''))
-    trajectory = Trajectory(values)
-    return Configuration(
-        values, loop, trajectory, control.configure(values), configure_plant(values)
-    )
+    with locating(values):
+        loop = validate(config.group(values, LoopParameters, ''))
+        trajectory = Trajectory(values)
+        plant = configure_plant(values)
+    return Configuration(values, loop, trajectory, control.configure(values), plant)
 
 
 def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:

@@ -15,6 +15,7 @@ from parallel_robot_base import config, parameter_file
 from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import DURATION
+from parallel_robot_base.placed import merged
 from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
@@ -170,12 +171,15 @@ def simulate(
     """
     name = _text('scenario', scenario)
     own = config.scenario_values(name).get('duration')
-    changed: dict[str, Any] = {} if own else {'duration': DURATION}
-    for path in _files(param_file):
-        changed |= config.renamed(parameter_file.read(path))
-    changed |= config.renamed(values)
     given = {'law': law, 'duration': duration}
-    changed |= {key: value for key, value in given.items() if value is not None}
+    changed = merged(
+        [
+            {} if own else {'duration': DURATION},
+            *(config.renamed(parameter_file.read(path)) for path in _files(param_file)),
+            config.renamed(values),
+            {key: value for key, value in given.items() if value is not None},
+        ]
+    )
     resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
     return run_of(resolved, simulation.simulate(configure(resolved)))
 

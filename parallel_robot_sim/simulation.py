@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
+from parallel_robot_base.placed import locating
 from parallel_robot_control import faults
 from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
@@ -54,13 +55,16 @@ def simulate(configuration: Configuration) -> Simulation:
     """
     loop = configuration.loop
     if loop.last_index is None:
-        raise InputError(ENDLESS)
+        with locating(configuration.values):
+            raise InputError(ENDLESS, 'duration')
     experiment = assemble(configuration)
     if loop.last_index > MOST_SAMPLES:
-        raise InputError(
-            f'duration must be at most {MOST_SAMPLES * loop.period:g} s in a simulation, '
-            f'not {loop.duration:g}'
-        )
+        with locating(configuration.values):
+            raise InputError(
+                f'duration must be at most {MOST_SAMPLES * loop.period:g} s in a simulation, '
+                f'not {loop.duration:g}',
+                'duration',
+            )
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
     reference = trajectory.sample(np.arange(loop.last_index + 1) * loop.period)
     run(control, plant, trajectory.sample(0.0), loop.period)  # compiles the loop, or loads it

@@ -163,7 +163,9 @@ def test_an_unknown_key_in_a_scenario_is_refused(files):
 
 def test_a_scenario_brings_no_code(files):
     (files / 'scenarios' / 'coded.yaml').write_text('custom_laws: [law.py]\n')
-    with pytest.raises(InputError, match=r'coded\.yaml: custom_laws is given on a command line'):
+    with pytest.raises(
+        InputError, match=r'coded\.yaml, line 1: custom_laws is given on a command line'
+    ):
         config.resolve('coded')
 
 

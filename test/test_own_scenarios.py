@@ -192,3 +192,61 @@ def test_a_node_says_in_one_line_what_is_wrong(launch, domain, here):
     node = launch(MODULES['plant'], *words)
     assert node.wait() == 2
     assert node.stderr == f'parallel_robot: {here / "gone.yaml"} does not exist\n'
+
+
+@pytest.mark.parametrize(
+    ('text', 'line', 'reason'),
+    [
+        ('circle: {radius: "0.02 m"}', 1, "circle.radius must be a number, not '0.02 m'"),
+        ('base: paper_circle\n\ncircle:\n  radius: .nan', 4, 'circle.radius must be finite'),
+        ('base: paper_circle\ncircle.radios: 1', 2, "did you mean 'circle.radius'?"),
+        ('base: paper_cirle', 1, "unknown base 'paper_cirle'; did you mean 'paper_circle'?"),
+        ('period: 0.003', 1, 'period must divide 0.01 s'),
+        ('duration: -1', 1, 'duration must be at least 0 s'),
+        ('law: smk', 1, "unknown law 'smk'; did you mean 'smc_k'?"),
+        ('robot_model: axs', 1, "unknown robot_model 'axs'; did you mean 'axes'?"),
+        ('estimator.kind: levnat', 1, "did you mean 'levant'?"),
+        ('joints: [a, a, b]', 1, 'joints must be different names'),
+        ('circle.center: [0.4, a]', 1, "circle.center[1] must be a number, not 'a'"),
+        ('circle:\n  center: [0.4]', 2, 'circle.center must be a list of 2 numbers'),
+        ('robot:\n  l1: 0.4\n  m1: -1', 3, 'robot.m1 must be positive'),
+        ('true_robot.lc1: 7.0', 1, 'true_robot.lc1 must lie on its link'),
+        ('plant.initial_pose: [9.0, 9.0, 0.0]', 1, 'plant.initial_pose [9.0, 9.0, 0.0] is out of'),
+        ('plant.initial_pose: [9.0]', 1, 'plant.initial_pose must be ['),
+        ('controller.guess: [1.0]', 1, 'controller.guess must be empty or'),
+        ('trajectory.shape: circel', 1, "did you mean 'circle'?"),
+        ('trajectory.shape: excitation\nexcitation:\n  duration: 1\n  blend: 1', 4,
+         'excitation.blend must be at most half'),
+        ('custom_laws: [a.py]', 1, 'custom_laws is given on a command line alone'),
+        ('law: smc\nscenario: other', 2, 'a scenario has the name of its file'),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_file_names_file_and_line(here, text, line, reason, capsys):
+    (here / 'wrong.yaml').write_text(text)
+    assert reason in refused(['simulate', 'wrong.yaml', '--out', 'bag'], capsys)
+    (here / 'next.yaml').write_text('base: wrong.yaml\n')
+    found = refused(['simulate', 'next.yaml', '--out', 'bag'], capsys)
+    assert f': {here / "wrong.yaml"}, line {line}: ' in found and reason in found
+    if not text.startswith(('base', 'custom_laws', 'law: smc', 'plant')):
+        found = refused(['show', 'paper_circle', '--param-file', 'wrong.yaml'], capsys)
+        assert f': wrong.yaml, line {line}: ' in found
+
+
+def test_a_set_of_gains_names_its_lines(here, capsys):
+    (here / 'wrong.yaml').write_text('s_fotsmc:\n  Gamma1: 0.0\n\n  gamma1: 0.5\nsmc.z: 3.0\n')
+    found = refused(['simulate', 'wrong.yaml', '--out', 'bag'], capsys)
+    assert 'wrong.yaml, lines 2 and 4: s_fotsmc: ' in found
+
+
+def test_what_wins_over_a_file_is_not_blamed_on_it(here, capsys):
+    (here / 'gains.yaml').write_text('smc.z: -1.0\nduration: 0.1\nlaw: smc\n')
+    words = ['simulate', 'mine.yaml', '--param-file', 'gains.yaml', '--out', 'bag']
+    assert 'gains.yaml, line 1: smc.z must be' in refused(words, capsys)
+    assert 'simulate: smc.z must be' in refused([*words, '--set', 'smc.z=-2'], capsys)
+    words += ['--set', 'smc.z=2']
+    assert 'simulate: duration must be' in refused([*words, '--duration', '-1'], capsys)
+    assert "simulate: unknown law 'smk'" in refused([*words, '--law', 'smk'], capsys)
+    (here / 'ros.yaml').write_text('/**:\n  ros__parameters:\n    smc:\n      z: [1.0]\n')
+    words = ['run', 'paper_circle', '--param-file', 'ros.yaml', '--out', 'bag']
+    assert 'ros.yaml, line 4: smc.z must be a number' in refused(words, capsys)
+    assert main(['simulate', 'mine.yaml', '--out', 'bag']) == 0

@@ -32,7 +32,56 @@ HOSTILE = {
     'bomb': ('a: &a [1,1]\nb: &b [*a,*a]\n' * 9, 'cannot be read as YAML'),
     'binary': ('a: !!binary aGVsbG8=', 'cannot be read as YAML'),
     'object': ('a: !!python/object/apply:os.system [ls]', 'cannot be read as YAML'),
-    'NaN': (HEAD + 'duration: .nan', 'cannot be read as YAML'),
+    'NaN': (HEAD + 'duration: .nan', 'study.yaml, line 4: duration must be finite, not nan'),
+    'infinite': (
+        uncertain('true_robot.m1: {distribution: uniform, low: 1, high: .inf}'),
+        'study.yaml, line 4: uncertainty.true_robot.m1.high must be finite, not inf',
+    ),
+    'infinite choice': (
+        uncertain('circle.radius: {distribution: choice, values: [0.1, -.inf]}'),
+        'uncertainty.circle.radius.values[1] must be finite, not -inf',
+    ),
+    'infinite in a group': (
+        HEAD + 'set:\n  friction:\n    viscous: [1.0, .nan, 1.0]',
+        'study.yaml, line 6: set.friction.viscous[1] must be finite, not nan',
+    ),
+    'negative masses': (
+        uncertain('true_robot.m1: {distribution: uniform, relative: 2.5}'),
+        'study.yaml, line 4: uncertainty: true_robot.m1 must be positive, not -7.68',
+    ),
+    'an end below a range': (
+        uncertain('sensor.delay: {distribution: uniform, low: -0.1, high: 0.01}'),
+        'uncertainty: sensor.delay must be from 0 to',
+    ),
+    'an end above a range': (
+        uncertain('sensor.delay: {distribution: log_uniform, low: 0.01, high: 10}'),
+        'uncertainty: sensor.delay must be from 0 to',
+    ),
+    'an end of one entry': (
+        uncertain('friction.viscous: {distribution: uniform, relative: 1.5}'),
+        'uncertainty: friction.viscous[0] must be at least 0',
+    ),
+    'a mean out of range': (
+        uncertain('true_robot.m1: {distribution: normal, mean: -3, std: 1}'),
+        'uncertainty: true_robot.m1 must be positive, not -3',
+    ),
+    'a gain of a variant': (
+        'scenarios: [paper_circle]\nruns: 3\nlaws:\n  smc: {}\n  soft: {law: smc, z: a}',
+        'study.yaml, line 5: smc.z must be a number',
+    ),
+    'law of a variant': (
+        'scenarios: [paper_circle]\nruns: 3\nlaws:\n  smc: {}\n  soft:\n    law: smk',
+        "study.yaml, line 5: unknown law 'smk'",
+    ),
+    'a law of a list': (
+        'scenarios: [paper_circle]\nruns: 3\nlaws: [smc, smk]',
+        "study.yaml, line 3: unknown law 'smk'",
+    ),
+    'a scenario of a list': (
+        'runs: 3\nscenarios: [circel]\nlaws: [smc]',
+        "study.yaml, line 2: unknown scenario 'circel'",
+    ),
+    'the line of a value': (HEAD + 'seed: 3\nmethod: sobal', 'study.yaml, line 5: unknown value'),
     'unknown key': (HEAD + 'rums: 5', "unknown key 'rums'; did you mean 'runs'?"),
     'no laws': ('scenarios: [paper_circle]\nruns: 3', 'laws is missing'),
     'laws of numbers': ('scenarios: [paper_circle]\nlaws: [1]\nruns: 3', 'laws[0] must be text'),

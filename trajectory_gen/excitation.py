@@ -82,16 +82,18 @@ def validate(parameters: Parameters) -> Parameters:
     """
     m, sines, cosines = map(len, (parameters.center, parameters.sine, parameters.cosine))
     if not m:
-        raise InputError('excitation.center must hold at least one number')
+        raise InputError('excitation.center must hold at least one number', 'excitation.center')
     if not sines or sines != cosines or sines % m:
         raise InputError(
             f'excitation.sine and excitation.cosine must hold K numbers for each of the {m} '
-            f'coordinates, not {sines} and {cosines}'
+            f'coordinates, not {sines} and {cosines}',
+            'excitation',
         )
     if 2.0 * parameters.blend > parameters.duration:
         raise InputError(
             f'excitation.blend must be at most half of excitation.duration = '
-            f'{parameters.duration:g} s, not {parameters.blend:g}'
+            f'{parameters.duration:g} s, not {parameters.blend:g}',
+            'excitation.blend',
         )
     return parameters
 

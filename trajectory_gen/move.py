@@ -39,7 +39,8 @@ def validate(parameters: Parameters) -> Parameters:
     if len(parameters.start) != len(parameters.end):
         raise InputError(
             f'move.start and move.end must be poses of one robot, not of '
-            f'{len(parameters.start)} and {len(parameters.end)} coordinates'
+            f'{len(parameters.start)} and {len(parameters.end)} coordinates',
+            'move',
         )
     return parameters
 

@@ -109,7 +109,8 @@ class Trajectory:
             )
             raise InputError(
                 f'trajectory.shape {name} has {given} coordinates; the pose of '
-                f'{self.robot.name} has {self._size}: {names}'
+                f'{self.robot.name} has {self._size}: {names}',
+                'trajectory.shape',
             )
         self._pose = vector(np.zeros(self._size))
         still = PoseMotion(self._pose, self._pose, self._pose)

@@ -23,6 +23,7 @@ from parallel_robot_bags.progress import Progress
 from parallel_robot_base import assignments, cache_directory, kernel_cache
 from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.placed import locating
 from parallel_robot_base.scenario_file import absolute
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.configuration import resolve
@@ -58,7 +59,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     changed = simulate.overrides(arguments)
     if arguments.time_mode is not None:
-        changed['time_mode'] = arguments.time_mode
+        changed = changed | {'time_mode': arguments.time_mode}
     for key in OWN:
         if key in assignments.parse(arguments.assignments):
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
@@ -84,7 +85,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     """
     configuration = configure(resolve(scenario, changed))
     if not configuration.loop.duration:
-        raise InputError(ENDLESS)
+        with locating(configuration.values):
+            raise InputError(ENDLESS, 'duration')
     experiment = assemble(configuration)
     loop = experiment.loop
     new_files.check_directory(out)

@@ -17,6 +17,7 @@ from parallel_robot_analysis.monitor import MonitorParameters
 from parallel_robot_base import config, scenario_file
 from parallel_robot_base.fields import Field, parameters
 from parallel_robot_base.parameter_file import MARK
+from parallel_robot_base.placed import merged
 from parallel_robot_base.printable import printable
 from parallel_robot_base.yaml_file import text_of
 from parallel_robot_control.configuration import available, custom_defaults
@@ -46,7 +47,7 @@ def execute(arguments: argparse.Namespace) -> int:
     layers = given_layers(arguments)
     if arguments.law is not None:
         layers.append(('--law', {'law': arguments.law}))
-    changed = {key: value for _, values in layers for key, value in values.items()}
+    changed = merged(values for _, values in layers)
     values, sources = config.resolve_with_sources(arguments.scenario, changed, custom_defaults)
     loop = configure(values).loop  # a wrong value is refused here as in a run
     values['realtime'] = loop.realtime  # YAML reads an unquoted off as false

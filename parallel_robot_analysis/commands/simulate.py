@@ -17,6 +17,7 @@ from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_base.loop import DURATION
+from parallel_robot_base.placed import Placed, merged
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
@@ -89,35 +90,38 @@ def add_set_argument(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def given_layers(arguments: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
+def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     """What ``--param-file`` and ``--set`` change, each with its name; later ones win.
 
     Raises:
         InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
     """
-    layers = [(str(path), parameter_file.read(path)) for path in arguments.param_files]
+    layers: list[config.Layer] = []
+    layers += [(str(path), parameter_file.read(path)) for path in arguments.param_files]
     layers.append((config.OVERRIDE, assignments.parse(arguments.assignments)))
     return [(name, config.renamed(values)) for name, values in layers]
 
 
-def given(arguments: argparse.Namespace) -> dict[str, Any]:
+def given(arguments: argparse.Namespace) -> Placed:
     """What ``--param-file`` and ``--set`` change together; see :func:`given_layers`."""
-    return {key: value for _, values in given_layers(arguments) for key, value in values.items()}
+    return merged(values for _, values in given_layers(arguments))
 
 
-def overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+def overrides(arguments: argparse.Namespace) -> Placed:
     """What the arguments change in the configuration.
 
     Raises:
         InputError: no such scenario, or an argument is wrong.
     """
-    changed = given(arguments)
-    if getattr(arguments, 'law', None) is not None:
-        changed['law'] = arguments.law
-    if arguments.duration is not None:
-        changed['duration'] = arguments.duration
+    options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
     own = config.scenario_values(arguments.scenario).get('duration')
-    return changed if own else {'duration': DURATION, **changed}
+    return merged(
+        [
+            {} if own else {'duration': DURATION},
+            given(arguments),
+            {key: value for key, value in options.items() if value is not None},
+        ]
+    )
 
 
 def remarks(simulation: Simulation) -> list[str]:

@@ -19,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_analysis.study import uncertainty
+from parallel_robot_analysis.study.configurations import Configurations
 from parallel_robot_analysis.study.study import Study, Variant
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, check
+from parallel_robot_base.placed import Placed, locating, merged
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
@@ -186,15 +188,30 @@ def plan(study: Study) -> Plan:
     for case in cases:
         if found.dimensions(case) > MOST_DIMENSIONS:
             raise InputError(f'at most {MOST_DIMENSIONS} uncertain numbers can be sampled')
-        configuration = configure(_as_drawn(study, case))
-        if configuration.loop.last_index is None:
-            raise InputError(ENDLESS)
-        if configuration.loop.last_index > MOST_SAMPLES:
-            raise InputError(f'duration: a run can have at most {MOST_SAMPLES} samples')
-    for each in study.uncertainties:
-        for value in each.given.get('values', ()):
-            configure(resolve(cases[0].scenario, {**cases[0].overrides, each.key: value}))
+        with locating(Placed({}, study.places)):
+            nominal = _as_drawn(study, case)
+        configuration = configure(nominal)
+        with locating(case.overrides):
+            if configuration.loop.last_index is None:
+                raise InputError(ENDLESS, 'duration')
+            if configuration.loop.last_index > MOST_SAMPLES:
+                what = f'duration: a run can have at most {MOST_SAMPLES} samples'
+                raise InputError(what, 'duration')
+    built = Configurations()
+    for case in cases:
+        for each in study.uncertainties:
+            for value in uncertainty.extremes(each, case.nominal[each.key]):
+                _check(study, case, each.key, value, built)
     return found
+
+
+def _check(study: Study, case: Case, key: str, value: Any, built: Configurations) -> None:
+    """Refuse a value that an uncertain parameter cannot have."""
+    try:
+        built.build(resolve(case.scenario, {**case.overrides, key: value}))
+    except InputError as error:
+        with locating(Placed({}, study.places)):
+            raise InputError(f'uncertainty: {error}', f'uncertainty.{key}') from None
 
 
 def sample(study: Study, dimensions: int, first: int, count: int) -> NDArray[np.float64]:
@@ -244,19 +261,17 @@ def _sequence(seed: int, *key: int) -> np.random.SeedSequence:
 
 def _case(study: Study, scenario: str, variant: Variant) -> Case:
     """A law in a scenario; messages name the scenario where it matters."""
-    overrides = {
-        'duration': study.duration,
-        **study.fixed,
-        **variant.gains,
-        'law': variant.law,
-    }
-    nominal = resolve(scenario, overrides)
+    overrides = study.of_case(variant)
+    with locating(overrides):
+        nominal = resolve(scenario, overrides)
     for each in study.uncertainties:
         if each.key not in nominal:
             try:
-                resolve(scenario, {**overrides, each.key: 0.0})
+                resolve(scenario, overrides | {each.key: 0.0})
             except InputError as error:
-                raise InputError(f'uncertainty in {scenario}: {error}') from None
+                text = f'uncertainty in {stem(scenario)}: {error}'
+                with locating(Placed({}, study.places)):
+                    raise InputError(text, f'uncertainty.{each.key}') from None
     return Case(scenario, variant, overrides, nominal)
 
 
@@ -269,4 +284,5 @@ def _as_drawn(study: Study, case: Case) -> dict[str, Any]:
         if each.distribution != 'choice':
             listed = isinstance(nominal, list)
             floats[each.key] = [*map(float, nominal)] if listed else float(nominal)
-    return resolve(case.scenario, {**case.overrides, **floats})
+    places = {key: place for key in floats if (place := study.places.get(f'uncertainty.{key}'))}
+    return resolve(case.scenario, merged((case.overrides, Placed(floats, places))))

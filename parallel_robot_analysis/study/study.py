@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from parallel_robot_analysis.study import uncertainty
 from parallel_robot_analysis.study.uncertainty import Uncertainty
-from parallel_robot_base import config, plain_data
+from parallel_robot_base import config, plain_data, yaml_file
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.loop import DURATION
+from parallel_robot_base.placed import Place, Placed, locating
 from parallel_robot_base.scenario_file import absolute, stem
 
 MOST_RUNS = 10_000_000
@@ -50,6 +51,7 @@ class Study:
         duration: Length of each run [s].
         fixed: Keys of the configuration and their values in all runs.
         uncertainties: The uncertain parameters.
+        places: Where the keys of its file stand, e.g. ``set.friction.viscous``.
     """
 
     scenarios: tuple[str, ...]
@@ -60,6 +62,26 @@ class Study:
     duration: float
     fixed: Mapping[str, Any]
     uncertainties: tuple[Uncertainty, ...]
+    places: Mapping[str, Place] = field(default_factory=dict)
+
+    def of_case(self, variant: Variant) -> Placed:
+        """What all runs of a law change in the configuration of a scenario."""
+        changed = {
+            'duration': (self.duration, 'duration'),
+            **{key: (value, f'set.{key}') for key, value in self.fixed.items()},
+            **{
+                key: (value, f'laws.{variant.name}.{key.removeprefix(f"{variant.law}.")}')
+                for key, value in variant.gains.items()
+            },
+            'law': (variant.law, f'laws.{variant.name}'),
+        }
+        names = {key: name for key, (_, name) in changed.items()} | {'scenario': 'scenarios'}
+        if names['law'] not in self.places:  # a list of names
+            names['law'] = 'laws'
+        return Placed(
+            {key: value for key, (value, _) in changed.items()},
+            {key: self.places[name] for key, name in names.items() if name in self.places},
+        )
 
     def changed(self, runs: int | None, fixed: Mapping[str, Any]) -> Study:
         """The study with another number of runs and more fixed values.
@@ -78,6 +100,7 @@ class Study:
             self,
             runs=check('--runs', int, Field('', '', 1, MOST_RUNS), runs),
             fixed={**self.fixed, **_fixed('--set', fixed)},
+            places={k: place for k, place in self.places.items() if k[4:] not in fixed},
         )
 
 
@@ -125,21 +148,23 @@ def parse(text: str, name: str = 'study', folder: Path | None = None) -> Study:
     """
     try:
         content = plain_data.load(text)
+    except plain_data.NotFiniteError as error:
+        with locating(Placed({}, yaml_file.places(text, name)), name):
+            raise InputError(str(error), error.key) from None
     except ValueError as error:
         raise InputError(f'{name} cannot be read as YAML: {error}') from None
     if not isinstance(content, dict):
         raise InputError(f'{name} must hold keys and values')
-    try:
-        return _study(content, folder)
-    except InputError as error:
-        raise InputError(f'{name}: {error}') from None
+    places = yaml_file.places(text, name)
+    with locating(Placed({}, places), name):
+        return replace(_study(content, folder), places=places)
 
 
 def _study(content: dict[str, Any], folder: Path | None) -> Study:
     known = {'scenarios', 'laws', 'runs', 'seed', 'method', 'duration', 'set', 'uncertainty'}
     for key in content:
         if key not in known:
-            raise UnknownNameError('key', key, known)
+            raise UnknownNameError('key', key, known, key)
     for key in ('scenarios', 'laws'):
         if key not in content:
             raise InputError(f'{key} is missing')
@@ -147,13 +172,13 @@ def _study(content: dict[str, Any], folder: Path | None) -> Study:
     named = [stem(scenario) for scenario in scenarios]
     for name in named:
         if named.count(name) > 1:
-            raise InputError(f'scenarios: two are called {name}; rename a file')
+            raise InputError(f'scenarios: two are called {name}; rename a file', 'scenarios')
     entries = _mapping('uncertainty', content.get('uncertainty'))
     for key in entries:
         _check_free('uncertainty', key)
     fixed = _fixed('set', _mapping('set', content.get('set')))
     for key in fixed.keys() & entries.keys():
-        raise InputError(f'{key} is both in set and in uncertainty')
+        raise InputError(f'{key} is both in set and in uncertainty', f'uncertainty.{key}')
     return Study(
         tuple(scenarios),
         _laws(content['laws']),
@@ -174,8 +199,8 @@ def _laws(given: Any) -> tuple[Variant, ...]:
         return tuple(Variant(name, name, {}) for name in _names('laws', given))
     found = []
     for name in _names('laws', list(given)):
-        gains = dict(_mapping(f'laws: {name}', given[name]))
-        law = check(f'laws: {name}: law', str, Field('', ''), gains.pop('law', name))
+        gains = dict(_mapping(f'laws.{name}', given[name]))
+        law = check(f'laws.{name}.law', str, Field('', ''), gains.pop('law', name))
         found.append(Variant(name, law, {f'{law}.{key}': gains[key] for key in gains}))
     return tuple(found)
 
@@ -184,10 +209,10 @@ def _names(key: str, given: Any) -> tuple[str, ...]:
     """A list of different names."""
     names: tuple[str, ...] = check(key, tuple[str, ...], Field('', ''), given)
     if not names:
-        raise InputError(f'{key} must name at least one')
+        raise InputError(f'{key} must name at least one', key)
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f'{key} names {name} twice')
+            raise InputError(f'{key} names {name} twice', key)
     return names
 
 
@@ -196,7 +221,7 @@ def _mapping(key: str, given: Any) -> dict[str, Any]:
     if given is None:
         return {}
     if not isinstance(given, dict):
-        raise InputError(f'{key} must hold keys and values, not {given!r}')
+        raise InputError(f'{key} must hold keys and values, not {given!r}', key)
     return given
 
 
@@ -217,6 +242,8 @@ def _check_free(where: str, key: str) -> None:
         InputError: it is one of them.
     """
     if key in config.CUSTOM:
-        raise InputError(f'{where}: {key} is given on the command line alone: it is code')
+        raise InputError(
+            f'{where}: {key} is given on the command line alone: it is code', f'{where}.{key}'
+        )
     if key in FIXED:
-        raise InputError(f'{where}: {key} cannot stand there')
+        raise InputError(f'{where}: {key} cannot stand there', f'{where}.{key}')

@@ -49,7 +49,14 @@ def parse(key: str, entry: Any) -> Uncertainty:
     Raises:
         InputError: something in it is wrong.
     """
-    name = f'uncertainty: {key}'
+    try:
+        return _parsed(f'uncertainty: {key}', key, entry)
+    except InputError as error:
+        error.key = f'uncertainty.{key}'
+        raise
+
+
+def _parsed(name: str, key: str, entry: Any) -> Uncertainty:
     if not isinstance(entry, Mapping):
         raise InputError(f'{name} must be {{distribution: ..., ...}}, not {entry!r}')
     given = dict(entry)
@@ -104,14 +111,16 @@ def dimensions(uncertainty: Uncertainty, nominal: Any) -> int:
     Raises:
         InputError: the distribution does not fit the value.
     """
-    name = f'uncertainty: {uncertainty.key}'
+    name, place = f'uncertainty: {uncertainty.key}', f'uncertainty.{uncertainty.key}'
     if uncertainty.distribution == 'choice':
         return 1
     numbers = nominal if isinstance(nominal, list) else [nominal]
     if not numbers or not all(type(number) in (int, float) for number in numbers):
-        raise InputError(f'{name} is {nominal!r}; {uncertainty.distribution} is for numbers')
+        raise InputError(
+            f'{name} is {nominal!r}; {uncertainty.distribution} is for numbers', place
+        )
     if uncertainty.given.keys() & {*RELATIVE, *FACTOR} and not any(numbers):
-        raise InputError(f'{name}: a share of 0 is 0; give low and high, or mean and std')
+        raise InputError(f'{name}: a share of 0 is 0; give low and high, or mean and std', place)
     return 1 if uncertainty.common else len(numbers)
 
 
@@ -130,6 +139,21 @@ def value(uncertainty: Uncertainty, nominal: Any, points: Sequence[float]) -> An
         return _number(uncertainty, nominal, points[0])
     each = [points[0]] * len(nominal) if uncertainty.common else points
     return [_number(uncertainty, *pair) for pair in zip(nominal, each, strict=True)]
+
+
+def extremes(uncertainty: Uncertainty, nominal: Any) -> list[Any]:
+    """Values that a parameter may come to: both ends of its range, or the choices.
+
+    A normal distribution has no ends: its mean.
+
+    Args:
+        uncertainty: The distribution.
+        nominal: Value of the parameter without uncertainty.
+    """
+    if uncertainty.distribution == 'choice':
+        return list(uncertainty.given['values'])
+    points = (0.5,) if uncertainty.distribution == 'normal' else (0.0, 1.0)
+    return [value(uncertainty, nominal, [p] * dimensions(uncertainty, nominal)) for p in points]
 
 
 def columns(uncertainty: Uncertainty, nominal: Any, drawn: Any) -> dict[str, float | str]:

@@ -67,6 +67,7 @@ def start(robot: RobotParameters, pose: Array) -> Array:
     if leg != REACHED:
         raise InputError(
             f'plant.initial_pose {pose.tolist()} is out of reach of leg {leg + 1} '
-            f'(a leg spans {abs(robot.l2 - robot.l1):g} to {robot.l1 + robot.l2:g} m)'
+            f'(a leg spans {abs(robot.l2 - robot.l1):g} to {robot.l1 + robot.l2:g} m)',
+            'plant.initial_pose',
         )
     return pose

@@ -51,16 +51,18 @@ def validate(robot: RobotParameters, name: str = 'robot') -> RobotParameters:
     check_links(robot, ('l1', 'l2', 'l3', 'm1', 'm2', 'mp', 'I1', 'I2', 'Ip'), name)
     for mode in robot.working_mode:
         if mode not in (-1.0, 1.0):
-            raise RobotError(f'{name}.working_mode must hold +1 or -1, not {mode:g}')
+            key = f'{name}.working_mode'
+            raise RobotError(f'{key} must hold +1 or -1, not {mode:g}', key)
     base = list(zip(robot.base_x, robot.base_y, strict=True))
     for (i, a), (j, b) in combinations(enumerate(base, start=1), 2):
         if math.dist(a, b) < 1e-6:  # m
-            raise RobotError(f'{name}: base joints {i} and {j} stand on the same spot')
+            raise RobotError(f'{name}: base joints {i} and {j} stand on the same spot', name)
         # Legs i and j and the platform between them must be able to span the base.
         reach = 2.0 * (robot.l1 + robot.l2) + 2.0 * robot.l3
         if math.dist(a, b) >= reach:
             raise RobotError(
                 f'{name}: base joints {i} and {j} are {math.dist(a, b):g} m apart, the legs and '
-                f'the platform span only {reach:g} m'
+                f'the platform span only {reach:g} m',
+                name,
             )
     return robot
