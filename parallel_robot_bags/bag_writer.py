@@ -20,9 +20,10 @@ from parallel_robot_bags import new_files
 from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.channels import Channel, channel_of, profiles_of
 from parallel_robot_bags.record_file import RecordFile
-from parallel_robot_bags.record_names import MESSAGES, METADATA
+from parallel_robot_bags.record_names import MESSAGES, METADATA, ROSBAG2
 from parallel_robot_base.topics import Topic
 
+ROS_DISTRO = 'jazzy'
 CHUNK_SIZE = 255 * 1024  # bytes; the message that crosses it still goes in: up to 256 KiB
 
 
@@ -67,6 +68,7 @@ class BagWriter:
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
+        self._describe()  # at both ends, as ROS's recorder: a file may lack its end
         self._caught: list[int] = []  # signals
         self._handlers: dict[int, Any] = {}
         self._ids: dict[str, int] = {}  # numbers of channels by topic name
@@ -159,12 +161,11 @@ class BagWriter:
             if self.certificates:
                 certified = {name: found.dump() for name, found in self.certificates.items()}
                 self._writer.add_metadata(MESSAGES, certified)
+            self._describe()
             self._writer.finish()
         finally:
             self._file.close()
-        text = yaml.dump(
-            {'rosbag2_bagfile_information': self._information()}, Dumper=_Dumper, sort_keys=False
-        )
+        text = _yaml({'rosbag2_bagfile_information': self._information()})
         draft = self.directory / 'metadata.yaml.part'
         try:
             draft.write_text(text)
@@ -172,6 +173,11 @@ class BagWriter:
         except OSError:
             draft.unlink(missing_ok=True)
             raise
+
+    def _describe(self) -> None:
+        """Write what rosbag2_storage_mcap reads of a file without its metadata.yaml."""
+        texts = {'serialized_metadata': _yaml(self._information()), 'ROS_DISTRO': ROS_DISTRO}
+        self._writer.add_metadata(ROSBAG2, texts)
 
     def _information(self) -> dict[str, Any]:
         """Content of metadata.yaml."""
@@ -203,7 +209,7 @@ class BagWriter:
             'relative_file_paths': [name],
             'files': [{'path': name, **span}],
             'custom_data': self._metadata,
-            'ros_distro': 'jazzy',
+            'ros_distro': ROS_DISTRO,
         }
 
     def __enter__(self) -> BagWriter:
@@ -255,3 +261,7 @@ class _Dumper(getattr(yaml, 'CSafeDumper', yaml.SafeDumper)):  # type: ignore[mi
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+
+def _yaml(tree: dict[str, Any]) -> str:
+    return yaml.dump(tree, Dumper=_Dumper, sort_keys=False)

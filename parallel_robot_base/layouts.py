@@ -57,10 +57,15 @@ def pose_stamped(frame: str) -> Layout:
 
 
 def diagnostic_array(
-    name: str, level: int, text: str, values: Mapping[str, str], hardware: str = ''
+    name: str,
+    level: int,
+    text: str,
+    values: Mapping[str, str],
+    hardware: str = '',
+    frame: str = '',
 ) -> Layout:
     """diagnostic_msgs/DiagnosticArray with one status; only its stamp varies."""
-    layout = Layout('diagnostic_msgs/msg/DiagnosticArray').header()
+    layout = Layout('diagnostic_msgs/msg/DiagnosticArray').header(frame)
     layout.constant('I', 1).constant('B', level)
     layout.text(name).text(text).text(hardware).constant('I', len(values))
     for key, value in values.items():

@@ -117,5 +117,6 @@ def status_message(stamp: int, status: Status) -> bytes:
         LIMITS: limits_text(status.acted),
         LIMIT_CODES: limit_codes(status.acted),
     }
-    layout = layouts.diagnostic_array('controller: status', level, text, values)
+    name, frame = 'controller: status', topics.FRAME
+    layout = layouts.diagnostic_array(name, level, text, values, frame=frame)
     return layouts.padded(layout.encode(stamp))

@@ -43,7 +43,8 @@ def read(
         epilog=(
             'Parameters follow --ros-args; docs/parameters.md lists them with units and ranges,\n'
             f'"ros2 param describe /{name} KEY" describes them while the node runs. Example:\n\n'
-            f'  ros2 run {PACKAGE} {name} {getattr(node, "example", "")}'
+            f'  ros2 run {PACKAGE} {name} {getattr(node, "example", "")}\n\n'
+            f'Command line (run, analyze, ...): {PACKAGE}, else ros2 run {PACKAGE} {PACKAGE}'
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -50,6 +50,7 @@ def test_help_says_what_a_node_is_and_starts_nothing(name, node):
     (example,) = (line for line in out.splitlines() if line.startswith('  ros2 run '))
     assert example.startswith(f'  ros2 run parallel_robot {name} ') and '--ros-args -' in example
     assert {*re.findall(r'-p (\S+):=', example)} <= config.resolve('paper_circle').keys()
+    assert out.count('ros2 run parallel_robot parallel_robot\n') == 1  # the command line
 
 
 @pytest.mark.parametrize('name', NODES)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import tracemalloc
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from parallel_robot_bags.bag_files import open_file
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.mcap_block import Block
 from parallel_robot_bags.mcap_records import Damage, scan
+from parallel_robot_bags.record_file import RecordFile
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_control.faults import FAULTS, SPEED
@@ -127,7 +129,13 @@ def test_the_file_is_what_the_recorder_of_ros_writes(bag):
     with (bag / 'bag_0.mcap').open('rb') as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == 'ros2'
-        assert [record.metadata for record in reader.iter_metadata()] == [METADATA]
+        facts, *described = ((record.name, record.metadata) for record in reader.iter_metadata())
+        assert facts == ('parallel_robot', METADATA)
+        assert [(name, d['ROS_DISTRO']) for name, d in described] == [('rosbag2', 'jazzy')] * 2
+        opened, closed = (yaml.safe_load(d['serialized_metadata']) for _, d in described)
+        assert (opened['ros_distro'], opened['message_count']) == ('jazzy', 0)
+        text = (bag / 'metadata.yaml').read_text()
+        assert closed == yaml.safe_load(text)['rosbag2_bagfile_information']
         summary = reader.get_summary()
         assert {schema.encoding for schema in summary.schemas.values()} == {'ros2msg'}
         by_name = {f'/{topic.name}': topic for topic in topics.RECORDED}
@@ -235,7 +243,7 @@ def test_a_recording_of_hours_needs_little_memory(tmp_path):
 
 
 @pytest.mark.parametrize('where', ['first', 'middle', 'end', 'metadata'])
-def test_a_full_disk_leaves_what_is_finished(where, tmp_path):
+def test_a_full_disk_leaves_what_is_finished(where, tmp_path, monkeypatch):
     """The file is cut after its last whole record; metadata.yaml is whole or not there."""
     layout, path = layouts.float64_multi_array(100), tmp_path / 'bag' / 'bag_0.mcap'
     many = [topics.Topic(f'{name}{k}', topics.COMMANDS.type) for name in 'ab' for k in range(100)]
@@ -250,7 +258,15 @@ def test_a_full_disk_leaves_what_is_finished(where, tmp_path):
     write(tmp_path / 'whole')
     size = (tmp_path / 'whole' / 'whole_0.mcap').stat().st_size
     limit = {'first': 100, 'middle': size // 2, 'end': size - 10, 'metadata': size}[where]
-    with full_disk(limit), pytest.raises(OSError, match='File too large'):
+    disk, close = ExitStack(), RecordFile.close
+    if where == 'metadata':  # the disk is full once the file is complete
+
+        def close_and_fill(file):
+            close(file)
+            disk.enter_context(full_disk(100))
+
+        monkeypatch.setattr(RecordFile, 'close', close_and_fill)
+    with disk, full_disk(limit), pytest.raises(OSError, match='File too large'):
         write(tmp_path / 'bag')
     assert [file.name for file in path.parent.iterdir()] == ['bag_0.mcap']
     count, damage = survives(path)

@@ -100,6 +100,8 @@ def test_errors_are_the_difference_of_the_recorded(messages):
 
 
 def test_poses_are_planar(messages):
+    (status,) = (message for _, message in messages['/controller/status'])
+    assert status.header.frame_id == 'base'
     for topic in ('/pose', '/pose_reference'):
         quaternions = [message.pose.orientation for _, message in messages[topic]]
         yaw = [2 * np.arctan2(q.z, q.w) for q in quaternions]

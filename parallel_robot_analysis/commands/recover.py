@@ -21,11 +21,11 @@ from parallel_robot_bags.mcap_chunk import unpacked_payload
 from parallel_robot_bags.mcap_records import Damage, scan
 from parallel_robot_bags.new_files import check_directory
 from parallel_robot_bags.progress import Progress
-from parallel_robot_bags.record_names import MESSAGES, METADATA
+from parallel_robot_bags.record_names import MESSAGES, METADATA, ROSBAG2
 from parallel_robot_base.errors import BagError, RunError
 
-# Metadata about the content of a file, the last one by rosbag2.
-WRITTEN_ANEW = (METADATA, MESSAGES, 'rosbag2')
+# Metadata about the content of a file.
+WRITTEN_ANEW = (METADATA, MESSAGES, ROSBAG2)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
