@@ -21,6 +21,7 @@ from typing import (
 import numpy as np
 
 from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.printable import apart
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple
@@ -175,13 +176,14 @@ def _check_range(name: str, field: Field, value: float) -> None:
     if not abs(value) < 1e300:  # also NaN
         raise InputError(f'{name} must be finite, not {value}', name)
     if not field.low <= value <= field.high:
+        given, _ = apart(value, field.low if value < field.low else field.high, 6)
         if field.high == math.inf:
             wanted = f'at least {field.low:g}{unit}'
         elif field.low == -math.inf:
             wanted = f'at most {field.high:g}{unit}'
         else:
             wanted = f'from {field.low:g} to {field.high:g}{unit}'
-        raise InputError(f'{name} must be {wanted}, not {value:g}', name)
+        raise InputError(f'{name} must be {wanted}, not {given}', name)
 
 
 def _noun(kind: Any) -> str:

@@ -1,4 +1,4 @@
-"""Foreign text made safe to show: one line, no control characters."""
+"""Values made fit to show: foreign text on one line, numbers that can be told apart."""
 
 from __future__ import annotations
 
@@ -17,3 +17,20 @@ def printable(value: Any, longest: int = LONGEST) -> str:
     text = str(value)[: longest + 1]
     text = ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
     return text if len(text) <= longest else text[: longest - 1] + '…'
+
+
+def apart(value: float, limit: float, digits: int = 3) -> tuple[str, str]:
+    """Two numbers with as many digits as it takes to see which is larger.
+
+    Args:
+        value: One number.
+        limit: The other, shown with six digits where these are enough.
+        digits: Least number of significant digits of the value.
+    """
+    if value != limit:
+        for more in range(digits, 18):
+            texts = f'{value:.{more}g}', f'{limit:.{max(more, 6)}g}'
+            shown, bound = map(float, texts)
+            if shown > bound if value > limit else shown < bound:
+                return texts
+    return f'{value:.{digits}g}', f'{limit:g}'

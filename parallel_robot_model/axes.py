@@ -175,7 +175,8 @@ def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[
     failure = first_sample(
         left < limits.min_travel,
         left,
-        f'end of travel, {{:.3g}} rad left is below {limits.min_travel:g} rad',
+        'end of travel, {} rad left is below trajectory.min_travel, {} rad',
+        limits.min_travel,
     )
     return [] if failure is None else [failure]
 

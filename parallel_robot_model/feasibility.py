@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.printable import apart
+
 Array = NDArray[np.float64]
 
 
@@ -24,16 +26,21 @@ class Infeasible(NamedTuple):
     reason: str
 
 
-def first_sample(bad: NDArray[np.bool_], values: Array, text: str) -> Infeasible | None:
+def first_sample(
+    bad: NDArray[np.bool_], values: Array, text: str, limit: float | None = None
+) -> Infeasible | None:
     """The first sample that is bad; None if all are good.
 
     Args:
         bad: Which samples are bad, shape (N,), or (N, n) with a column for each leg or joint.
         values: Values for the text, same shape.
-        text: The reason, with a placeholder for the value.
+        text: The reason, with a placeholder for the value, and one for the limit if there is one.
+        limit: What the value is compared with; both get digits enough to differ.
     """
     if not bad.any():
         return None
     index = tuple(int(i) for i in np.argwhere(bad)[0])
     part = index[1] + 1 if len(index) == 2 else None
-    return Infeasible(index[0], part, text.format(values[index]))
+    value = float(values[index])
+    shown = (value,) if limit is None else apart(value, limit)
+    return Infeasible(index[0], part, text.format(*shown))

@@ -270,10 +270,10 @@ def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[
     position = reference.position[: unreached[0] if unreached.size else None]
     sines = np.abs(np.sin(position[:, 1]))
     turns = np.abs(np.diff(position[:, 0], prepend=position[:1, 0]))
-    near = f'singularity, |sin q2| = {{:.3f}} is below {limits.min_sin_elbow:g}'
+    near = 'singularity, |sin q2| = {} is below trajectory.min_sin_elbow, {}'
     jump = 'the tip passes straight below the shoulder, where q1 jumps by a whole turn'
     found = [
-        first_sample(sines < limits.min_sin_elbow, sines, near),
+        first_sample(sines < limits.min_sin_elbow, sines, near, limits.min_sin_elbow),
         first_sample(turns > math.pi, turns, jump),
     ]
     if unreached.size:

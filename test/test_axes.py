@@ -135,7 +135,10 @@ def test_a_motion_to_the_end_of_travel_is_refused(n):
     expected = int(np.flatnonzero(position[:, -1] + n < 0.2)[0])
     assert (failure.sample, failure.part) == (expected, n)
     left = position[expected, -1] + n
-    assert failure.reason == f'end of travel, {left:.3g} rad left is below 0.2 rad'
+    assert (
+        failure.reason
+        == f'end of travel, {left:.3g} rad left is below trajectory.min_travel, 0.2 rad'
+    )
 
 
 @pytest.mark.parametrize(

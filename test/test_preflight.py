@@ -1,12 +1,15 @@
 """Motions that the robot cannot perform are refused with time, leg and reason."""
 
+import re
+
 import numpy as np
 import pytest
 from geometry import ROBOT, jacobian, legs
 
 from parallel_robot_base import config
-from parallel_robot_base.errors import MotionError
+from parallel_robot_base.errors import InputError, MotionError
 from parallel_robot_model.planar_3rrr import MotionLimits
+from parallel_robot_sim.configuration import configure
 from trajectory_gen.preflight import check
 from trajectory_gen.trajectory import Trajectory
 
@@ -128,3 +131,19 @@ def test_a_held_pose_is_checked_too():
         'paper_circle', {'trajectory.shape': 'hold', 'hold.pose': [0.5, 2.0, 0.0]}
     )
     assert refusal(Trajectory(values), FREE).time == 0.0
+
+
+def test_a_speed_just_above_the_limit_has_digits_that_say_so():
+    values = config.resolve('paper_circle')
+    fastest = float(np.abs(Trajectory(values).sample(np.arange(0, 6, 1e-3)).velocity).max())
+    values = config.resolve('paper_circle', {'trajectory.max_joint_speed': fastest * (1 - 1e-7)})
+    with pytest.raises(MotionError) as caught:
+        check(Trajectory(values), 1e-3)
+    numbers = re.search(r'speed (\S+) rad/s is above trajectory.max_joint_speed, (\S+) rad/s',
+                        str(caught.value))  # fmt: skip
+    assert float(numbers[1]) > float(numbers[2])
+
+
+def test_a_value_just_out_of_range_has_digits_that_say_so():
+    with pytest.raises(InputError, match=r'period must be from 0.0001 to 0.1 s, not 0.10000001'):
+        configure(config.resolve('paper_circle', {'period': 0.10000001}))

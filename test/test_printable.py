@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_base.printable import printable
+from parallel_robot_base.printable import apart, printable
 
 
 @given(st.text() | st.lists(st.text()) | st.floats())
@@ -19,3 +19,20 @@ def test_what_is_shown_is_one_line_that_can_be_encoded(value):
 )
 def test_plain_values_stay(value, shown):
     assert printable(value) == shown
+
+
+@pytest.mark.parametrize(
+    ('value', 'limit', 'texts'),
+    [
+        (10.0000004, 10.0, ('10.0000004', '10')),
+        (12.3456, 10.0, ('12.3', '10')),
+        (0.0999999, 0.1, ('0.0999999', '0.1')),
+        (1.0, 1.00049, ('1', '1.00049')),
+        (0.09222262, 0.09222261, ('0.09222262', '0.09222261')),
+        (0.09224, 0.0922226, ('0.09224', '0.0922226')),
+        (10.0, 10.0, ('10', '10')),
+        (float('inf'), 10.0, ('inf', '10')),
+    ],
+)
+def test_a_value_and_its_limit_can_be_told_apart(value, limit, texts):
+    assert apart(value, limit) == texts

@@ -31,9 +31,8 @@ def check(trajectory: Trajectory, period: float) -> None:
     failures = robot.module.infeasible(robot.parameters, trajectory.limits, reference)
     unreached = np.flatnonzero(reference.out_of_reach >= 0)
     speeds = np.abs(reference.velocity[: unreached[0] if unreached.size else None])
-    too_fast = first_sample(
-        speeds > fastest, speeds, f'joint speed {{:.3g}} rad/s is above {fastest:g} rad/s'
-    )
+    text = 'joint speed {} rad/s is above trajectory.max_joint_speed, {} rad/s'
+    too_fast = first_sample(speeds > fastest, speeds, text, fastest)
     if too_fast is not None:
         failures = [*failures, too_fast]
     if failures:

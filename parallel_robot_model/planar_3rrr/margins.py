@@ -67,12 +67,14 @@ def infeasible(robot: RobotParameters, limits: MotionLimits, reference: Any) -> 
         first_sample(
             sines < limits.min_sin_psi,
             sines,
-            f'type 1 singularity, |sin psi| = {{:.3f}} is below {limits.min_sin_psi:g}',
+            'type 1 singularity, |sin psi| = {} is below trajectory.min_sin_psi, {}',
+            limits.min_sin_psi,
         ),
         first_sample(
             conditions > limits.max_condition,
             conditions,
-            f'type 2 singularity, cond(Jx) = {{:.3g}} is above {limits.max_condition:g}',
+            'type 2 singularity, cond(Jx) = {} is above trajectory.max_condition, {}',
+            limits.max_condition,
         ),
     ]
     if unreached.size:
