@@ -42,6 +42,7 @@ setup(
         'parallel_robot_analysis',
         'parallel_robot_analysis.commands',
         'parallel_robot_analysis.identification',
+        'parallel_robot_analysis.limit',
         'parallel_robot_analysis.replay',
         'parallel_robot_analysis.report',
         'parallel_robot_analysis.study',
