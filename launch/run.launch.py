@@ -17,6 +17,7 @@ PARAMETERS = {  # of all nodes, where they are given
     'scenario': ('one of config/scenarios or a YAML file, else paper_circle', str),
     'law': ('a file of config/laws, else that of the scenario', str),
     'time_mode': ('wall or lockstep, else wall', str),
+    'end_with_parent': ('true: the nodes end when this launch is killed, else false', bool),
     'use_sim_time': ('true: take the time from /clock, else false', bool),
 }
 OTHERS = {

@@ -44,6 +44,9 @@ class LoopParameters(NamedTuple):
         Literal['udp', 'default'],
         Field('', 'udp: Fast DDS without shared memory; default: as it is set up'),
     ]
+    end_with_parent: Annotated[
+        bool, Field('', 'true: a node ends when the process that started it has ended')
+    ]
     start_stamp: Annotated[
         int, Field('ns', 'stamp of t = 0; 0: with the first command; -1: wait to be told', -1)
     ]

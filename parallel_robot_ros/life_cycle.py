@@ -26,13 +26,13 @@ from parallel_robot_ros.background import SWITCH
 from parallel_robot_ros.suite_node import SuiteNode
 
 END_TIMEOUT = 8.0  # s, for the end of a node; then it is forced, with a traceback
-STOP_LATENCY = 0.1  # s, longest time between a signal and the end of the executor
+STOP_LATENCY = 0.1  # s, longest time from a signal, or the parent's end, to that of the executor
 
 
 def run_node(
     make: Callable[..., SuiteNode], add_arguments: arguments.AddArguments | None = None
 ) -> int:
-    """Run a node until it finishes, or until Ctrl-C or SIGTERM.
+    """Run a node until it finishes, until Ctrl-C or SIGTERM, or if asked, until its parent ends.
 
     Args:
         make: Its class.
@@ -42,6 +42,7 @@ def run_node(
         0; 1 when the node failed; 2 when a parameter or an argument is wrong, which is reported
         in one line.
     """
+    parent = os.getppid()
     stop: list[int] = []  # signals; setting an Event in a handler can deadlock with itself
     node: SuiteNode | None = None
 
@@ -78,6 +79,10 @@ def run_node(
         node.begin()
         while node.exit_code is None and not stop and rclpy.ok():
             _spin(executor, node)
+            if node.loop.end_with_parent and os.getppid() != parent:
+                node.get_logger().info('the process that started this node has ended')
+                node.end_time()
+                break
     except ParallelRobotError as error:
         node.fail(error)
     finally:

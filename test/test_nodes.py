@@ -1,8 +1,11 @@
 """The four nodes as real processes."""
 
 import contextlib
+import json
+import os
 import signal
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -11,13 +14,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from ros_fixtures import SLOW_LOOP
+from ros_fixtures import SLOW_LOOP, Child
+from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_analysis.processes import MODULES
+from parallel_robot_analysis.processes import MODULES, command
 from parallel_robot_bags import run_log
 from parallel_robot_base import config, topics
 from parallel_robot_base.kernel_cache import NOTICE
@@ -62,6 +66,38 @@ def test_a_node_that_compiles_can_be_ended(launch, domain, tmp_path):
     (line,) = process.stderr.splitlines()
     assert line.endswith(f'[parallel_robot]: {NOTICE}')
     assert len([*tmp_path.rglob('*.nbc')]) < 10  # of many more
+
+
+LAUNCHER = """
+import json, subprocess, sys, time
+pids = [subprocess.Popen(words).pid for words in json.loads(sys.argv[1])]
+print(*pids, flush=True)
+time.sleep(1e6)
+"""
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGTERM])
+def test_nodes_end_in_order_when_their_launcher_is_killed(number, compiled, peer, tmp_path):
+    given = [*PATIENT, 'end_with_parent:=true', f'recorder.out:={tmp_path / "bag"}']
+    options = [word for parameter in given for word in ('-p', parameter)]
+    started = [command(MODULES[name], '--ros-args', *options) for name in NAMES]
+    commands = peer.listen(topics.COMMANDS)
+    with contextlib.ExitStack() as stack:
+        words = [sys.executable, '-c', LAUNCHER, json.dumps(started)]
+        launcher = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE))
+        stack.callback(launcher.kill)
+        nodes = []
+        for pid in map(int, launcher.stdout.readline().split()):
+            nodes.append(Child(pid, os.pidfd_open(pid)))
+            stack.callback(os.close, nodes[-1].descriptor)
+            stack.callback(nodes[-1].kill)
+        peer.until(lambda: any(np.any(command.data) for command in commands))
+        launcher.send_signal(number)
+        launcher.wait()
+        peer.until(lambda: all(node.ended() for node in nodes))
+        peer.until(lambda: not np.any(commands[-1].data))
+    with Reader(tmp_path / 'bag') as bag:
+        assert bag.message_count > 0
 
 
 @pytest.mark.parametrize('signals', [['SIGINT'], ['SIGTERM'], ['SIGINT', 'SIGINT']], ids=' '.join)

@@ -291,12 +291,13 @@ def test_launch_takes_every_argument(launch, value, tmp_path):
     file = tmp_path / 'my.yaml'
     file.write_text('{}')
     texts = {'scenario': 'paper_line', 'law': 'smc', 'time_mode': 'lockstep'}
-    switches = dict.fromkeys(('use_sim_time', 'record', 'monitor'), value)
+    switches = dict.fromkeys(('use_sim_time', 'end_with_parent', 'record', 'monitor'), value)
     nodes = launch(**texts, **switches, namespace='left', params_file=str(file))
     yes = value == 'true'
     for node in nodes.values():
         _, path, given = node['parameters']
-        assert path == str(file) and given == {**texts, 'use_sim_time': yes}
+        assert path == str(file)
+        assert given == {**texts, 'use_sim_time': yes, 'end_with_parent': yes}
     assert ({'recorder', 'monitor'} <= started(nodes)) == yes
 
 
@@ -342,7 +343,7 @@ def test_the_launch_of_ros_takes_every_argument(value, tmp_path):
     file = tmp_path / 'my.yaml'
     file.write_text('{}')
     texts = {'scenario': 'paper_line', 'law': 'smc', 'time_mode': 'lockstep'}
-    switches = dict.fromkeys(('use_sim_time', 'record', 'monitor'), value)
+    switches = dict.fromkeys(('use_sim_time', 'end_with_parent', 'record', 'monitor'), value)
     context = launch.LaunchContext()
     context.launch_configurations.update(
         {**texts, **switches, 'namespace': 'left', 'params_file': str(file)}
@@ -358,7 +359,9 @@ def test_the_launch_of_ros_takes_every_argument(value, tmp_path):
         _, own, given = (yaml.safe_load(path.read_text()) for path in files)
         (parameters,) = given.values()
         assert own == {}
-        assert parameters['ros__parameters'] == {**texts, 'use_sim_time': value == 'true'}
+        yes = value == 'true'
+        switched = {'use_sim_time': yes, 'end_with_parent': yes}
+        assert parameters['ros__parameters'] == {**texts, **switched}
 
 
 def test_every_import_is_declared(setup):
