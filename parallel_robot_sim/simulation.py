@@ -9,6 +9,7 @@ import numpy as np
 
 from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_base.placed import locating
+from parallel_robot_base.printable import apart
 from parallel_robot_control import faults
 from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
@@ -44,6 +45,21 @@ class Simulation(NamedTuple):
         known = faults.of(self.experiment.trajectory.robot.module)
         fault = known[int(self.run.fault[found[0]])]
         return float(found[0] * self.experiment.loop.period), fault
+
+    @property
+    def fault_text(self) -> str:
+        """The fault for people, with joint, value and limit where a joint is too fast."""
+        if self.fault is None:
+            return ''
+        k = int(np.flatnonzero(self.run.fault)[0])
+        loop, control = self.experiment.loop, self.experiment.control
+        speeds, limits = np.abs(self.run.velocity[k]), np.asarray(control.setup.limits.speed)
+        fast = np.flatnonzero(speeds > limits)
+        if self.run.fault[k] != faults.SPEED or not fast.size:
+            return self.fault[1].text
+        joint = int(fast[0])
+        value, limit = apart(float(speeds[joint]), float(limits[joint]))
+        return f'{loop.joints[joint]} at {value} rad/s is above safety.speed_limit, {limit} rad/s'
 
 
 def simulate(configuration: Configuration) -> Simulation:

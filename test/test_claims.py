@@ -116,3 +116,24 @@ def test_compare_tells_of_the_space_between_laws(given, capsys):
 def test_compare_refuses_an_unknown_law(capsys):
     assert main(['compare', 'paper_circle', '--laws', 'pidd']) == 2
     assert "did you mean 'pid'" in capsys.readouterr().err
+
+
+def test_a_law_in_a_fault_has_no_figures_of_merit(tmp_path, capsys):
+    report = tmp_path / 'report.json'
+    words = ['compare', 'paper_circle', '--duration', '1', '--laws', 'smc', 's_smc', 'nftsmc']
+    assert main([*words, '--set', 'safety.speed_limit=[10, 0.09, 10]', '--json', str(report)]) == 0
+    out, err = capsys.readouterr()
+    data = json.loads(report.read_text())
+    assert data['faults'] and data['faults'].keys() < {'smc', 's_smc', 'nftsmc'}
+    for law, text in data['faults'].items():
+        assert re.search(rf'^{law} ! ', out, re.MULTILINE)
+        number = re.fullmatch(
+            r'joint2 at (\S+) rad/s is above safety.speed_limit, 0.09 rad/s', text
+        )[1]
+        assert float(number) > 0.09
+        fault = rf'^warning: {law}: fault at t = .*: {re.escape(text)}$'
+        assert re.search(fault, err, re.MULTILINE)
+        assert not any(law in claim['figures'] for claim in data['claims'])
+    for law in {*data['laws']} - {*data['faults']}:
+        assert re.search(rf'^{law}  ', out, re.MULTILINE)
+    assert '\n! ended in a fault: no figures of merit' in out

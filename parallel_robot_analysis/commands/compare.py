@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
+
+MARK = '!'  # of a law that ended in a fault
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,19 +45,23 @@ def execute(arguments: argparse.Namespace) -> int:
         new_files.check(arguments.json, '--json')
     results = {}
     notes: list[str] = []
+    faulted: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):
         changed = simulate.overrides(arguments) | {'law': law}
         made = simulation.simulate(configure(resolve(arguments.scenario, changed)))
         results[law] = evaluate(made)
-        notes += simulate.remarks(made)
-    verdicts = claims.verify(scenario, results)
+        if made.fault is not None:
+            faulted[law] = made.fault_text
+        notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
+    good = {law: found for law, found in results.items() if law not in faulted}
+    verdicts = claims.verify(scenario, good)
     if arguments.json:
         try:
-            data = summarise(scenario, results, verdicts)
+            data = summarise(scenario, results, verdicts, faulted)
             new_files.write(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
-    print(table(scenario, results))
+    print(table(scenario, results, faulted))
     for verdict in verdicts:
         print(line(verdict))
     for note in notes:
@@ -70,8 +77,16 @@ def evaluate(made: simulation.Simulation) -> metrics.Metrics:
     return metrics.evaluate(joints, poses)
 
 
-def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:
-    """One row for each law, one column for each metric."""
+def table(
+    scenario: str, results: Mapping[str, metrics.Metrics], faulted: Collection[str] = ()
+) -> str:
+    """One row for each law, one column for each metric.
+
+    Args:
+        scenario: Name of the scenario.
+        results: Law to its metrics.
+        faulted: Laws that ended in a fault; their rows are marked.
+    """
     columns = defined(METRICS, next(iter(results.values())))
     settling = 'time until the end-effector error stays below a bound; '
     rows = [
@@ -82,7 +97,12 @@ def table(scenario: str, results: dict[str, metrics.Metrics]) -> str:
     rows.append(f'{"":<20}' + ''.join(f'{"[" + metric.unit + "]":>11}' for metric in columns))
     for law, result in results.items():
         cells = [shown(metric.value(result)) for metric in columns]
-        rows.append(f'{law:<20}' + ''.join(f'{cell:>11}' for cell in cells))
+        name = f'{law} {MARK}' if law in faulted else law
+        rows.append(f'{name:<20}' + ''.join(f'{cell:>11}' for cell in cells))
+    if faulted:
+        rows.append(
+            f'{MARK} ended in a fault: no figures of merit, and no claim is judged by them'
+        )
     return '\n'.join(rows)
 
 
@@ -94,12 +114,16 @@ def line(verdict: claims.Verdict) -> str:
 
 
 def summarise(
-    scenario: str, results: dict[str, metrics.Metrics], verdicts: list[claims.Verdict]
+    scenario: str,
+    results: Mapping[str, metrics.Metrics],
+    verdicts: list[claims.Verdict],
+    faulted: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Table and claims as plain data, for JSON."""
+    """Table, faults by law, and claims as plain data, for JSON."""
     return {
         'scenario': scenario,
         'laws': {law: as_data(result) for law, result in results.items()},
+        'faults': dict(faulted),
         'claims': [
             {
                 'claim': verdict.claim.text,

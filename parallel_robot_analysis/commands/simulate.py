@@ -129,8 +129,7 @@ def remarks(simulation: Simulation) -> list[str]:
     acted = int(np.bitwise_or.reduce(simulation.run.acted))
     fault = None
     if simulation.fault is not None:
-        time, found = simulation.fault
-        fault = time, found.text
+        fault = simulation.fault[0], simulation.fault_text
     limits = limits_text(acted) if acted else ''
     return [*simulation.experiment.control.law.warnings, *remark_lines(limits, fault)]
 

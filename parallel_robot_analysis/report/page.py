@@ -69,7 +69,8 @@ def differences(runs: Sequence[Run]) -> dict[str, list[str]]:
 def _section(
     name: str, runs: Sequence[Run], charts: Sequence[Chart], scale: str
 ) -> dict[str, Any]:
-    first = {run.log.law: run.metrics for run in reversed(runs)}
+    good = [run for run in runs if not run.faulted]
+    first = {run.log.law: run.metrics for run in reversed(good)}
     data: dict[str, Any] = {'plots': [plot(chart, scale) for chart in charts]}
     if runs[0].poses.planar:
         data['animation'] = animation(runs)
@@ -78,11 +79,11 @@ def _section(
         'robot': printable(runs[0].log.config['robot_model']),
         'runs': runs,
         'metrics': [
-            (metric, _best([metric.value(run.metrics) for run in runs]))
+            (metric, _best([metric.value(run.metrics) for run in good]))
             for metric in defined(METRICS, runs[0].metrics)
         ],
         'verdicts': claims.verify(name, first),
-        'repeated': len(first) < len(runs),
+        'repeated': len(first) < len(good),
         'charts': charts,
         'data': data,
     }

@@ -22,6 +22,7 @@ from parallel_robot_base.errors import BagError, InputError, KinematicsError
 from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import CROSS_COUPLING_ERROR
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.messages import NO_FAULT
 
 
 class Series(NamedTuple):
@@ -50,6 +51,7 @@ class Run(NamedTuple):
         timing: How the run kept its time.
         cut: Why only a part of it was evaluated; empty when all of it was.
         doubts: Why its errors may not be the true ones, see docs/noise.md.
+        faulted: Whether the controller was in a fault: its metrics are not those of the law.
     """
 
     bag: Path
@@ -62,6 +64,7 @@ class Run(NamedTuple):
     timing: Timing
     cut: str
     doubts: list[str]
+    faulted: bool
 
 
 def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
@@ -104,7 +107,9 @@ def _robot(log: run_log.RunLog) -> str:
 
 
 def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int) -> Run:
-    timed = timing.evaluate(log, history.read(bag, memory))
+    past = history.read(bag, memory)
+    timed = timing.evaluate(log, past)
+    faulted = any(status.fault != NO_FAULT for status in past.statuses)
     try:
         log, poses, cut = metrics.with_poses(log)
     except KinematicsError as error:
@@ -112,7 +117,7 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
     result = metrics.evaluate(log, poses)
     coupling = cross_coupling(bag, log, memory)
     doubts = sensor_remarks(log.config, lambda: true_motion.of_bag(bag, log, memory))
-    return Run(bag, name, style, log, poses, result, coupling, timed, cut, doubts)
+    return Run(bag, name, style, log, poses, result, coupling, timed, cut, doubts, faulted)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:
