@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_analysis.identification import identified, recording, regression_rows
+from parallel_robot_analysis.identification import (
+    identified,
+    readable,
+    recording,
+    regression_rows,
+)
 from parallel_robot_analysis.identification.recording import Recording
 from parallel_robot_bags.statuses import ControllerStatus
 from parallel_robot_base.errors import BagError, InputError
@@ -121,6 +126,43 @@ def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(exc
     assert half.max() < 0.1  # and they say something
 
 
+def late(recording, samples):
+    """The recording of a robot whose positions are told some samples late."""
+    count = len(recording.time) - samples
+    return Recording(
+        recording.time[samples:],
+        recording.position[:count],
+        recording.effort[samples:],
+        recording.usable[samples:],
+    )
+
+
+@pytest.mark.parametrize('samples', [0, 1, 5])
+def test_a_delay_of_the_positions_is_found(samples, excited):
+    found = identify(excited, late(excited.recording, samples))
+    assert found.delay.counts == (samples > 0)
+    assert found.delay.value == pytest.approx(1e-3 * samples, abs=5e-5)
+    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.01
+
+
+def test_intervals_hold_the_truth_though_positions_are_late_and_noisy(excited):
+    rng = np.random.default_rng(2)
+    covered = 0
+    for samples in (0, 1, 2, 3, 5) * 2:
+        found = identify(excited, late(noisy(excited, rng, 5e-5, 0.5), samples))
+        half = found.fit.interval * found.fit.standard_errors
+        covered += (np.abs(found.fit.values - TRUTH) <= half).sum()
+        assert abs(found.delay.value - 1e-3 * samples) < 2.0 * found.delay.half_width
+    assert covered >= 90
+
+
+def test_a_slow_motion_does_not_tell_a_delay():
+    case = motion('paper_circle', duration=6.0)
+    found = identify(case, late(noisy(case, np.random.default_rng(3), 5e-5, 0.5), 3))
+    assert not found.delay.counts and found.delay.half_width > 1e-3
+    assert 'does not tell whether positions are late' in '\n'.join(readable.table(found))
+
+
 @pytest.mark.parametrize(
     ('scenario', 'changes', 'truth'),
     [
@@ -218,12 +260,10 @@ def test_jitter_and_lost_states_do_not_matter(excited):
 
 
 def test_the_effort_acted_before_its_state(excited):
-    """A shift by half a period is seen: the alignment is right, not nearly right."""
-    right = identify(excited)
-    late = np.roll(excited.run.effort, 1, axis=0)
-    assert identify(excited, replaced(excited, effort=late)).fit.residual.min() > (
-        3.0 * right.fit.residual.max()
-    )
+    """A shift of the efforts is found to a twentieth of a period: the alignment is right."""
+    late = replaced(excited, effort=np.roll(excited.run.effort, 1, axis=0))
+    assert identify(excited).delay.value == pytest.approx(0.0, abs=5e-5)
+    assert identify(excited, late).delay.value == pytest.approx(-1e-3, abs=5e-5)
 
 
 def log_of(case, **parts):

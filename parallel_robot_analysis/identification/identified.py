@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,10 @@ from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import RobotModel, robot_of
 
 Array = NDArray[np.float64]
+
+LATEST = 0.02  # s, largest delay that is looked for
+COUNTS = 0.2  # of a period, a delay that is taken into account
+ITERATIONS = 5  # of the delay
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,21 @@ class Nominal:
 
 
 @dataclass(frozen=True)
+class Delay:
+    """How much older positions are than torques of the same stamp.
+
+    Attributes:
+        value: The estimate [s].
+        half_width: Half width of its 95 % interval [s].
+        counts: Whether it is so large that it is taken into account.
+    """
+
+    value: float
+    half_width: float
+    counts: bool
+
+
+@dataclass(frozen=True)
 class Identified:
     """What was found of a robot.
 
@@ -67,6 +86,8 @@ class Identified:
         robot: A physical robot that has them.
         poor: Combinations that the motion hardly shows, with their relative standard errors.
         rows: Rows of the regression.
+        delay: How much older positions are than torques of the same stamp.
+        period: Time between two states [s].
     """
 
     nominal: Nominal
@@ -77,6 +98,8 @@ class Identified:
     robot: PhysicalRobot
     poor: list[tuple[str, float]]
     rows: Rows
+    delay: Delay
+    period: float
 
 
 @dataclass(frozen=True)
@@ -123,13 +146,14 @@ def identify(nominal: Nominal, recording: Recording, cutoff: float) -> Identifie
     """
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(recording, nominal.robot, nominal.guess)
-    rows = _rows(nominal, base, recording, cutoff)
     values = (nominal.inertia, *nominal.both_frictions)
     before, scale = base.of(*values), base.scale(*values)
-    fit = least_squares.fit(rows, before, scale)
+    rows, fit, delay = _fit(nominal, base, recording, cutoff, before, scale)
     robot = physical_robot.nearest(nominal.robot, base, fit, scale, nominal.both_frictions)
     poor = least_squares.poorly_determined(fit, base.names, scale)
-    return Identified(nominal, base, before, scale, fit, robot, poor, rows)
+    return Identified(
+        nominal, base, before, scale, fit, robot, poor, rows, delay, recording.period
+    )
 
 
 def predict(found: Identified, recording: Recording, guess: Array, cutoff: float) -> Prediction:
@@ -145,7 +169,8 @@ def predict(found: Identified, recording: Recording, guess: Array, cutoff: float
         BagError: too little of the recording can be used, or a sample has no pose.
     """
     nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
-    return compare(found, _rows(nominal, found.base, recording, cutoff))
+    late = found.delay.value if found.delay.counts else 0.0
+    return compare(found, _rows(nominal, found.base, recording, cutoff, late))
 
 
 def compare(found: Identified, rows: Rows) -> Prediction:
@@ -176,6 +201,51 @@ def check_same_robot(first: RunLog, second: RunLog) -> None:
             )
 
 
-def _rows(nominal: Nominal, base: BaseParameters, recording: Recording, cutoff: float) -> Rows:
+def _rows(
+    nominal: Nominal, base: BaseParameters, recording: Recording, cutoff: float, late: float = 0.0
+) -> Rows:
     smoothing = nominal.friction.smoothing
-    return regression_rows.rows(recording, nominal.robot, base, nominal.guess, smoothing, cutoff)
+    robot, guess = nominal.robot, nominal.guess
+    return regression_rows.rows(recording, robot, base, guess, smoothing, cutoff, late)
+
+
+def _fit(
+    nominal: Nominal,
+    base: BaseParameters,
+    recording: Recording,
+    cutoff: float,
+    before: Array,
+    scale: Array,
+) -> tuple[Rows, Fit, Delay]:
+    """Fit the base parameters, together with a delay of the positions if there is one.
+
+    A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
+    linearised in d again and again (Gauss-Newton).
+    """
+    period = recording.period
+    step = 0.1 * period
+    value = 0.0
+    for _ in range(ITERATIONS):
+        rows = _rows(nominal, base, recording, cutoff, value)
+        moved = _rows(nominal, base, recording, cutoff, value + step)
+        slope = (rows.torque - moved.torque) / step * period  # for a period of delay
+        both = replace(rows, Y=np.concatenate((rows.Y, slope[..., np.newaxis]), axis=2))
+        fit = least_squares.fit(both, np.append(before, 0.0), np.append(scale, 1.0))
+        change, half = (
+            period * float(each[-1]) for each in (fit.values, fit.interval * fit.standard_errors)
+        )
+        estimate = float(np.clip(value + change, -LATEST, LATEST))
+        if abs(change) < 0.01 * period:
+            break
+        value = estimate
+    delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
+    if not delay.counts:
+        rows = _rows(nominal, base, recording, cutoff)
+        return rows, least_squares.fit(rows, before, scale), delay
+    kept = replace(
+        fit,
+        values=fit.values[:-1],
+        covariance=fit.covariance[:-1, :-1],
+        interval=fit.interval[:-1],
+    )
+    return rows, kept, delay

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_analysis.identification.base_parameters import linear_model
-from parallel_robot_analysis.identification.identified import Identified, Prediction
+from parallel_robot_analysis.identification.identified import Delay, Identified, Prediction
 from parallel_robot_analysis.identification.least_squares import UNKNOWN
 
 
@@ -31,17 +31,28 @@ def table(found: Identified) -> list[str]:
         lines.append(f'{name:<22}{value:>12}{interval:>26}{found.before[k]:>12.5g}  {unit}')
     lines.append(f'  {model.NAMES}')
     lines.append(f'condition number {fit.condition:.4g}')
+    lines.append(_delay(found.delay, found.period))
     lines += [f'the motion does not tell: {line}' for line in poor(found)]
     if robot.active:
         lines.append(
             'constraint active: no robot that can be built has these estimates; the nearest one '
             f'is {robot.misfit:.2g} standard errors away'
         )
-    lines.append(f'{"robot that has them":<22}{"chosen":>12}{"":>26}{"before":>12}')
+    lines.append(f'{"one of many robots that explain it":<34}{"":>26}{"before":>12}')
     for key, value in robot.robot.items():
         for number, before, index in _each(value, robot.nominal[key]):
             lines.append(f'  {f"robot.{key}{index}":<20}{number:>12.5g}{"":>26}{before:>12.5g}')
     return lines
+
+
+def _delay(found: Delay, period: float) -> str:
+    """What is known of the age of the positions."""
+    value = f'{1e3 * found.value:.3g} +- {1e3 * found.half_width:.2g} ms'
+    if found.counts:
+        return f'positions are late: {value} after torques of the same stamp, taken into account'
+    if found.half_width > period:
+        return f'the motion does not tell whether positions are late: {value}; none is assumed'
+    return f'positions are not late: {value}'
 
 
 def poor(found: Identified) -> list[str]:
@@ -74,6 +85,11 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
         'robot_model': found.nominal.robot.name,
         'duration_s': found.rows.duration,
         'rows': len(found.rows.time),
+        'delay': {
+            'estimate_s': found.delay.value,
+            'half_width_95_s': found.delay.half_width,
+            'taken_into_account': found.delay.counts,
+        },
         'condition': fit.condition if np.isfinite(fit.condition) else None,
         'base_parameters': [
             {

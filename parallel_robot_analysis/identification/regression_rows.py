@@ -73,6 +73,7 @@ def rows(
     guess: Array,
     smoothing: float,
     cutoff: float = CUTOFF,
+    late: float = 0.0,
 ) -> Rows:
     """Make the rows of a recording.
 
@@ -83,6 +84,7 @@ def rows(
         guess: Pose near the first sample, shape (m,).
         smoothing: Half width of the sign of Coulomb friction [rad/s].
         cutoff: Bandwidth [Hz].
+        late: Age of the positions at their stamps, beyond that of the torques [s].
 
     Raises:
         InputError: the cut-off frequency does not fit the period.
@@ -101,7 +103,7 @@ def rows(
     found: list[Rows] = []
     for part in stretches(recording, 2 * (window + taps)):
         try:
-            smooth = _smoothed(recording, part, period, window)
+            smooth = _smoothed(recording, part, period, window, late)
             pose = poses_of(robot, smooth.position, guess)
         except KinematicsError as error:
             raise BagError(str(error)) from None
@@ -149,11 +151,14 @@ class _Smooth:
     torque: Array
 
 
-def _smoothed(recording: Recording, part: slice, period: float, window: int) -> _Smooth:
+def _smoothed(
+    recording: Recording, part: slice, period: float, window: int, late: float
+) -> _Smooth:
     """Joints with two derivatives, and the mean torque over one period about each sample.
 
     The effort of a state acted before it, that of the next one after it: their mean belongs to
-    the state. In general it is the difference of the integral of the effort.
+    the state. In general it is the difference of the integral of the effort. A late position
+    belongs to the torque of the time at which it was measured.
     """
     stamps, effort = recording.time[part], recording.effort[part]
     steps = np.diff(stamps)
@@ -166,7 +171,8 @@ def _smoothed(recording: Recording, part: slice, period: float, window: int) -> 
     np.cumsum(effort[1:] * steps[:, np.newaxis], axis=0, out=impulse[1:])
     torque = np.empty_like(position)
     for joint, row in enumerate(impulse.T):
-        after, before = (np.interp(time + side * period, stamps, row) for side in (0.5, -0.5))
+        middle = time - late
+        after, before = (np.interp(middle + side * period, stamps, row) for side in (0.5, -0.5))
         torque[:, joint] = (after - before) / period
     inner = slice(window // 2 + 1, -(window // 2) - 1)
     fits = (
