@@ -54,6 +54,14 @@ def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:
     parser = Parser(
         prog='parallel_robot', description='Sliding-mode control of a 3-RRR parallel robot.'
     )
+    if '--version' in words:
+        from parallel_robot_bags.experiment import software  # slow to import
+
+        version = f'%(prog)s {software()["version"]}'
+    else:
+        version = ''
+    help_text = 'show the version of the suite, and end'
+    parser.add_argument('--version', action='version', version=version, help=help_text)
     subparsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, text in COMMANDS.items():
         subparser = subparsers.add_parser(name, help=text, description=text)

@@ -44,12 +44,18 @@ class UnknownNameError(InputError):
         self.name = name
         self.choices = sorted(choices)
         name = printable(name)
-        near = difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
+        alike = [choice for choice in self.choices if _letters(choice) == _letters(name)]
+        near = alike or difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
         shown = ', '.join(self.choices) if len(self.choices) <= FEW else ''
         hint = f'; did you mean {near[0]!r}?' if near else ''
         super().__init__(
             f'unknown {kind} {name!r}{hint}' + (f' (known: {shown})' if shown else ''), key
         )
+
+
+def _letters(name: str) -> str:
+    """A name without what separates its words: smc.z and smc_z are the same but for that."""
+    return ''.join(filter(str.isalnum, name))
 
 
 class RobotError(InputError):

@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from assembly import simulated
@@ -12,10 +13,11 @@ from bags import full_disk
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.command_line import COMMANDS, main, module_of
-from parallel_robot_analysis.commands import recover, rerun, run
+from parallel_robot_analysis.commands import recover, rerun, run, simulate
 from parallel_robot_analysis.readable_metrics import STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
 from parallel_robot_bags import history, run_log, simulation_bag
+from parallel_robot_bags.experiment import software
 from parallel_robot_base import config
 from parallel_robot_base.options import Parser
 
@@ -347,3 +349,34 @@ def test_every_option_with_a_number_says_what_is_wanted(capsys):
             if action.type in (int, float):
                 assert main([command, action.option_strings[-1], '?']) == 2
                 assert 'number is wanted, not' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('given', 'words'),
+    [
+        ('.venv/bin/parallel_robot', '.venv/bin/parallel_robot'),
+        ('/on/the/path/parallel_robot', 'parallel_robot'),
+        ('/opt/suite/lib/parallel_robot/parallel_robot', 'ros2 run parallel_robot parallel_robot'),
+        ('/x/parallel_robot_analysis/__main__.py', 'python -m parallel_robot_analysis'),
+        ('/usr/bin/pytest', 'parallel_robot'),
+    ],
+)
+def test_the_next_command_is_named_as_this_one_was_started(given, words, monkeypatch):
+    monkeypatch.setattr('sys.argv', [given, 'simulate'])
+    monkeypatch.setattr('shutil.which', lambda _: '/on/the/path/parallel_robot')
+    found = simulate.result(Path('runs/a'), lambda: [])
+    assert found.endswith(f'next    {words} analyze runs/a')
+
+
+def test_the_version_is_told(capsys):
+    with pytest.raises(SystemExit, match='0'):
+        main(['--version'])
+    assert capsys.readouterr().out == f'parallel_robot {software()["version"]}\n'
+
+
+@pytest.mark.parametrize(
+    ('key', 'near'), [('smc_z', 'smc.z'), ('s_smc_z', 's_smc.z'), ('s-fotsmc.G', 's_fotsmc.G')]
+)
+def test_a_key_with_another_separator_is_that_key(key, near, capsys):
+    assert main(['show', 'paper_circle', '--set', f'{key}=1']) == 2
+    assert f"unknown parameter '{key}'; did you mean '{near}'?" in capsys.readouterr().err

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import metrics, readable_metrics, true_motion
+from parallel_robot_analysis import invocation, metrics, readable_metrics, true_motion
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file, topics
@@ -171,7 +171,7 @@ def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
         lines = [f'no metrics: {error}']
     except Exception as error:
         lines = [f'no metrics: {first_line(error)}']
-    command = shlex.join(['parallel_robot', 'analyze', str(bag)])
+    command = shlex.join([*invocation.words(), 'analyze', str(bag)])
     return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
 
 
