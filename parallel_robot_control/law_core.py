@@ -108,9 +108,10 @@ class LawCore:
         self._setup, self._common = control.setup, common
         self._pose = control.state.pose  # any: for the size of a pose
         self._cycle = cycle_of(control.setup, control.state, control.law.memory)
-        self._core = self._made(control.law.memory)
+        self._make = entry_point(_core, *self._parts(control.law.memory))
+        self._core = self._make(*self._parts(control.law.memory))
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
-        _memory(self._core)
+        self._memory = entry_point(_memory, self._core)
 
     def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         """See :func:`answer`."""
@@ -126,11 +127,11 @@ class LawCore:
     @property
     def memory(self) -> Any:
         """Memory of the law."""
-        return _memory(self._core)
+        return self._memory(self._core)
 
     @memory.setter
     def memory(self, memory: Any) -> None:
-        self._core = self._made(memory)
+        self._core = self._make(*self._parts(memory))
 
-    def _made(self, memory: Any) -> Any:
-        return _core(self._cycle, self._setup, memory, self._common, self._pose)
+    def _parts(self, memory: Any) -> tuple[Any, ...]:
+        return self._cycle, self._setup, memory, self._common, self._pose
