@@ -68,6 +68,7 @@ setup(
     zip_safe=True,
     python_requires='>=3.10,<3.14',
     install_requires=[
+        'argcomplete>=3.1',
         'jinja2>=3.1',
         'lz4>=4.3',
         'matplotlib>=3.8',

@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
+from parallel_robot_analysis import completion
 from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output, spell
 from parallel_robot_base.errors import (
     InputError,
@@ -77,6 +78,8 @@ def main(words: Sequence[str] | None = None) -> int:
         0; 1 when a run failed; 2 when the input is wrong, after one line that says so; 128 and the
         number of the signal that stopped a run.
     """
+    if completion.ASKED in os.environ:
+        completion.complete(build_parser(completion.words()))
     words = sys.argv[1:] if words is None else words
     name = 'parallel_robot'
     spell(sys.stdout)

@@ -32,8 +32,15 @@ PIP = {'lz4', 'mcap', 'plotly', 'zstandard'}  # of which rosdep knows nothing
 WITH_NUMBA = {'llvmlite'}  # a dependency of Numba, of the version that it needs
 OPTIONAL = ('export', 'top', 'study', 'cluster', 'tune')  # extras without which the suite works
 ROSDEP_KEYS = {  # that exist
-    *('python3-hypothesis', 'python3-jinja2', 'python3-matplotlib', 'python3-numba'),
-    *('python3-numpy', 'python3-pytest', 'python3-rosbags-pip', 'python3-scipy', 'python3-yaml'),
+    *('python3-argcomplete', 'python3-hypothesis', 'python3-jinja2', 'python3-matplotlib'),
+    *(
+        'python3-numba',
+        'python3-numpy',
+        'python3-pytest',
+        'python3-rosbags-pip',
+        'python3-scipy',
+        'python3-yaml',
+    ),
 }
 ROS_PACKAGES = {  # of Jazzy
     *('ament_index_python', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'launch'),
