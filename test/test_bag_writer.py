@@ -266,7 +266,7 @@ def test_a_full_disk_leaves_what_is_finished(where, tmp_path, monkeypatch):
             disk.enter_context(full_disk(100))
 
         monkeypatch.setattr(RecordFile, 'close', close_and_fill)
-    with disk, full_disk(limit), pytest.raises(OSError, match='File too large'):
+    with full_disk(limit), disk, pytest.raises(OSError, match='File too large'):
         write(tmp_path / 'bag')
     assert [file.name for file in path.parent.iterdir()] == ['bag_0.mcap']
     count, damage = survives(path)
