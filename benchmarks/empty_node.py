@@ -38,7 +38,9 @@ MESSAGES = {
     topics.SYNCHRONISATION_ERROR: layouts.joint_state(JOINTS, BOTH),
     topics.CROSS_COUPLING_ERROR: layouts.joint_state(JOINTS, POSITION),
     topics.SLIDING_VARIABLE: layouts.joint_state(JOINTS, POSITION),
-    topics.STATUS: layouts.diagnostic_array('controller: status', 0, 'ok', STATUS),
+    topics.STATUS: layouts.diagnostic_array(
+        'controller: status', 0, 'ok', STATUS, frame=topics.FRAME
+    ),
     topics.CLOCK: layouts.clock(),
 }
 BYTES = {topic: layouts.padded(layout.template.tobytes()) for topic, layout in MESSAGES.items()}
