@@ -12,7 +12,7 @@ NAME = 'parallel_robot'
 def words() -> list[str]:
     """The words before the subcommand; the name of the program when they cannot be known."""
     given = Path(sys.argv[0])
-    if given.name == '__main__.py':
+    if given.name == '__main__.py' and given.parent.name == 'parallel_robot_analysis':
         return ['python', '-m', __name__.partition('.')[0]]
     if given.name != NAME:
         return [NAME]

@@ -78,6 +78,31 @@ def test_the_run_does_not_wait_for_the_rest_of_the_motion():
     assert session.spins == 3
 
 
+@pytest.mark.parametrize('states', [0, 1, 2])
+def test_a_run_that_is_stopped_at_its_start_says_so(states, tmp_path, monkeypatch, capsys):
+    bag = tmp_path / 'bag'
+
+    def stopped(*_):
+        values = config.resolve('paper_circle', {'duration': 0.4})
+        facts = describe(config.group(values, LoopParameters, ''), values, START)
+        with BagWriter(bag, topics.RECORDED, facts) as writer:
+            for k in range(states):
+                one, stamp = np.full(3, 0.1), START + k * MS
+                layout = layouts.joint_state(('joint1', 'joint2', 'joint3'))
+                writer.write('joint_states', stamp, layout.encode(stamp, position=one))
+                layout = layouts.joint_trajectory(('joint1', 'joint2', 'joint3'))
+                writer.write('reference', stamp, layout.encode(stamp, position=one))
+                command = layouts.float64_multi_array(3).encode(data=one)
+                writer.write('effort_controller/commands', stamp, command)
+        return run.End(signal=2)
+
+    monkeypatch.setattr(run, '_supervise', stopped)
+    assert main(['run', 'paper_circle', '--duration', '0.4', '--out', str(bag)]) == 130
+    out, err = capsys.readouterr()
+    assert 'stopped by SIGINT' in out + err and 'Traceback' not in err
+    assert bag.is_dir()
+
+
 @pytest.fixture
 def driven_out(tmp_path):
     """Make a bag whose last states are out of reach."""

@@ -138,7 +138,7 @@ def test_types_that_are_not_installed_are_left_out(launch, peer, tmp_path):
     [
         (['nowhere'], 'nowhere does not exist'),
         (['BAG', '--rate', '0'], '--rate must be from 0.001 to 1000, not 0'),
-        (['BAG', '--rate', 'x'], "argument --rate: invalid float value: 'x'"),
+        (['BAG', '--rate', 'x'], "--rate: a number is wanted, not 'x'"),
         (['BAG', '--start', '9'], 'the bag is 0.5 s long; it has no moment 9 s'),
         (['BAG', '--topics', 'poes'], "unknown topic '/poes'; did you mean '/pose'?"),
         (['BAG', '--ros-args', '-p', 'rate:=2.0'], "unknown parameter 'rate'"),

@@ -21,7 +21,7 @@ from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
 from parallel_robot_base import assignments, cache_directory, kernel_cache
-from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError, StoppedError
+from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.placed import locating
 from parallel_robot_base.scenario_file import absolute
@@ -100,7 +100,12 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
     end = _supervise(parameters, loop, namespace)
-    log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
+    try:
+        log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
+    except BagError:
+        if end.signal:  # before the first state
+            raise StoppedError(end.signal) from None
+        raise
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += timing.remarks(timed, past)
@@ -170,8 +175,6 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
                     with Progress(loop.duration, 's') as progress:
                         follow(processes, session, loop.last_index or 0, loop.duration, progress)
                 except StoppedError as error:
-                    if session.state < 0:
-                        raise
                     return End(signal=error.signal)
                 for name in session.silent(filter(processes.running, MODULES)):
                     print(f'warning: {name} does not answer any more', file=sys.stderr)
