@@ -202,3 +202,12 @@ def test_a_scenario_has_one_robot(capsys):
     assert 'axes_step: least joint error' in capsys.readouterr().out
     assert main(['limit', 'paper_circle', '--runs', '3']) == 2
     assert '--runs is for studies' in capsys.readouterr().err
+
+
+def test_what_cannot_be_costs_one_line(tmp_path, capsys):
+    file = tmp_path / 'binary.yaml'
+    file.write_bytes(b'\xff\xfe\x00')
+    for words in ([str(file)], ['paper_circle', '--duration', '0']):
+        assert main(['limit', *words]) == 2
+        assert capsys.readouterr().err.count('\n') == 1
+    assert main(['limit', 'paper_circle', '--duration', '0.01']) == 0  # less than an interval

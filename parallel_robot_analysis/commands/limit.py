@@ -21,6 +21,7 @@ from parallel_robot_base.errors import InputError
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.simulation import ENDLESS
 
 TRAVELLED = 'travelled while a state is late'
 
@@ -47,6 +48,8 @@ def execute(arguments: argparse.Namespace) -> int:
     found: dict[str, list[LeastError]] = {}
     planar = True
     for scenario, configuration in _experiments(arguments):
+        if not configuration.loop.duration:
+            raise InputError(ENDLESS)
         planar &= configuration.plant.robot.module.PLANAR
         found.setdefault(scenario, []).append(least_error(configuration))
     for scenario, members in found.items():
@@ -94,7 +97,9 @@ def is_study(name: str) -> bool:
     path = Path(name)
     if not path.is_file():
         return False
-    return 'scenarios' in plain_data.mapping(path.read_text())
+    from parallel_robot_analysis.study.study import read
+
+    return 'scenarios' in plain_data.mapping(read(path))
 
 
 def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:

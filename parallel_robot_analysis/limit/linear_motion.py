@@ -18,7 +18,7 @@ from parallel_robot_sim.plant import PlantState, step
 
 Array = NDArray[np.float64]
 
-INTERVAL = 0.02  # s, between two points of linearisation
+INTERVAL = 0.02  # s, between two points of linearisation, about
 SMALL = 1e-5  # of coordinates, rates and torques, in their units: half the width of a difference
 
 
@@ -75,7 +75,7 @@ def linearise(configuration: Configuration) -> LinearMotion:
             error = np.array(joints.position) / np.sqrt(len(still))
         return np.concatenate((joints.position, joints.velocity, error))
 
-    times = np.arange(0.0, duration + 0.5 * INTERVAL, INTERVAL)
+    times = np.linspace(0.0, duration, max(round(duration / INTERVAL), 1) + 1)
     parts: list[tuple[Array, Array, Array]] = []
     for before, x, following in _coordinates(configuration, times):
         at = np.concatenate((x, (following - before) / (2.0 * period)))
