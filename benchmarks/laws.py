@@ -24,7 +24,7 @@ from parallel_robot_base.vector_types import vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.cycle import ControlSetup, run_cycle
+from parallel_robot_control.cycle import ControlSetup, When, run_cycle
 from parallel_robot_control.laws import LAWS
 from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.subscription import qos_of
@@ -50,8 +50,9 @@ def repeat(
 ) -> float:
     """Run a cycle `count` times."""
     total = 0.0
-    for _ in range(count):
-        cycle = run_cycle(setup, reference, position, velocity, state, memory, dt)
+    for k in range(count):
+        when = When(k, 0.0, dt)
+        cycle = run_cycle(setup, reference, position, velocity, state, memory, when)
         state, memory = cycle.state, cycle.memory
         total += cycle.torque[0]
     return total

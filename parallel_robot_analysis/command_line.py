@@ -35,6 +35,7 @@ COMMANDS = {
     'show': 'the effective configuration of a scenario, and the source of each value',
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
     'tune': 'gains of a law: error against chattering, under the uncertainty of a study',
+    'fronts': 'the fronts of several tunings in one picture',
     'identify': 'masses, inertias and friction of the robot from its motion in a bag',
     'limit': 'the least error of any controller, in a scenario or on the robots of a study',
     'compare': "all laws on one scenario, without ROS, beside the paper's claims",

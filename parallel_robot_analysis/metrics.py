@@ -50,6 +50,23 @@ class Torque(NamedTuple):
     chattering_nm: float
 
 
+class Effort(NamedTuple):
+    """What the motors are put to over the second half of a run.
+
+    Attributes:
+        torque_rms_nm: Root mean square torque over all joints [N m].
+        energy_j: Mechanical work of all motors, braking as dear as driving: the sum over the
+            joints of the integral of |torque x rate| [J]. The torque is constant over a period,
+            so that is |torque x change of the position|, summed.
+        excess_chattering_nm: Chattering that does not help to hold the robot on its reference,
+            see :func:`excess_chattering` [N m]; NaN where the ideal torque is not known.
+    """
+
+    torque_rms_nm: float = math.nan
+    energy_j: float = math.nan
+    excess_chattering_nm: float = math.nan
+
+
 class Transient(NamedTuple):
     """How fast the end effector reaches its reference and stays there.
 
@@ -70,6 +87,7 @@ class Metrics(NamedTuple):
     transient: Transient
     steady: Errors
     torque: Torque
+    effort: Effort = Effort()
 
 
 class Motion(Protocol):
@@ -154,12 +172,14 @@ def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
     return part, poses(part), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
 
 
-def evaluate(log: Motion, pose: Poses) -> Metrics:
+def evaluate(log: Motion, pose: Poses, ideal: np.ndarray | None = None) -> Metrics:
     """Compute the metrics of a run.
 
     Args:
         log: The run.
         pose: Poses of the run, see :func:`poses`.
+        ideal: The ideal torque of each of its samples, see ideal_torque.py [N m], shape (N, n);
+            None where it is not known.
     """
     half = slice(len(log.time) // 2, None)
     distance = distances(pose)
@@ -168,6 +188,7 @@ def evaluate(log: Motion, pose: Poses) -> Metrics:
         Transient(_settled(log.time, distance, 1e-3), _settled(log.time, distance, 1e-4)),
         errors(distance[half], (log.reference_position - log.position)[half]),
         torque(log.time, log.effort, half),
+        effort(log, half, ideal),
     )
 
 
@@ -205,6 +226,45 @@ def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> T
         variation / duration if duration else 0.0,
         _rms(_rough(time, effort)[part]),
     )
+
+
+def effort(log: Motion, part: slice = slice(None), ideal: np.ndarray | None = None) -> Effort:
+    """Compute the effort of a run over a part of its samples; arguments as of :func:`evaluate`."""
+    moved = np.diff(log.position, axis=0, prepend=log.position[:1])
+    excess = math.nan
+    if ideal is not None:
+        excess = excess_chattering(log.time, log.effort, ideal, part)
+    work = float(np.abs(log.effort * moved)[part].sum())
+    return Effort(_rms(log.effort[part]), work, excess)
+
+
+def excess_chattering(
+    time: np.ndarray, effort: np.ndarray, ideal: np.ndarray, part: slice = slice(None)
+) -> float:
+    """Root mean square of the chattering that does not help [N m].
+
+    A torque that cancels a disturbance changes as quickly as the disturbance; that is no fault.
+    Of what the torque differs from its moving mean, as much of that of the ideal torque is taken
+    away for each joint as leaves least, from none of it to all of it:
+
+        min_s rms(rough(torque) - s rough(ideal)),    0 <= s <= 1
+
+    The chattering of the difference, s = 1, would call it effort when a law does nothing about a
+    disturbance; a difference of two chatterings would let noise take the place of what a law does
+    not cancel. With s, noise counts in full, a torque that does nothing not at all, and a torque
+    that comes too late as far as it is out of phase.
+
+    Args:
+        time: Time of the samples [s], shape (N,).
+        effort: Torques [N m], shape (N, n).
+        ideal: Torques that hold the robot on its reference [N m], shape (N, n).
+        part: The samples over which it is measured.
+    """
+    found, useful = _rough(time, effort)[part], _rough(time, ideal)[part]
+    most = np.sum(useful**2, axis=0)
+    alike = np.sum(found * useful, axis=0)
+    share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
+    return _rms(found - share * useful)
 
 
 def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | None:

@@ -55,8 +55,13 @@ TORQUE = (
     ),
     Metric('torque, chattering', 'chatter', 'N m', lambda m: m.torque.chattering_nm),
 )
+EFFORT = (
+    Metric('torque, rms', 'torque rms', 'N m', lambda m: m.effort.torque_rms_nm),
+    Metric('energy', 'energy', 'J', lambda m: m.effort.energy_j),
+    Metric('excess chattering', 'excess', 'N m', lambda m: m.effort.excess_chattering_nm),
+)
 NEVER = 'never'  # in place of the time to a state that was not reached
-METRICS = (*TRANSIENT, *STEADY, *TORQUE)
+METRICS = (*TRANSIENT, *STEADY, *TORQUE, *EFFORT)
 
 # Parameters by which the joints of a bag are not the true ones, see docs/noise.md.
 UNTRUE = ('sensor.position_noise', 'sensor.resolution', 'sensor.delay', 'sensor.jitter')
@@ -119,7 +124,7 @@ def head(scenario: str, law: str, duration: float, planned: float) -> str:
 
 def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
     """The metrics and the messages that are missing, in a few lines."""
-    groups = (defined(metrics, found) for metrics in (STEADY[:2], STEADY[2:], TORQUE))
+    groups = (defined(metrics, found) for metrics in (STEADY[:2], STEADY[2:], TORQUE, EFFORT))
     lines = [
         '  ' + '; '.join(f'{one.name} {one.value(found):.3f} {one.unit}' for one in metrics)
         for metrics in groups

@@ -15,6 +15,7 @@ from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_sim.imperfections import told_age
 from parallel_robot_sim.plant import PlantParameters
 
 # Real time is held up to these: a little beyond, the metrics of some law change (docs/bags.md).
@@ -29,9 +30,10 @@ SAME_CLOCK = NANOSECONDS  # ns, between stamps and log times of a loop in wall t
 class Timing(NamedTuple):
     """How a run kept its time.
 
-    The lag of a step is the time from the state that its torque answers to the end of the step.
-    One sample is ideal: the torque computed from state k acts from k to k + 1. A step before the
-    first command counts as one that answers the state before the first.
+    The lag of a step is the time from the state that its torque answers to the end of the step,
+    without the age of the state where its stamp tells that. One sample is ideal: the torque
+    computed from state k acts from k to k + 1. A step before the first command counts as one that
+    answers the state before the first.
 
     Attributes:
         states: Number of states that were to be answered.
@@ -40,8 +42,8 @@ class Timing(NamedTuple):
         lag: Lag of each step [samples], shape (L,); empty when the bag does not say.
         uncommanded: Number of steps after the first command whose torque answers no state: in the
             safe action of the motors, at zero torque in a fault.
-        delay: From the stamp of each state to its recording [s], shape (N,); empty when the
-            stamps are not of the recorder's clock, as in lockstep.
+        delay: From the sample at which each state is sent to its recording [s], shape (N,); empty
+            when the stamps are not of the recorder's clock, as in lockstep.
         priority: Node to the real-time priority that it was granted, where the bag says so.
     """
 
@@ -94,10 +96,10 @@ def evaluate(log: RunLog, history: History) -> Timing:
     first = told if told or not says else int(log.command_states[log.command_states > 0].min())
     # Of a motion that was planned every state counts, also where the controller fell silent.
     last = int(log.command_states.max()) if says and not told else log.stamps[-1]
-    due = (log.stamps >= first) & (log.stamps <= last)
+    due = (log.stamps + told_age(log.config) >= first) & (log.stamps <= last)
     answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
     lag, uncommanded = _lags(log, first, period) if says else (np.zeros(0, np.int64), 0)
-    delay = (log.heard - log.stamps) / NANOSECONDS
+    delay = (log.heard - log.stamps - told_age(log.config)) / NANOSECONDS
     nodes = history.facts.get('source', NODES) == NODES
     stepped = log.config['time_mode'] == 'lockstep'
     wall = nodes and not stepped and np.median(np.abs(delay)) * NANOSECONDS < SAME_CLOCK
@@ -178,11 +180,13 @@ def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]
     newest = np.searchsorted(stamps, log.stamps, side='right') - 1
     acting = _acting(log.effort, command, newest)[1:]
     answers = np.where(acting < 0, 0, log.command_states[acting])
+    age = told_age(log.config)
     counted = log.stamps[:-1] >= first
     if answers.any():
         answers[: np.flatnonzero(answers)[0]] = first - period
     known = counted & (answers > 0)
-    lag = np.rint((log.stamps[1:] - answers)[known] / period).astype(np.int64)
+    took = (log.stamps[1:] - answers)[known] - age
+    lag = np.rint(took / period).astype(np.int64)
     return lag, int(counted.sum() - known.sum())
 
 

@@ -15,6 +15,7 @@ from parallel_robot_bags.run_log import RunLog
 from parallel_robot_bags.samples import Samples, decoder
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
+from parallel_robot_sim.imperfections import told_age
 
 POSES = (topics.POSE, topics.POSE_REFERENCE)
 
@@ -59,7 +60,8 @@ def of_bag(bag: Path, log: RunLog, memory: int = MEMORY) -> TrueError | None:
     except (BagError, KeyError):
         return None
     common = sorted(pose.keys() & reference.keys())
-    common = [stamp for stamp in common if log.stamps[0] <= stamp <= log.stamps[-1]]
+    last = log.stamps[-1] + told_age(log.config)
+    common = [stamp for stamp in common if log.stamps[0] <= stamp <= last]
     if not common:
         return None
     return of_poses(*(np.array([each[k] for k in common]) for each in (pose, reference)))

@@ -21,14 +21,18 @@ class Answered(NamedTuple):
     Attributes:
         states: Stamp of the state that each command answers [ns], shape (M,); 0: it answers none.
         references: Stamp of the reference that it used [ns], shape (M,).
+        acts: Time from which on it acts, as far as the controller knew [ns], shape (M,).
         rows: Stamps of all states that were answered [ns], shape (R,).
+        rows_act: Times from which on their torques act [ns], shape (R,).
         lost: Commands between the first and the last one that the bag lacks.
         gaps: Places where the bag lacks records of answers.
     """
 
     states: np.ndarray
     references: np.ndarray
+    acts: np.ndarray
     rows: np.ndarray
+    rows_act: np.ndarray
     lost: int
     gaps: int
 
@@ -38,12 +42,14 @@ class Used(NamedTuple):
 
     Attributes:
         stamps: Stamp of the reference used at each state [ns], shape (N,); 0 without an answer.
-        late: Whether a newer one for that state came too late, shape (N,).
-        older: The states whose reference has another stamp than the state, shape (K,).
+        acts: Time from which on the torque of each state acts [ns], shape (N,).
+        late: Whether a newer one for that time came too late, shape (N,).
+        older: The states for which another reference counts than that of their stamp, shape (K,).
         samples: References of those states as they were published, each shape (K, n).
     """
 
     stamps: np.ndarray
+    acts: np.ndarray
     late: np.ndarray
     older: np.ndarray
     samples: JointReference
@@ -52,7 +58,9 @@ class Used(NamedTuple):
         """The references of the first states."""
         inside = self.older < count
         samples = JointReference(*(row[inside] for row in self.samples))
-        return Used(self.stamps[:count], self.late[:count], self.older[inside], samples)
+        return Used(
+            self.stamps[:count], self.acts[:count], self.late[:count], self.older[inside], samples
+        )
 
 
 def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
@@ -64,22 +72,22 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
 
     Args:
         heard: Log times of the commands in order [ns], shape (M,).
-        messages: Messages on ``controller/answered``; those that do not hold pairs are ignored.
+        messages: Messages on ``controller/answered``; those that do not hold threes are ignored.
 
     Returns:
         What was recorded; None when there is no record.
     """
     pairs = [
-        (part.log_times, part.numbers['data'].reshape(len(part.log_times), -1, 2))
+        (part.log_times, part.numbers['data'].reshape(len(part.log_times), -1, 3))
         for part in messages
-        if 'data' in part.numbers and part.numbers['data'].shape[1] % 2 == 0
+        if 'data' in part.numbers and part.numbers['data'].shape[1] % 3 == 0
     ]
     if not pairs:
         return None
     times = np.concatenate([times for times, _ in pairs])
     last = np.concatenate([rows[:, :, 0].max(axis=1) for _, rows in pairs])
     sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for _, rows in pairs])
-    whole = np.concatenate([rows.reshape(-1, 2) for _, rows in pairs])
+    whole = np.concatenate([rows.reshape(-1, 3) for _, rows in pairs])
     order = np.lexsort((last, times))
     starts = (np.cumsum(sizes) - sizes)[order]
     times, sizes = times[order], sizes[order]
@@ -93,13 +101,15 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     free = np.maximum.accumulate(np.concatenate([[0], ends - ahead]))[:-1]
     command = np.arange(len(rows)) - np.repeat(ahead, sizes)
     found = (command >= np.repeat(free, sizes)) & (command < len(heard))
-    stamps = np.full((len(heard), 2), UNKNOWN)
+    stamps = np.full((len(heard), 3), UNKNOWN)
     stamps[command[found]] = rows[found]
     steps = np.diff(ahead)
     return Answered(
         stamps[:, 0],
         stamps[:, 1],
+        stamps[:, 2],
         rows[rows[:, 0] > 0, 0],
+        rows[rows[:, 0] > 0, 2],
         int(steps[steps > 0].sum()),
         int((steps < 0).sum()),
     )
@@ -121,23 +131,25 @@ def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
     return command
 
 
-def used(stamps: np.ndarray, known: np.ndarray, references: Samples) -> Used:
+def used(stamps: np.ndarray, acts: np.ndarray, known: np.ndarray, references: Samples) -> Used:
     """Find the references that were used.
 
     Args:
         stamps: Stamps of the states [ns], shape (N,).
+        acts: Time from which on the torque of each state acts [ns], shape (N,).
         known: Stamp of the reference used at each state [ns], shape (N,); 0: none.
         references: All references; where the bag lacks one, the one before takes its place.
     """
     order = np.argsort(references.stamps, kind='stable')
     ordered = references.stamps[order]
     at = np.maximum(np.searchsorted(ordered, known, side='right') - 1, 0)
-    newest = np.searchsorted(ordered, stamps, side='right') - 1
+    newest = np.searchsorted(ordered, acts, side='right') - 1
     answered = (known > 0) & (ordered[at] > 0)  # a stamp of zero is not a time
     found = np.where(answered, ordered[at], 0)
-    older = np.flatnonzero(answered & (found != stamps))
+    older = np.flatnonzero(answered & ((found != acts) | (acts != stamps)))
     samples = [references.numbers[name][order[at[older]]] for name in EXTRAPOLATED]
-    return Used(found, answered & (found < ordered[newest]), older, JointReference(*samples))
+    late = answered & (found < ordered[newest])
+    return Used(found, acts, late, older, JointReference(*samples))
 
 
 def guess(states: Samples, commands: Samples) -> tuple[np.ndarray, bool]:

@@ -50,7 +50,7 @@ def count(
         elif topic == topics.ANSWERED and answered is not None:
             missing = answered.gaps
         elif topic in TELEMETRY and answered is not None and len(stamps):
-            due = _due(answered.rows, period)
+            due = _due(answered, period)
             due = due[(due > stamps[0]) & (due < stamps[-1])]
             missing = int((~np.isin(due, stamps)).sum())
         elif topic.every:
@@ -60,6 +60,6 @@ def count(
     return counts
 
 
-def _due(rows: np.ndarray, period: int) -> np.ndarray:
+def _due(answered: Answered, period: int) -> np.ndarray:
     """Stamps at which telemetry was due: the first answer of each SLOW samples."""
-    return rows[1:][np.diff(rows // (SLOW * period)) != 0]
+    return answered.rows[1:][np.diff(answered.rows_act // (SLOW * period)) != 0]

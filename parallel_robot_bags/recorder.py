@@ -31,6 +31,7 @@ from parallel_robot_base.topics import (
     TELEMETRY,
     Topic,
 )
+from parallel_robot_sim.imperfections import told_age
 
 ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller sends for each state
 DRAIN = 0.05  # s, between two rounds of writing
@@ -68,6 +69,7 @@ class Recorder:
         self._directory = directory
         self._loop = loop
         self._values = values
+        self._age = told_age(values)
         self._failed = failed
         self._start = 0
         self._end: int | None = None
@@ -184,6 +186,8 @@ class Recorder:
             stamp = stream.stamp_of(data)
             if stamp is None:
                 return
+            if stream.is_measured:
+                stamp += self._age
             if stream.is_log:  # of commands that answer no state: as if of the newest
                 stamp = stamp or max(newest, start)
             late = self._end is not None and stamp > self._end and stream.topic.every

@@ -19,6 +19,7 @@ from parallel_robot_base.topics import RECORDED, Topic
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_sim.imperfections import told_age
 
 EMPTY = np.zeros((0, 0))
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
@@ -104,7 +105,8 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     references = _physical(bag, topics.REFERENCE, references, warnings)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
-    used = (states.stamps >= start) & (states.stamps >= references.stamps[0])
+    age = told_age(values)
+    used = (states.stamps + age >= start) & (states.stamps + age >= references.stamps[0])
     if not used.any():
         raise BagError(f'{bag}: no state has a reference at or before its stamp')
     stamps = states.stamps[used]
@@ -200,13 +202,13 @@ def reference_at(
     """Extrapolate references to other stamps, each from the newest before with its derivatives.
 
     Args:
-        stamps: Where they are wanted, none before the first known one [ns], shape (N,).
+        stamps: Where they are wanted; before the first known one, it counts [ns], shape (N,).
         known: Stamps of the references, in order [ns], shape (M,).
         position: Joint angles [rad], shape (M, n).
         velocity: Their rates [rad/s], shape (M, n).
         acceleration: Their accelerations [rad/s^2], shape (M, n).
     """
-    newest = np.searchsorted(known, stamps, side='right') - 1
+    newest = np.maximum(np.searchsorted(known, stamps, side='right') - 1, 0)
     return extrapolate_rows(
         stamps - known[newest], position[newest], velocity[newest], acceleration[newest]
     )
@@ -230,4 +232,5 @@ def _answers(
     if answered is None:
         return answer, answered_states if sure else np.full_like(answered_states, UNKNOWN), None
     known = np.where(command < 0, 0, answered.references[command])
-    return answer, answered_states, command_states.used(stamps, known, references)
+    acts = np.where(known > 0, answered.acts[command], stamps)
+    return answer, answered_states, command_states.used(stamps, acts, known, references)

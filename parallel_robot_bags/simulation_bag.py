@@ -15,7 +15,10 @@ from parallel_robot_bags.experiment import SIMULATION, describe
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.loop import STEP_START
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.cycle import at_measurement
 from parallel_robot_control.messages import (
     Status,
     Telemetry,
@@ -44,22 +47,29 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     loop, law, robot = experiment.loop, experiment.control.law, experiment.trajectory.robot.module
     count = run.steps
     stamps = STEP_START + np.arange(count) * loop.period_ns
+    age = experiment.plant.setup.imperfections.age  # s, which the stamps tell
+    measured = stamps - round(age * NANOSECONDS)
     rows = slice(count)
     slow = slice(0, count, topics.SLOW)
     passive = run.passive_position.shape[1] if values['plant.publish_passive'] else 0
+    late = age + experiment.control.setup.estimator.delay
+    desired_motion = (reference.position, reference.velocity, reference.acceleration)
+    then = at_measurement.py_func(  # type: ignore[attr-defined]
+        JointReference(*(row[rows][slow] for row in desired_motion)), late
+    )
     telemetry = Telemetry(
-        reference.position[rows][slow] - run.position[slow],
-        reference.velocity[rows][slow] - run.velocity[slow],
+        then.position - run.position[slow],
+        then.velocity - run.velocity[slow],
         run.coupled_error[slow],
         run.sliding_variable[slow],
     )
     commands = layouts.float64_multi_array(len(loop.joints)).records(count, data=run.command[rows])
-    states = state_messages(state_layout(loop.joints, passive), stamps, run)
+    layout, samples = state_layout(loop.joints, passive), round(age / loop.period)
     records = {
-        topics.JOINT_STATES: states,
+        topics.JOINT_STATES: state_messages(layout, measured, run, samples),
         topics.REFERENCE: reference_messages(loop.joints, stamps, reference),
         topics.COMMANDS: commands,
-        **telemetry_messages(loop.joints, stamps[slow], telemetry),
+        **telemetry_messages(loop.joints, measured[slow], telemetry),
     }
     if robot.PLANAR:
         poses, desired = run.pose[slow], reference.pose[rows][slow]
@@ -81,8 +91,10 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
                 status = now
                 writer.write(topics.STATUS.name, log_time, status_message(log_time, status))
             if k % topics.SLOW == 0 or k == count - 1:
-                answered = stamps[max(0, (k - 1) // topics.SLOW * topics.SLOW + 1) : k + 1]
-                message = answers_message(np.stack([answered, answered], axis=1))
+                answered = slice(max(0, (k - 1) // topics.SLOW * topics.SLOW + 1), k + 1)
+                acts = stamps[answered]
+                whole = np.stack([measured[answered], acts, acts], axis=1)
+                message = answers_message(whole)
                 writer.write(topics.ANSWERED.name, log_time, message)
             for topic, messages in records.items():
                 index, rest = divmod(k, topic.every)

@@ -7,11 +7,23 @@ from parallel_robot_base.cdr_reader import header_stamp, last_state
 from parallel_robot_base.topics import (
     ACTIVE_LAW,
     ANSWERED,
+    CROSS_COUPLING_ERROR,
+    ERROR,
     JOINT_STATES,
     RECORDED,
+    SLIDING_VARIABLE,
     STATUS,
+    SYNCHRONISATION_ERROR,
     UNSTAMPED,
     Topic,
+)
+
+MEASURED = (  # stamped when the state was measured, which may be before it was sent
+    JOINT_STATES,
+    ERROR,
+    SYNCHRONISATION_ERROR,
+    CROSS_COUPLING_ERROR,
+    SLIDING_VARIABLE,
 )
 
 
@@ -32,6 +44,7 @@ class TopicStream:
         self.topic, self.channel = topic, channel
         self.of_suite = topic in RECORDED
         self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
+        self.is_measured = topic in MEASURED
         self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
         stamped = self.of_suite and topic.type not in UNSTAMPED
         self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None

@@ -11,26 +11,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.loop import OLDEST
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_base.vector_select import select
 from parallel_robot_control import faults
+from parallel_robot_control.approach import Approach
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
     Acted,
     CycleState,
+    When,
+    at_measurement,
     is_finite,
 )
-from parallel_robot_control.estimator import Estimated
+from parallel_robot_control.estimator import KALMAN, Estimated
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import Last
 from parallel_robot_control.shared_arrays import (
     ACTED,
+    AGE,
     AGES,
     ANSWERS,
+    APART,
+    APART_RATE,
     COUPLED,
     EFFORT,
+    ELAPSED,
     END,
     ERROR,
     ERROR_RATE,
@@ -93,7 +101,9 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     common = core.common
     acted = common.numbers[ACTED]
     row = core.setup.limits.torque
-    question = _open(common, wire, data, now, monotonic, row, core.pose)
+    estimator = core.setup.estimator
+    tracks = estimator.kind == KALMAN
+    question = _open(common, wire, data, now, monotonic, row, core.pose, tracks, estimator.delay)
     if question.code != ANSWERED:
         return question.code
     done = core.cycle(
@@ -103,7 +113,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         question.velocity,
         question.state,
         core.memory,
-        question.dt,
+        When(question.acts // common.timing.period, question.age, question.dt),
     )
     core.memory = done.memory
     answered = Acted(
@@ -118,18 +128,23 @@ class Question(NamedTuple):
     Attributes:
         code: ANSWERED if the state can be answered, else the reason why not.
         stamp: Stamp of the state [ns].
+        acts: Stamp of the sample from which on the torque acts [ns], as far as it counts.
+        now: The same, whether it counts or not.
         known: Stamp of the reference used [ns].
         before: Stamp of the state answered before [ns]; NEVER if there is none.
         fault: Fault of the controller before this state.
-        reference: Desired joint motion at the stamp of the state.
+        reference: Desired joint motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         state: State of the controller after the cycle before.
+        age: From the stamp until the torque acts [s].
         dt: Time since the previous state [s].
     """
 
     code: int
     stamp: int
+    acts: int
+    now: int
     known: int
     before: int
     fault: int
@@ -137,16 +152,30 @@ class Question(NamedTuple):
     position: Array
     velocity: Array
     state: CycleState
+    age: float
     dt: float
 
 
 @inner
 def _open(
-    common: Any, wire: Any, data: bytes, now: int, monotonic: int, row: Array, pose: Array
+    common: Any,
+    wire: Any,
+    data: bytes,
+    now: int,
+    monotonic: int,
+    row: Array,
+    pose: Array,
+    tracks: bool,
+    delay: float,
 ) -> Question:
     """Read a state, check whether it can be answered, and find its reference.
 
-    `row` is any vector of shape (n,), `pose` any of shape (m,).
+    In lockstep the first state tells the age of all: its torque acts from the start on. In wall
+    time a torque acts at the end of the period in which it is asked for; this counts only with an
+    estimator that predicts.
+
+    `row` is any vector of shape (n,), `pose` any of shape (m,); `tracks`: whether the estimator
+    predicts; `delay`: age that the stamps do not tell [s].
     """
     timing, numbers, vectors = common.timing, common.numbers, common.vectors
     stamp = open_message(wire, data)
@@ -157,9 +186,19 @@ def _open(
     before, fault = numbers[LAST], numbers[FAULT]
     code, known, dt = ANSWERED, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
+    acting = stamp  # when its torque acts
+    if timing.lockstep:
+        if before == NEVER:
+            numbers[AGE] = 0
+            if 0 < numbers[START] - stamp <= OLDEST:
+                numbers[AGE] = numbers[START] - stamp
+        acting += numbers[AGE]
+    elif now > stamp:
+        acting += (now - stamp) // timing.period * timing.period
+    acts = acting if timing.lockstep or tracks else stamp
     if stamp == NOT_UNDERSTOOD or not (is_finite(position) and is_finite(velocity)):
         code = UNKNOWN
-    elif stamp < numbers[FROM]:
+    elif acting < numbers[FROM]:
         code = EARLY
     elif (
         not timing.lockstep
@@ -173,7 +212,7 @@ def _open(
         code = OUT_OF_ORDER
     else:
         found, known, reference = reference_at(
-            common.references, stamp, timing.reference_timeout, timing.lockstep, row
+            common.references, acts, timing.reference_timeout, timing.lockstep, row
         )
         if found == MISSING:
             code = NO_REFERENCE
@@ -183,12 +222,13 @@ def _open(
     if code == ANSWERED:
         write_row(vectors, VELOCITY, velocity)
         write_row(vectors, EFFORT, effort)
-        write_row(common.telemetry, ERROR, reference.position - position)
-        write_row(common.telemetry, ERROR_RATE, reference.velocity - velocity)
+        then = at_measurement(reference, (acts - stamp) / NANOSECONDS + delay)
+        write_row(common.telemetry, ERROR, then.position - position)
+        write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
             numbers[SKIPPED] += (stamp - before) // timing.period - 1
-        elif stamp != numbers[START]:  # continue from the torque that acts
+        elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             write_row(vectors, TORQUE, effort)
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
@@ -208,8 +248,28 @@ def _open(
         read_row(vectors, HELD, row),
         numbers[FAULT],
         Estimated(read_row(vectors, TRACKED, row), read_row(vectors, RATE, row)),
+        Approach(
+            read_row(vectors, APART, row),
+            read_row(vectors, APART_RATE, row),
+            read_row(vectors, ELAPSED, row),
+        ),
     )
-    return Question(code, stamp, known, before, fault, reference, position, velocity, state, dt)
+    age = (acts - stamp) / NANOSECONDS
+    return Question(
+        code,
+        stamp,
+        acts,
+        acting,
+        known,
+        before,
+        fault,
+        reference,
+        position,
+        velocity,
+        state,
+        age,
+        dt,
+    )
 
 
 @inner
@@ -230,6 +290,9 @@ def _close(
     write_row(v, HELD, after.held)
     write_row(v, TRACKED, after.estimated.position)
     write_row(v, RATE, after.estimated.velocity)
+    write_row(v, APART, after.approach.offset)
+    write_row(v, APART_RATE, after.approach.rate)
+    write_row(v, ELAPSED, after.approach.elapsed)
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)
@@ -237,14 +300,17 @@ def _close(
     stamp, before, period = question.stamp, question.before, common.timing.period
     common.log[numbers[LOGGED] % AGES, 0] = stamp
     common.log[numbers[LOGGED] % AGES, 1] = question.known
+    common.log[numbers[LOGGED] % AGES, 2] = question.acts
     numbers[LOGGED] += 1
     common.ages[numbers[ANSWERS] % AGES] = max(0, now - stamp)
     numbers[ANSWERS] += 1
-    ended = numbers[END] != NEVER and stamp >= numbers[END]
+    ended = numbers[END] != NEVER and question.now >= numbers[END]
     numbers[HEARD] = 0 if ended else monotonic
-    index = stamp // period
+    index = question.acts // period
+    index_before = (before + numbers[AGE]) // period
+    numbers[AGE] = question.acts - stamp
     code = ANSWERED
-    if index % SLOW == 0 or (before != NEVER and index // SLOW != before // period // SLOW):
+    if index % SLOW == 0 or (before != NEVER and index // SLOW != index_before // SLOW):
         code |= TELEMETRY | LOG
     if ended or numbers[LOGGED] == AGES:
         code |= LOG

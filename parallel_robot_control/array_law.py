@@ -54,7 +54,12 @@ def update_of_arrays(
         JointReference(
             _array(reference.position), _array(reference.velocity), _array(reference.acceleration)
         ),
-        Feedback(_array(feedback.position), _array(feedback.velocity), _array(feedback.excess)),
+        Feedback(
+            _array(feedback.position),
+            _array(feedback.velocity),
+            _array(feedback.excess),
+            _array(feedback.disturbance),
+        ),
         memory,
         dt,
     )

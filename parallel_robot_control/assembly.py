@@ -30,12 +30,13 @@ class Control(NamedTuple):
     state: CycleState
 
 
-def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
+def assemble(configuration: ControlConfiguration, law: str = '', memory: int = 0) -> Control:
     """Put a controller together.
 
     Args:
         configuration: The configuration.
         law: Name of its law; empty for the active one.
+        memory: Memory of the Kalman filter, which laws that follow each other share; 0: a new one.
 
     Raises:
         InputError: the theory of the law forbids its gains, or a custom law does not compile or
@@ -50,11 +51,20 @@ def assemble(configuration: ControlConfiguration, law: str = '') -> Control:
     limits = Boxed(
         limits_of(configuration.safety, configuration.margins, configuration.loop.period)
     )
-    estimator = Boxed(estimator_of(configuration.estimator))
+    period = configuration.loop.period
+    estimator = Boxed(
+        estimator_of(configuration.estimator, configuration.laws[name], period, memory)
+    )
     return Control(
         prepared,
         ControlSetup(
-            prepared.update, estimate, prepared.constants, robot.constants, limits, estimator
+            prepared.update,
+            estimate,
+            prepared.constants,
+            robot.constants,
+            limits,
+            estimator,
+            configuration.approach.duration,
         ),
         initial_state(guess, configuration.joints),
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
+from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
 
 Array = NDArray[np.float64]
 
@@ -22,11 +22,20 @@ class States(NamedTuple):
         position: Measured angles [rad], shape (N, n).
         velocity: Measured rates [rad/s], shape (N, n).
         dt: Time since the previous state [s], shape (N,).
+        sample: Index of the sample from which on the torque acts, shape (N,).
+        age: From the measurement to that sample [s], shape (N,).
     """
 
     position: Array
     velocity: Array
     dt: Array
+    sample: NDArray[np.int64]
+    age: Array
+
+    def part(self, rows: slice) -> States:
+        """Some of them."""
+        whole: tuple[Any, ...] = self
+        return States(*(row[rows] for row in whole))
 
 
 class Batch(NamedTuple):
@@ -57,7 +66,7 @@ def answer(
 
     Args:
         control: Law, robot and limits.
-        references: Desired joint motion at the states, each shape (N, n).
+        references: Desired joint motion when the torques act, each shape (N, n).
         states: See States.
         expected: Expected torques [N m], shape (N, n); NaN where any torque is accepted.
         state: State of the controller before the first state.
@@ -88,7 +97,8 @@ def answers(
             read_row(references.acceleration, k, row),
         )
         position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)
-        cycle = run_cycle(control, reference, position, velocity, state, memory, states.dt[k])
+        when = When(states.sample[k], states.age[k], states.dt[k])
+        cycle = run_cycle(control, reference, position, velocity, state, memory, when)
         write_row(torque, k, cycle.torque)
         for i in range(expected.shape[1]):
             if torque[k, i] != expected[k, i] and not np.isnan(expected[k, i]):

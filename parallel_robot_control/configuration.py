@@ -15,6 +15,7 @@ from parallel_robot_base.fields import Field, build, parameters, plain
 from parallel_robot_base.loop import LoopParameters, validate
 from parallel_robot_base.placed import locating
 from parallel_robot_control import law_loader
+from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
@@ -44,7 +45,8 @@ class ControlConfiguration(NamedTuple):
         safety: Limits and the safe action.
         margins: SafetyMargins of the robot.
         guess: Pose from which the first forward kinematics starts, shape (m,).
-        estimator: Where the velocities come from.
+        estimator: Where the motion of the joints is known from.
+        approach: How the robot joins the desired motion.
         laws: All laws by name.
         gains: Gains of each law.
         preset: Gains of each law in the preset.
@@ -56,6 +58,7 @@ class ControlConfiguration(NamedTuple):
     margins: Any
     guess: Array
     estimator: EstimatorParameters
+    approach: ApproachParameters
     laws: Mapping[str, Law]
     gains: Mapping[str, Any]
     preset: Mapping[str, Any]
@@ -112,6 +115,7 @@ def _configured(values: Mapping[str, Any]) -> ControlConfiguration:
         config.group(values, robot.module.SafetyMargins, 'safety'),
         first_guess(values, robot),
         config.group(values, EstimatorParameters, 'estimator'),
+        config.group(values, ApproachParameters, 'approach'),
         laws,
         gains,
         {name: config.group(preset, law.Gains, name) for name, law in laws.items()},
@@ -151,9 +155,10 @@ def changed(
         InputError: a value is wrong, or the theory of its law forbids the set of gains.
     """
     laws = configuration.laws
-    known = {key for key, _ in settings(configuration)}
     for key in changes:
-        if key not in known:
+        name, _, gain = key.partition('.')
+        if key not in ('law', 'preset') and gain not in _keys(laws.get(name)):
+            known = [key for key, _ in settings(configuration)]
             raise UnknownNameError('parameter', key, known)
     gains = dict(configuration.preset if changes.get('preset') == PRESET else configuration.gains)
     for name in {key.partition('.')[0] for key in changes} - {'law', 'preset'}:
@@ -169,13 +174,25 @@ def changed(
     return configuration._replace(loop=loop._replace(preset=preset), gains=gains)
 
 
-def settings(configuration: ControlConfiguration) -> Iterator[tuple[str, Any]]:
-    """Keys and plain values of what can change while the controller runs."""
+def settings(
+    configuration: ControlConfiguration, before: ControlConfiguration | None = None
+) -> Iterator[tuple[str, Any]]:
+    """Keys and plain values of what can change while the controller runs.
+
+    Args:
+        configuration: The configuration.
+        before: Another one; the gains that both share are left out.
+    """
     yield 'law', configuration.loop.law
     yield 'preset', configuration.loop.preset
     for name, law in configuration.laws.items():
-        for key, value in _named(law, configuration.gains[name]):
-            yield f'{name}.{key}', value
+        if before is None or configuration.gains[name] is not before.gains[name]:
+            for key, value in _named(law, configuration.gains[name]):
+                yield f'{name}.{key}', value
+
+
+def _keys(law: Law | None) -> list[str]:
+    return [parameter.key for parameter in parameters(law.Gains)] if law else []
 
 
 def _named(law: Law, gains: Any) -> Iterator[tuple[str, Any]]:

@@ -6,7 +6,9 @@ them, or makes arrays of its own, gets arrays instead.
 
 A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
 n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
-warnings or raises InputError where its theory forbids a set of gains. See
+warnings or raises InputError where its theory forbids a set of gains, ``judge_noise(gains, noise,
+period)``, which returns warnings for noisy rates [rad/s, rms], where that is known, and
+``ESTIMATOR``, the kind of estimator that it needs. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
 
 The law runs inside :mod:`parallel_robot_control.cycle`, which limits the torque and after a fault
@@ -35,17 +37,23 @@ class JointReference(NamedTuple):
 
 
 class Feedback(NamedTuple):
-    """Measured joint motion at one time, and what became of the last torque, each shape (n,).
+    """Joint motion at one time, and what became of the last torque, each shape (n,).
+
+    The motion is the measured one, or with a Kalman filter the one predicted for the moment at
+    which the torque will act. The reference is always that of the same moment.
 
     Attributes:
-        position: Measured angles [rad].
-        velocity: Measured rates [rad/s].
+        position: Angles [rad].
+        velocity: Rates [rad/s].
         excess: Torque of the last update beyond what the limits let through [N m]; mostly zero.
+        disturbance: Torque against the motors that the model does not know [N m]: friction, loads,
+            wrong masses; zero without a Kalman filter.
     """
 
     position: Array
     velocity: Array
     excess: Array
+    disturbance: Array
 
 
 class ControlOutput(NamedTuple):

@@ -25,6 +25,7 @@ from parallel_robot_control.answering import (
     STALE,
     UNKNOWN,
 )
+from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.configuration import (
     ControlConfiguration,
     ControllerParameters,
@@ -64,6 +65,7 @@ class ControllerNode(SuiteNode):
         self.declare_group('robot', robot.Parameters)
         self.declare_group('controller', ControllerParameters)
         self.declare_group('estimator', EstimatorParameters)
+        self.declare_group('approach', ApproachParameters)
         self.declare_group('safety', SafetyParameters)
         self.declare_group('safety', robot.SafetyMargins)
         for name, law in laws.items():
@@ -108,8 +110,8 @@ class ControllerNode(SuiteNode):
         """Let the controller prepare a change of law, preset and gains."""
         if START in changes or not all(map(self.is_settable, changes)):
             return super().prepare_change(changes)
-        change = self._controller.prepare_change(changes)
-        settings = dict(configuration.settings(change.configuration))
+        before, change = self._controller.configuration, self._controller.prepare_change(changes)
+        settings = dict(configuration.settings(change.configuration, before))
 
         def apply() -> None:
             self._controller.apply(change)
@@ -239,7 +241,7 @@ class ControllerNode(SuiteNode):
 
     def _tell_now(self) -> None:
         """Publish a fault that was not caused by a state."""
-        self._topics.publish_status(self._controller.stamp if self.lockstep else time.time_ns())
+        self._topics.publish_status(self._controller.acts if self.lockstep else time.time_ns())
 
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response

@@ -14,6 +14,7 @@ from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.messages import Telemetry
 from parallel_robot_control.shared_arrays import (
+    AGE,
     END,
     FAULT,
     FROM,
@@ -69,6 +70,11 @@ class ControllerState:
     def stamp(self) -> int:
         """Stamp of the state answered last [ns]; 0 if there is none."""
         return max(0, int(self._numbers[LAST]))
+
+    @property
+    def acts(self) -> int:
+        """Stamp from which on the torque of the last answer acts [ns]; 0 if there is none."""
+        return self.stamp + int(self._numbers[AGE])
 
     @property
     def telemetry(self) -> Telemetry:

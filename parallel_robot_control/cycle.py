@@ -12,10 +12,10 @@ from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.lanes import in_a_lane
 from parallel_robot_base.vector_select import every, select
 from parallel_robot_base.vector_types import vector
-from parallel_robot_control import faults
+from parallel_robot_control import faults, kalman
+from parallel_robot_control.approach import Approach, approached, not_begun
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimator import NONE as AS_MEASURED
-from parallel_robot_control.estimator import Estimated, estimated
+from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
 from parallel_robot_model.contract import Estimate
 
@@ -31,7 +31,8 @@ class CycleState(NamedTuple):
         excess: Torque of the law that the limits cut off [N m], shape (n,).
         held: Joint angles at the moment of the fault [rad], shape (n,).
         fault: NONE or the number of the fault, see faults.py; it is latched.
-        estimated: Estimates of the estimator; not used without one.
+        estimated: Estimates of filter and differentiator; not used without one.
+        approach: How the robot joins the desired motion.
     """
 
     pose: Array
@@ -40,6 +41,21 @@ class CycleState(NamedTuple):
     held: Array
     fault: int
     estimated: Estimated
+    approach: Approach
+
+
+class When(NamedTuple):
+    """Times of a cycle.
+
+    Attributes:
+        sample: Index of the sample from which on the torque acts.
+        age: From the measurement of the state to that sample, as the stamps tell [s].
+        dt: From the measurement of the state before to that of this one [s].
+    """
+
+    sample: int
+    age: float
+    dt: float
 
 
 class ControlSetup(NamedTuple):
@@ -52,6 +68,7 @@ class ControlSetup(NamedTuple):
         robot: Constants of the nominal robot, boxed.
         limits: Limits, boxed.
         estimator: Estimator, boxed.
+        approach: Time over which an initial offset is faded [s].
     """
 
     update: Any
@@ -60,6 +77,7 @@ class ControlSetup(NamedTuple):
     robot: Any
     limits: Any
     estimator: Any
+    approach: float
 
 
 class Asked(NamedTuple):
@@ -109,7 +127,9 @@ def initial_state(pose: Array, joints: int) -> CycleState:
     """
     zero = vector(np.zeros(joints))
     last = Last(zero, zero, zero, zero, False, False)
-    return CycleState(vector(pose), last, zero, zero, faults.NONE, Estimated(zero, zero))
+    return CycleState(
+        vector(pose), last, zero, zero, faults.NONE, Estimated(zero, zero), not_begun(joints)
+    )
 
 
 @inner
@@ -187,51 +207,96 @@ def act(
     over, known = fault != fault, fault == fault  # False and True, in all lanes
     led = select(known, reference.position, last.reference)  # in lanes, if these share it
     last = Last(position, led, torque, offset, over, known)
-    after = CycleState(sensed.pose, last, excess, held, fault, state.estimated)
+    after = CycleState(sensed.pose, last, excess, held, fault, state.estimated, state.approach)
     return Acted(torque, sliding_variable, coupled_error, acted, after)
+
+
+@inner
+def at_measurement(reference: JointReference, late: float) -> JointReference:
+    """The reference some time before its own [s], by its derivatives."""
+    return JointReference(
+        reference.position - late * (reference.velocity - 0.5 * late * reference.acceleration),
+        reference.velocity - late * reference.acceleration,
+        reference.acceleration,
+    )
 
 
 @kernel
 def run_cycle(
     setup: ControlSetup,
-    reference: JointReference,
+    desired: JointReference,
     position: Array,
     velocity: Array,
     state: CycleState,
     memory: Any,
-    dt: float,
+    when: When,
 ) -> Cycle:
     """Compute the torque for one joint state.
+
+    A state may be old. The law compares it with the reference of the moment at which it was
+    measured; or with a Kalman filter the motion predicted for the moment at which the torque acts
+    with the reference of that moment.
 
     Only this function is compiled for each law; what it calls is compiled once for each robot.
 
     Args:
         setup: Law, robot and limits.
-        reference: Desired joint motion at the state's stamp.
+        desired: Desired joint motion at the sample from which on the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         state: State of the controller after the cycle before.
         memory: Memory of the law.
-        dt: Time since the previous state [s].
+        when: Age of the state, time since the one before.
     """
-    # 1. Velocity, pose, model and faults of the robot.
-    limits, estimator = setup.limits, setup.estimator
-    if estimator.kind != AS_MEASURED:
-        known = state.last.known
-        found = estimated(estimator, state.estimated, known, position, dt)
+    limits, estimator, dt = setup.limits, setup.estimator, when.dt
+    tracks, late = estimator.kind == KALMAN, when.age + estimator.delay
+    # 1. Velocity, reference, pose, model and faults of the robot.
+    found = state.estimated
+    if estimator.kind == FILTER or estimator.kind == LEVANT:
+        found = estimated(estimator, state.estimated, state.last.known, position, dt)
         velocity = found.velocity
-        state = CycleState(state.pose, state.last, state.excess, state.held, state.fault, found)
-    sensed = sense(setup.estimate, setup.robot, limits, reference, position, velocity, state, dt)
+    filter_ = estimator.kalman
+    if tracks and not filter_.velocities:
+        velocity = np.zeros_like(velocity)
+        if kalman.running(filter_, when.sample, state.last.known):
+            velocity = kalman.known_velocity(filter_, velocity)
+    joined, approach = approached(setup.approach, state.approach, desired, position, velocity, dt)
+    state = CycleState(
+        state.pose, state.last, state.excess, state.held, state.fault, found, approach
+    )
+    reference = at_measurement(joined, late)
+    sensed = sense(setup.estimate, setup.robot, limits, desired, position, velocity, state, dt)
+    feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
+    tracks = tracks and in_a_lane(sensed.model.M[0, 0] > 0.0)  # a fault may leave no model
+    if tracks:
+        reference = JointReference(
+            joined.position + filter_.command_delay * joined.velocity,
+            joined.velocity + filter_.command_delay * joined.acceleration,
+            joined.acceleration,
+        )
+        motion = kalman.predicted(
+            filter_,
+            sensed.model,
+            joined,
+            position,
+            velocity,
+            state.last.torque,
+            state.last.known,
+            when.sample,
+            late + filter_.command_delay,
+            dt,
+        )
+        feedback = Feedback(motion.position, motion.velocity, state.excess, motion.disturbance)
     # 2. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
     advanced = memory
     if in_a_lane(sensed.fault == faults.NONE):
-        feedback = Feedback(position, velocity, state.excess)
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
         asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
         advanced = select(sensed.fault == faults.NONE, output.memory, memory)
     # 3. The same within the limits, or the safe action. In a fault the memory is kept.
-    done = act(limits, reference, position, velocity, state, sensed, asked, dt)
+    done = act(limits, desired, position, velocity, state, sensed, asked, dt)
+    kalman.remember(filter_, when.sample, done.torque, tracks)
     return Cycle(
         done.torque,
         done.sliding_variable,
@@ -243,7 +308,11 @@ def run_cycle(
 
 
 def cycle_of(
-    setup: ControlSetup, state: CycleState, memory: Any, reference: JointReference | None = None
+    setup: ControlSetup,
+    state: CycleState,
+    memory: Any,
+    reference: JointReference | None = None,
+    age: Any = 0.0,
 ) -> FirstClass:
     """The cycle with a law as a value, so that loops are not compiled with all of it inside.
 
@@ -252,7 +321,9 @@ def cycle_of(
         state: State of the controller.
         memory: Memory of the law.
         reference: Any reference, if it has another type than the state: lanes may share one.
+        age: Any age of a state: lanes may have one each.
     """
     row = state.held
     reference = reference or JointReference(row, row, row)
-    return FirstClass(run_cycle, setup, reference, row, row, state, memory, 1e-3)
+    when = When(0, age, 1e-3)
+    return FirstClass(run_cycle, setup, reference, row, row, state, memory, when)

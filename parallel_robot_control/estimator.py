@@ -1,4 +1,4 @@
-"""Velocities from positions, for robots that do not measure them: a filter or a differentiator."""
+"""What the controller takes for the motion of the joints: measured, derived or predicted."""
 
 from __future__ import annotations
 
@@ -8,36 +8,72 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.vector_select import clip, select
 from parallel_robot_base.vector_types import vector
+from parallel_robot_control import kalman
+from parallel_robot_control.contract import Law
+from parallel_robot_control.kalman import MOST, Kalman
 
 Array = NDArray[np.float64]
 
-NONE, FILTER, LEVANT = 0, 1, 2
-KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT}
+NONE, FILTER, LEVANT, KALMAN = range(4)
+KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN}
+AUTO = 'auto'
 
 
 class EstimatorParameters(NamedTuple):
-    """Where the controller has the velocities from."""
+    """Where the controller has the motion of the joints from."""
 
     kind: Annotated[
-        Literal['none', 'filter', 'levant'],
-        Field('', 'none: as measured; filter: filtered difference; levant: differentiator'),
+        Literal['auto', 'none', 'filter', 'levant', 'kalman'],
+        Field(
+            '',
+            'auto: as the law asks; none: as measured; velocities by filter: filtered difference, '
+            'levant: differentiator; kalman: motion and disturbance when the torque acts',
+        ),
     ]
     bandwidth: Annotated[float, Field('Hz', 'of the filter', 1e-3)]
     acceleration: Annotated[
         PerJoint, Field('rad/s^2', 'bound of the accelerations for the differentiator', 1e-3)
     ]
+    delay: Annotated[float, Field('s', 'age of the states that their stamps do not tell', 0.0)]
+    command_delay: Annotated[float, Field('s', 'from a command until it acts (kalman)', 0.0)]
+    velocities: Annotated[bool, Field('', 'measured velocities are used (kalman)')]
+    position_noise: Annotated[
+        PerJoint, Field('rad', 'noise of the positions, rms (kalman)', 1e-12)
+    ]
+    velocity_noise: Annotated[
+        PerJoint, Field('rad/s', 'noise of the velocities, rms (kalman)', 1e-9)
+    ]
+    disturbance: Annotated[PerJoint, Field('N m', 'disturbance that varies, rms (kalman)', 1e-9)]
+    disturbance_bandwidth: Annotated[float, Field('Hz', 'its bandwidth (kalman)', 1e-3)]
+    offset: Annotated[
+        PerJoint, Field('N m', 'constant disturbance, rms before it is known (kalman)', 0.0)
+    ]
+    coulomb: Annotated[
+        PerJoint, Field('N m', 'dry friction, rms before it is known (kalman)', 0.0)
+    ]
 
 
 class Estimator(NamedTuple):
-    """The parameters as the kernels take them: a number, [Hz], [rad/s^2] of shape (n,)."""
+    """The parameters as the kernels take them.
+
+    Attributes:
+        kind: Number of the kind.
+        bandwidth: Of the filter [Hz].
+        acceleration: Bound of the accelerations [rad/s^2], shape (n,).
+        delay: Age of the states that their stamps do not tell [s].
+        kalman: The Kalman filter; used if it is the kind.
+    """
 
     kind: int
     bandwidth: float
     acceleration: Array
+    delay: float
+    kalman: Kalman
 
 
 class Estimated(NamedTuple):
@@ -47,10 +83,56 @@ class Estimated(NamedTuple):
     velocity: Array
 
 
-def estimator_of(parameters: EstimatorParameters) -> Estimator:
-    """Make the estimator from its parameters."""
-    kind = KINDS[parameters.kind]
-    return Estimator(kind, parameters.bandwidth, vector(parameters.acceleration))
+def kind_for(parameters: EstimatorParameters, law: Law) -> int:
+    """Number of the kind for a law: what the parameters say, or else what the law asks for."""
+    asked = getattr(law, 'ESTIMATOR', 'none')  # optional in the contract
+    return KINDS[asked if parameters.kind == AUTO else parameters.kind]
+
+
+def estimator_of(
+    parameters: EstimatorParameters, law: Law, period: float, memory: int = 0
+) -> Estimator:
+    """Make the estimator from its parameters.
+
+    Args:
+        parameters: The parameters.
+        law: The law that gets the estimates.
+        period: Control period [s].
+        memory: Memory of the Kalman filter; 0: a new one.
+
+    Raises:
+        InputError: states and commands together are later than can be predicted.
+    """
+    late = parameters.delay + parameters.command_delay
+    if late > MOST * period:
+        raise InputError(
+            'estimator.delay and estimator.command_delay must together be at most '
+            f'{MOST} periods, {MOST * period:g} s, not {late:g}',
+            'estimator.delay',
+        )
+    joints = len(parameters.acceleration)
+
+    def variance(values: PerJoint) -> Array:
+        return vector(np.square(values))
+
+    return Estimator(
+        kind_for(parameters, law),
+        parameters.bandwidth,
+        vector(parameters.acceleration),
+        parameters.delay,
+        Kalman(
+            period,
+            parameters.command_delay,
+            parameters.velocities,
+            variance(parameters.position_noise),
+            variance(parameters.velocity_noise),
+            variance(parameters.disturbance),
+            2.0 * math.pi * parameters.disturbance_bandwidth,
+            variance(parameters.offset),
+            variance(parameters.coulomb),
+            memory or kalman.memory(vector(np.zeros(joints))),
+        ),
+    )
 
 
 @kernel

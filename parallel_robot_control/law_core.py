@@ -6,6 +6,7 @@ depends on the law (gains, memory) is in the compiled object alone.
 
 from __future__ import annotations
 
+import copy
 from typing import Any, NamedTuple
 
 from numba import types
@@ -15,6 +16,7 @@ from parallel_robot_base.kernel import entry_point, kernel
 from parallel_robot_control.answering import answer
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.cycle import ControlSetup, cycle_of
+from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import Shared
 
@@ -112,6 +114,17 @@ class LawCore:
         self._core = self._make(*self._parts(control.law.memory))
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
         self._memory = entry_point(_memory, self._core)
+
+    def again(self, law: PreparedLaw) -> LawCore:
+        """Another core of the same law, with its initial memory.
+
+        Args:
+            law: The law, with gains of the same types.
+        """
+        other = copy.copy(self)
+        other.law, other._setup = law, self._setup._replace(gains=law.constants)
+        other.memory = law.memory
+        return other
 
     def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         """See :func:`answer`."""

@@ -100,7 +100,7 @@ def _run(law: Any, gains: Any, joints: int) -> None:
         memory = first = as_arrays(law.initial_memory(joints))
     random = np.random.default_rng(joints)
     for k in range(UPDATES * len(SIZES)):
-        rows = random.normal(scale=SIZES[k % len(SIZES)], size=(6, joints))
+        rows = random.normal(scale=SIZES[k % len(SIZES)], size=(7, joints))
         model = Model(np.eye(joints), np.eye(joints), np.zeros(joints))
         words = (gains, model, JointReference(*rows[:3]), Feedback(*rows[3:]), memory, 1e-3)
         if k == 0:

@@ -84,9 +84,10 @@ def telemetry_fields(telemetry: Telemetry) -> dict[topics.Topic, dict[str, np.nd
 
 
 def answers_message(stamps: np.ndarray) -> bytes:
-    """Stamps of state and reference of some commands [ns], shape (N, 2), as an Int64MultiArray.
+    """When some commands were asked for and act [ns], shape (N, 3), as an Int64MultiArray.
 
-    One row per command, in the order of the commands; zero for one that answers no state.
+    One row per command, in the order of the commands: stamp of the state, stamp of the reference,
+    time from which on the torque acts; zeros for one that answers no state.
     """
     head = layouts.int64_multi_array(stamps.size).template[: -stamps.nbytes or None]
     return head.tobytes() + stamps.tobytes()

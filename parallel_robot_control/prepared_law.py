@@ -92,6 +92,32 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     return PreparedLaw(name, gains, *made, warnings)
 
 
+def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
+    """A law that was prepared, with other gains and without the compiler.
+
+    Args:
+        before: As it was prepared.
+        law: The law.
+        gains: Its gains.
+
+    Returns:
+        None if it must be prepared anew: a custom law is tried with its gains.
+
+    Raises:
+        InputError: the theory of the law forbids the gains.
+    """
+    if gains is before.gains:
+        return before
+    if before.name not in LAWS:
+        return None
+    constants = Boxed(gains)
+    if typeof(constants) != typeof(before.constants):  # a list of another length
+        return None
+    return before._replace(
+        gains=gains, constants=constants, warnings=judge(before.name, law, gains)
+    )
+
+
 def _with_vectors(
     law: Law, gains: Any, memory: Any, joints: int
 ) -> tuple[Any, FirstClass, Any] | None:
@@ -139,7 +165,7 @@ def _compiled(function: Any, gains: Any, row: Array, matrix: Array, memory: Any)
             gains,
             Model(matrix, matrix, row),
             JointReference(row, row, row),
-            Feedback(row, row, row),
+            Feedback(row, row, row, row),
             memory,
             1e-3,
         )

@@ -57,7 +57,7 @@ class ControllerTopics:
         self.publish_command()
         stamp, status = self._controller.stamp, self._controller.status
         if (code & STATUS or self._status is None) and status != self._status:
-            self.publish_status(stamp)
+            self.publish_status(self._controller.acts)
         if code & TELEMETRY:
             for topic, fields in telemetry_fields(self._controller.telemetry).items():
                 publisher, draft = self._telemetry[topic]

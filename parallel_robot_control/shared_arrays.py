@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base import layouts
 from parallel_robot_base.vector_types import vector
+from parallel_robot_control.approach import Approach
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
@@ -20,9 +21,10 @@ AGES = 4096  # answers for which the age of the state is kept
 
 # Rows of Shared.vectors,
 (
-    POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, TRACKED, RATE,  # of the cycle
-    VELOCITY, EFFORT,
-) = range(10)  # fmt: skip
+    POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, TRACKED, RATE,  # of the cycle,
+    APART, APART_RATE, ELAPSED,  # of its approach,
+    VELOCITY, EFFORT,  # and as measured
+) = range(13)  # fmt: skip
 MEASURED = [POSITION, VELOCITY, EFFORT]
 # of Shared.telemetry,
 ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
@@ -32,7 +34,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
     HEARD,  # time of the last answer on the monotonic clock; 0: none, or the end
     LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states not answered
-) = range(12)  # fmt: skip
+    AGE,  # of the last state, from the measurement until the torque acts [ns]
+) = range(13)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -40,12 +43,13 @@ class Shared(NamedTuple):
 
     Attributes:
         pose: Pose of the last cycle, shape (m,).
-        vectors: State of the cycle, one row a vector, shape (10, n).
+        vectors: State of the cycle, one row a vector, shape (13, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (12,).
+        numbers: Fault, stamps and counts, shape (13,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
-        log: Stamps of state and reference of each answer [ns], shape (AGES, 2).
+        log: Stamps of state and reference of each answer, and when its torque acts [ns],
+            shape (AGES, 3).
         ages: Ages of the states when they were answered [ns], shape (AGES,).
     """
 
@@ -65,12 +69,12 @@ def shared(state: CycleState) -> Shared:
     command = layouts.float64_multi_array(joints).draft()
     made = Shared(
         np.array(state.pose),
-        np.zeros((10, joints)),
+        np.zeros((13, joints)),
         np.zeros((4, joints)),
-        np.zeros(12, np.int64),
+        np.zeros(13, np.int64),
         command.bytes,
         command.fields['data'],
-        np.zeros((AGES, 2), np.int64),
+        np.zeros((AGES, 3), np.int64),
         np.zeros(AGES, np.int64),
     )
     made.numbers[[LAST, START, END]] = NEVER
@@ -90,8 +94,9 @@ def stored(arrays: Shared) -> CycleState:
         bool(numbers[KNOWN]),
     )
     estimated = Estimated(v[TRACKED], v[RATE])
+    approach = Approach(v[APART], v[APART_RATE], v[ELAPSED])
     fault = int(numbers[FAULT])
-    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated)
+    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach)
 
 
 def store(arrays: Shared, state: CycleState) -> None:
@@ -106,5 +111,6 @@ def store(arrays: Shared, state: CycleState) -> None:
         state.excess,
         state.held,
         *state.estimated,
+        *state.approach,
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known

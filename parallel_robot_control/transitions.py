@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.vector_types import vector
 from parallel_robot_control import faults
+from parallel_robot_control.approach import not_begun
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
 
@@ -39,10 +40,11 @@ def without_torque(state: CycleState) -> CycleState:
 
 
 def cleared(state: CycleState) -> CycleState:
-    """Leave a fault; torque continues from the last one. The law starts with an empty memory."""
+    """Leave a fault: an empty memory of the law, torque from the last one, a new approach."""
     if state.fault == faults.NONE:
         return state
-    return taking_over(state, state.last.torque)._replace(fault=faults.NONE)
+    begun = taking_over(state, state.last.torque)
+    return begun._replace(fault=faults.NONE, approach=not_begun(len(state.held)))
 
 
 def same(before: PreparedLaw, after: PreparedLaw) -> bool:

@@ -14,7 +14,7 @@ from parallel_robot_base.vector_rows import read_row, rows_for, write_row
 from parallel_robot_base.vector_select import select
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of, is_finite
+from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors import sensed
@@ -149,7 +149,8 @@ def compiled_loop(
             read_row(reference.velocity, k, reference_row),
             read_row(reference.acceleration, k, reference_row),
         )
-        cycle = run_cycle(control, desired, angles, rates, cycle_state, memory, period)
+        when = When(k, plant.imperfections.age, period)
+        cycle = run_cycle(control, desired, angles, rates, cycle_state, memory, when)
         write_row(joints, k, true.position)
         write_row(position, k, angles)
         write_row(effort, k, state.torque)

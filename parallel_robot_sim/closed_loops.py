@@ -10,6 +10,7 @@ from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.function_value import FirstClass
 from parallel_robot_base.side_by_side import lane_of, side_by_side
 from parallel_robot_base.vector_types import vector
+from parallel_robot_control import kalman
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import ControlSetup, cycle_of
 from parallel_robot_model.contract import Model
@@ -59,7 +60,7 @@ def _run(experiments: Sequence[Experiment], reference: Reference, complete: bool
     )
     row, pose = begin.plant.torque, begin.cycle.pose
     target = vector(reference.position[0])  # the same in all lanes
-    motion = JointReference(target, target, target)
+    motion, known = JointReference(target, target, target), JointReference(row, row, row)
     # 1. The controllers: law and estimate, compiled for lanes.
     gains = side_by_side([control.setup.gains for control in controls])
     robot = side_by_side([control.setup.robot for control in controls])
@@ -67,21 +68,25 @@ def _run(experiments: Sequence[Experiment], reference: Reference, complete: bool
     setup = controls[0].setup
     estimate = FirstClass(setup.estimate.function, robot, limits.margins, row, row, pose)
     matrix = side_by_side([vector(np.eye(len(target)))] * LANES)
-    feedback = Feedback(row, row, row)
+    feedback = Feedback(row, row, row, row)
     model = Model(matrix, matrix, row)
-    update = FirstClass(
-        setup.update.function, gains, model, motion, feedback, begin.memory, period
+    update = FirstClass(setup.update.function, gains, model, known, feedback, begin.memory, period)
+    estimators = [control.setup.estimator.value for control in controls]
+    alike = [each._replace(kalman=each.kalman._replace(memory=0)) for each in estimators]
+    estimator = side_by_side(alike)
+    filter_ = estimator.kalman._replace(memory=kalman.memory(row))
+    approach = side_by_side([control.setup.approach for control in controls])
+    control = ControlSetup(
+        update, estimate, gains, robot, limits, Boxed(estimator._replace(kalman=filter_)), approach
     )
-    estimator = side_by_side([control.setup.estimator for control in controls])
-    control = ControlSetup(update, estimate, gains, robot, limits, estimator)
     # 2. The plants.
     setup_of = [plant.setup for plant in plants]
     true = side_by_side([each.robot for each in setup_of])
     load = side_by_side([each.load for each in setup_of])
     differing = [each.imperfections.value for each in setup_of]
     on, depth = any(each.on for each in differing), max(each.depth for each in differing)
-    alike = [each._replace(on=on, depth=depth, memory=0, draws=0) for each in differing]
-    imperfections = side_by_side(alike).with_memory(row)
+    ideal = [each._replace(on=on, depth=depth, memory=0, draws=0) for each in differing]
+    imperfections = side_by_side(ideal).with_memory(row)
     coordinates, rate = begin.plant.coordinates, begin.plant.rate
     plant = PlantSetup(
         FirstClass(setup_of[0].acceleration.function, true, load, coordinates, rate, row, period),
@@ -93,7 +98,7 @@ def _run(experiments: Sequence[Experiment], reference: Reference, complete: bool
     )
     # 3. The loop.
     result: ClosedLoopRun = compiled_loop(
-        cycle_of(control, begin.cycle, begin.memory, motion),
+        cycle_of(control, begin.cycle, begin.memory, motion, imperfections.age),
         FirstClass(step, plant, begin.plant, row, period),
         control,
         plant,

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_sim.space import Space
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import Field, PerJoint, check
+from parallel_robot_base.space import Space
+from parallel_robot_base.units import NANOSECONDS
 
 Array = NDArray[np.float64]
 
-KINDS = 5  # of vectors that the plant remembers, see memory.py
+KINDS = 6  # of vectors that the plant remembers, see memory.py
 LONGEST = 0.1  # s, of a delay
 
 
@@ -31,6 +34,21 @@ class SensorParameters(NamedTuple):
     jitter: Annotated[
         float, Field('s', 'largest further age, random, in whole samples', 0.0, LONGEST)
     ]
+    stamp: Annotated[
+        Literal['sent', 'measured'],
+        Field('', 'what the stamp of a state tells: when it was sent, or when it was measured'),
+    ]
+
+
+class Sensor(NamedTuple):
+    """The parameters as the kernels take them: all but the text."""
+
+    position_noise: PerJoint
+    velocity_noise: PerJoint
+    resolution: PerJoint
+    differentiate: bool
+    delay: float
+    jitter: float
 
 
 class ActuatorParameters(NamedTuple):
@@ -69,6 +87,7 @@ class Imperfections(NamedTuple):
     Attributes:
         on: Whether there are any; if not, none of the rest is looked at.
         depth: Most samples by which a state or a command can be late.
+        age: Age of the states that their stamps tell [s].
         seed: Seed of the random numbers, a whole number.
         sensor: What the states tell.
         actuator: What the motors make of the commands.
@@ -79,8 +98,9 @@ class Imperfections(NamedTuple):
 
     on: bool
     depth: int
+    age: float
     seed: float
-    sensor: SensorParameters
+    sensor: Sensor
     actuator: ActuatorParameters
     load: LoadParameters
     memory: int = 0
@@ -99,15 +119,46 @@ def imperfections(
     actuator: ActuatorParameters,
     load: LoadParameters,
 ) -> Imperfections:
-    """Put them together; `period` of the samples [s]."""
+    """Put them together; `period` of the samples [s].
+
+    Raises:
+        InputError: jitter, with stamps that tell when states were measured.
+    """
+    told = sensor.stamp == 'measured'
+    if told and sensor.jitter > 0.0:
+        raise InputError(
+            'sensor.jitter must be 0 where sensor.stamp is measured, not '
+            f'{sensor.jitter:g}: a state that comes late would come twice',
+            'sensor.jitter',
+        )
+    sensing = Sensor(*sensor[:-1])
     whole = np.not_equal(actuator.effectiveness, 1.0).any()
     acting = actuator._replace(effectiveness=PerJoint((0.0,)), fault_time=0.0)
     loading = (load.constant, load.pulse, load.noise)
-    on = whole or any(np.any(each) for each in (*sensor, *acting, *loading))
+    on = whole or any(np.any(each) for each in (*sensing, *acting, *loading))
     late = [
-        _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensor, acting)
+        _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensing, acting)
     ]
-    return Imperfections(bool(on), max(late), float(seed), sensor, actuator, load)
+    age = _samples(sensor.delay, period) * round(period * NANOSECONDS) / NANOSECONDS
+    return Imperfections(
+        bool(on), max(late), age if told else 0.0, float(seed), sensing, actuator, load
+    )
+
+
+def told_age(values: Mapping[str, Any]) -> int:
+    """Age of the states of a simulated robot when they are sent, as their stamps tell [ns].
+
+    Args:
+        values: A resolved configuration, perhaps that of a bag, with a valid period.
+
+    Raises:
+        InputError: the delay is no time that a sensor may have.
+    """
+    if values.get('sensor.stamp') != 'measured':
+        return 0
+    period, within = float(values['period']), Field('s', '', 0.0, LONGEST)
+    delay = check('sensor.delay', float, within, values.get('sensor.delay'))
+    return _samples(delay, period) * round(period * NANOSECONDS)
 
 
 def _samples(time: float, period: float) -> int:

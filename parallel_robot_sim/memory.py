@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import inner
+from parallel_robot_base.space import read_at, write_at
 from parallel_robot_base.vector_select import select
 from parallel_robot_sim.random_numbers import whole_number
-from parallel_robot_sim.space import read_at, write_at
 
 Array = NDArray[np.float64]
 
 # Kinds of vectors,
-POSITION, VELOCITY, COMMAND, LAGGED, DISTURBANCE = range(5)
+POSITION, VELOCITY, COMMAND, LAGGED, DISTURBANCE, EFFORT = range(6)
 # and streams of random numbers.
 OF_POSITION, OF_VELOCITY, OF_TORQUE, OF_LOAD, OF_STATES, OF_COMMANDS = range(6)
 

@@ -18,13 +18,22 @@ def state_layout(joints: tuple[str, ...], passive: int) -> cdr.Layout:
     return layouts.joint_state(names)
 
 
-def state_messages(layout: cdr.Layout, stamps: Any, run: ClosedLoopRun) -> np.ndarray:
-    """Fill the layout of :func:`state_layout` with a run; passive joints have no effort."""
+def state_messages(
+    layout: cdr.Layout, stamps: Any, run: ClosedLoopRun, late: int = 0
+) -> np.ndarray:
+    """Fill the layout of :func:`state_layout` with a run; passive joints have no effort.
+
+    Args:
+        layout: The layout.
+        stamps: Of the states [ns], shape (N,).
+        run: The run.
+        late: Samples from the measurement of a state to its row in the run.
+    """
     records = layout.records(run.steps, stamps)
     rows, n = slice(run.steps), run.position.shape[1]
     records['position'][:, :n] = run.position[rows]
     records['velocity'][:, :n] = run.velocity[rows]
-    records['effort'][:, :n] = run.effort[rows]
+    records['effort'][late:, :n] = run.effort[: max(run.steps - late, 0)]
     if records['position'].shape[1] > n:
         records['position'][:, n:] = run.passive_position[rows]
         records['velocity'][:, n:] = run.passive_velocity[rows]

@@ -7,6 +7,7 @@ from typing import Any
 
 from parallel_robot_base.fields import Parameter, parameters
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.configuration import ControllerParameters
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimator import EstimatorParameters
@@ -41,6 +42,7 @@ def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
         'Controller': {
             'controller': ControllerParameters,
             'estimator': EstimatorParameters,
+            'approach': ApproachParameters,
             'safety': SafetyParameters,
         },
         'What is a fault of this robot': {'safety': robot.SafetyMargins},

@@ -117,7 +117,7 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     acting = torque
     if setup.imperfections.on:
         joints = setup.measure(setup.robot, state.coordinates, state.rate)
-        keep_sensed(setup, joints, state.time, period)
+        keep_sensed(setup, joints, state.torque, state.time, period)
         torque = driven(setup, command, limit, state.time, period)
         acting = torque - held_disturbance(setup, command, state.time, period)
     # 2. The equations of motion are integrated, with the torque held constant.

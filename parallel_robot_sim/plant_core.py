@@ -15,7 +15,7 @@ from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_control.cycle import is_finite
 from parallel_robot_control.wire import joint_row, lay_open
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
-from parallel_robot_sim.sensors import sensed
+from parallel_robot_sim.sensors import effort_at_stamp, sensed
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def advance(core: Any, command: Array) -> bool:
     state = PlantState(
         read_row(core.coordinates, 0, start.coordinates),
         read_row(core.rate, 0, start.rate),
-        start.torque,
+        read_row(core.torque, 0, start.torque),
         core.time[0],
     )
     after = step(core.setup, state, read_row(command, 0, start.torque), core.period)
@@ -97,7 +97,9 @@ def advance(core: Any, command: Array) -> bool:
 
 @kernel
 def tell(core: Any, stamp: int) -> bool:
-    """Write the state into the message; `stamp` in nanoseconds.
+    """Write the state into the message; `stamp`: of the sample [ns].
+
+    Where sensors tell when they measured, the stamp in the message is earlier.
 
     Returns:
         Whether the state has joint positions, i.e. the robot is in its workspace.
@@ -107,14 +109,17 @@ def tell(core: Any, stamp: int) -> bool:
     rate = read_row(core.rate, 0, start.rate)
     joints = setup.measure(setup.robot, coordinates, rate)
     angles, rates = joints.position, joints.velocity
+    torque = read_row(core.torque, 0, start.torque)
     if setup.imperfections.on:
         angles, rates = sensed(setup, joints, core.time[0], core.period)
+        torque = effort_at_stamp(setup, torque, core.time[0], core.period)
+        stamp -= int(setup.imperfections.age * NANOSECONDS + 0.5)
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS
     n = len(joints.position)
     write_row(core.position, 0, angles)
     write_row(core.velocity, 0, rates)
-    write_row(core.effort, 0, read_row(core.torque, 0, start.torque))
+    write_row(core.effort, 0, torque)
     if len(core.position) > n:
         write_row(core.position, n, joints.passive_position)
         write_row(core.velocity, n, joints.passive_velocity)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.lanes import lane, lanes_of, with_lane
-from parallel_robot_sim.space import read_at, write_at
+from parallel_robot_base.space import read_at, write_at
 
 Array = NDArray[np.float64]
 

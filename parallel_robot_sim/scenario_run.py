@@ -40,8 +40,8 @@ class Run:
         time: Since the start [s], shape (N,).
         position: Actuated joints [rad], shape (N, n).
         velocity: Their rates [rad/s], shape (N, n).
-        reference: Their desired positions [rad], shape (N, n).
-        reference_velocity: Their desired rates [rad/s], shape (N, n).
+        reference: Their desired positions when they were measured [rad], shape (N, n).
+        reference_velocity: Their desired rates then [rad/s], shape (N, n).
         torque: Torque applied during the step that ended at the state [N m], shape (N, n).
         pose: Pose of the end effector, shape (N, m); (x, y, phi) [m, m, rad] for the 3-RRR. Of a
             simulation the true one, of a bag that of the measured joints by the nominal robot.
@@ -192,6 +192,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         made: The simulation.
     """
     loop, record, desired = made.experiment.loop, made.run, made.reference
+    measured = made.desired
     acted = int(np.bitwise_or.reduce(record.acted))
     fault = made.fault
     return Run(
@@ -202,8 +203,8 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         loop.period * np.arange(len(record.position), dtype=np.float64),
         record.position,
         record.velocity,
-        desired.position,
-        desired.velocity,
+        measured.position,
+        measured.velocity,
         record.effort,
         record.pose,
         desired.pose,

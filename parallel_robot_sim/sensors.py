@@ -12,6 +12,7 @@ from parallel_robot_base.vector_select import select
 from parallel_robot_base.vector_types import vector
 from parallel_robot_model.contract import Measurement
 from parallel_robot_sim.memory import (
+    EFFORT,
     OF_POSITION,
     OF_STATES,
     OF_VELOCITY,
@@ -81,9 +82,30 @@ def sensed(setup: Any, joints: Measurement, time: float, period: float) -> tuple
 
 
 @kernel
-def keep_sensed(setup: Any, joints: Measurement, time: float, period: float) -> None:
-    """Remember what the sensors take at a sample; arguments as of :func:`sensed`."""
+def effort_at_stamp(setup: Any, torque: Array, time: float, period: float) -> Array:
+    """Torque of the step that ended when the told state was measured [N m], shape (n,).
+
+    Args:
+        setup: PlantSetup with imperfections.
+        torque: Torque of the step that has just ended [N m], shape (n,).
+        time: Time since the start [s].
+        period: Of the samples [s].
+    """
+    sample, late = sample_at(time, period), sample_at(setup.imperfections.age, period)
+    if late == 0:
+        return torque
+    if sample <= late:
+        return np.zeros_like(torque)
+    return recall(setup, EFFORT, sample - late, torque)
+
+
+@kernel
+def keep_sensed(
+    setup: Any, joints: Measurement, torque: Array, time: float, period: float
+) -> None:
+    """Remember what the sensors take at a sample; arguments as of the functions above."""
     sample = sample_at(time, period)
+    remember(setup, EFFORT, sample, torque)
     position, velocity = _taken(setup, joints, sample, period)
     remember(setup, POSITION, sample, position)
     remember(setup, VELOCITY, sample, velocity)

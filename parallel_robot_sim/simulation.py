@@ -11,6 +11,8 @@ from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_base.placed import locating
 from parallel_robot_base.printable import apart
 from parallel_robot_control import faults
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.cycle import at_measurement
 from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
@@ -35,6 +37,22 @@ class Simulation(NamedTuple):
     reference: Reference
     run: ClosedLoopRun
     loop_time: float
+
+    @property
+    def age(self) -> float:
+        """Age of the states that their stamps tell [s]."""
+        age: float = self.experiment.plant.setup.imperfections.age
+        return age
+
+    @property
+    def desired(self) -> JointReference:
+        """Desired joint motion when the states were measured, each shape (N, n)."""
+        known = self.reference
+        motion = JointReference(known.position, known.velocity, known.acceleration)
+        then: JointReference = at_measurement.py_func(  # type: ignore[attr-defined]
+            motion, self.age
+        )
+        return then
 
     @property
     def fault(self) -> tuple[float, Fault] | None:

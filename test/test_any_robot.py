@@ -139,8 +139,12 @@ def test_compare_has_a_column_for_each_metric_that_is_defined(bags, tmp_path, ca
         'torque',
         'variation',
         'chatter',
+        'torque',
+        'rms',
+        'energy',
+        'excess',
     ]
-    assert [len(row.split()) for row in rows] == [6, 6] and units.count('[') == 5
+    assert [len(row.split()) for row in rows] == [9, 9] and units.count('[') == 8
     found = json.loads((tmp_path / 'laws.json').read_text())
     assert set(found['laws']['pid']['steady']) == {'joint_rms_rad', 'sync_rms_rad'}
 

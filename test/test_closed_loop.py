@@ -16,7 +16,7 @@ from parallel_robot_base.vector_types import vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import initial_state, run_cycle
+from parallel_robot_control.cycle import When, initial_state, run_cycle
 from parallel_robot_model.planar_3rrr import measure
 from parallel_robot_model.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH
 
@@ -155,13 +155,14 @@ def test_memory_does_not_grow_with_single_cycles(values, robot):
     theta, still = vector(legs(robot, PAPER_START)[0]), vector(np.zeros(3))
     reference = JointReference(theta, still, still)
 
-    begin = control.setup, reference, theta, still, control.state, control.law.memory, 1e-3
+    when = When(0, 0.0, 1e-3)
+    begin = control.setup, reference, theta, still, control.state, control.law.memory, when
     cycle_alone = entry_point(run_cycle, *begin)
 
     def cycles(count):
         state, memory = initial_state(PAPER_START, 3), control.law.memory
         for _ in range(count):
-            cycle = cycle_alone(control.setup, reference, theta, still, state, memory, 1e-3)
+            cycle = cycle_alone(control.setup, reference, theta, still, state, memory, when)
             state, memory = cycle.state, cycle.memory
 
     cycles(1000)

@@ -14,7 +14,7 @@ from bags import full_disk
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.command_line import COMMANDS, main, module_of
 from parallel_robot_analysis.commands import recover, rerun, run, simulate
-from parallel_robot_analysis.readable_metrics import STEADY, TORQUE
+from parallel_robot_analysis.readable_metrics import EFFORT, STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.experiment import software
@@ -156,12 +156,13 @@ def test_simulate_ends_with_the_metrics_of_analyze(words, tmp_path, capsys):
     out = tmp_path / 'a bag'
     assert main(['simulate', 'paper_circle', '--duration', '1', *words, '--out', str(out)]) == 0
     _, head, *brief, place, following = capsys.readouterr().out.splitlines()
-    assert len(brief) == 3 and place == f'bag     {out}'
+    assert len(brief) == 4 and place == f'bag     {out}'
     assert following == f"next    parallel_robot analyze '{out}'"
     assert main(shlex.split(following)[2:]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert head == first
-    metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[: len(STEADY + TORQUE)]]
+    told = len(STEADY + TORQUE + EFFORT) - 1  # no excess chattering
+    metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[:told]]
     assert '; '.join(line.strip() for line in brief) == '; '.join(metrics_of_bag)
 
 
@@ -187,7 +188,7 @@ def test_simulate_and_analyze(tmp_path, capsys):
     assert main(['analyze', str(bag), '--json', str(report)]) == 0
     assert (bag / 'run.png').read_bytes().startswith(b'\x89PNG')
     found = json.loads(report.read_text())
-    keys = ['scenario', 'law', 'duration_s', 'transient', 'steady', 'torque']
+    keys = ['scenario', 'law', 'duration_s', 'transient', 'steady', 'torque', 'effort']
     keys += ['timing', 'messages']
     assert list(found) == keys
     assert (found['scenario'], found['law'], found['duration_s']) == (
@@ -197,6 +198,7 @@ def test_simulate_and_analyze(tmp_path, capsys):
     )
     assert set(found['steady']) == {'xy_rms_m', 'xy_max_m', 'joint_rms_rad', 'sync_rms_rad'}
     assert set(found['torque']) == {'max_nm', 'total_variation_nm_per_s', 'chattering_nm'}
+    assert set(found['effort']) == {'torque_rms_nm', 'energy_j'}  # no ideal torque in a bag
     assert 0.0 < found['steady']['xy_rms_m'] < 1e-4 and 1.0 < found['torque']['max_nm'] < 20.0
     assert found['steady']['xy_rms_m'] <= found['steady']['xy_max_m']
     assert found['messages']['joint_states'] == {'count': 4001, 'missing': 0}

@@ -12,7 +12,7 @@ from parallel_robot_base.vector_types import as_vectors, vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.cycle import Cycle, CycleState, initial_state, run_cycle
+from parallel_robot_control.cycle import Cycle, CycleState, When, initial_state, run_cycle
 from parallel_robot_control.faults import NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.planar_3rrr.constants import constants
@@ -31,7 +31,7 @@ class Situation(NamedTuple):
 
     def solve(self, control, memory=None) -> Cycle:
         memory = control.law.memory if memory is None else memory
-        return run_cycle(control.setup, *as_vectors(tuple(self)), memory, 1e-3)
+        return run_cycle(control.setup, *as_vectors(tuple(self)), memory, When(0, 0.0, 1e-3))
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_torque_is_the_laws_at_the_true_pose(control, robot, pose, situation):
     own = constants(robot)
     posture = posture_at(own, vector(pose))
     model = actuated_dynamics(own, posture, vector(situation.velocity))
-    feedback = Feedback(theta, situation.velocity, np.zeros(3))
+    feedback = Feedback(theta, situation.velocity, *np.zeros((2, 3)))
     given = (law.gains, model, situation.reference, feedback, law.memory, 1e-3)
     alone = on_vectors(s_fotsmc.update)(*given)
     assert cycle.state.fault == NONE and np.abs(cycle.state.pose - pose).max() < 1e-12

@@ -10,6 +10,7 @@ from scipy import stats
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study.run_chunk import run_chunk
 from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.kernel import kernel
 from parallel_robot_base.vector_rows import read_row, write_row
 from parallel_robot_base.vector_types import vector
@@ -21,6 +22,7 @@ from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.closed_loops import run_side_by_side
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.imperfections import told_age
 from parallel_robot_sim.random_numbers import mixed, uniform
 from parallel_robot_sim.sensors import keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
@@ -54,7 +56,7 @@ def _told(setup, positions, velocities, like, answers):
             found = sensed(setup, joints, k * H, H)
             write_row(answers, 4 * k + 2 * again, found[0])
             write_row(answers, 4 * k + 2 * again + 1, found[1])
-        keep_sensed(setup, joints, k * H, H)
+        keep_sensed(setup, joints, joints.position, k * H, H)
 
 
 def told(setup, positions, velocities=None):
@@ -289,7 +291,7 @@ def test_only_the_scenarios_of_faults_are_not_ideal(scenario):
         ('sensor.resolution=[1,2]', 'sensor.resolution must be a number or a list of 3'),
         ('actuator.effectiveness=-0.1', 'actuator.effectiveness must be at least 0'),
         ('seed=1.5', 'seed must be a whole number'),
-        ('estimator.kind=kalman', 'estimator.kind'),
+        ('estimator.kind=kalmann', 'estimator.kind'),
         ('estimator.acceleration=0', 'estimator.acceleration must be at least 0.001'),
     ],
 )
@@ -332,3 +334,12 @@ def test_a_bag_without_poses_does_not_tell_the_true_error(tmp_path, capsys):
     assert 'compare and sweep measure the true motion' in capsys.readouterr().err
     assert main(['analyze', bag]) == 0
     assert 'compare and sweep measure the true motion' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('delay', ['late', None, -1.0, 1e300, float('nan'), [0.001]])
+def test_a_bag_may_not_make_states_older_than_sensors_can(delay):
+    values = {'sensor.stamp': 'measured', 'period': 1e-3, 'sensor.delay': delay}
+    with pytest.raises(InputError, match=r'sensor\.delay must be'):
+        told_age(values)
+    assert told_age(values | {'sensor.delay': 0.0034}) == 3_000_000
+    assert told_age(values | {'sensor.stamp': 'sent'}) == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from assembly import prepare, simulate
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_are
 from vectors import on_vectors
 
 from parallel_robot_base import config
@@ -44,6 +44,15 @@ def smc(k, M, Q, r, f, past, coupling=0.0, K=0.0):
     velocity = r.velocity - coupling * RING @ e - k['z'] * e_c
     acceleration = r.acceleration - coupling * RING @ de - k['z'] * de_c
     return M @ acceleration + Q @ velocity - K * S - (k['G'] + k['g']) * sat(S / k['u'])
+
+
+def lqg_tracking(k, M, Q, r, f, past):
+    """The gains by the Riccati equation of a double integrator."""
+    A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    P = solve_continuous_are(A, B, np.diag([k['bandwidth'] ** 4, 0.0]), np.eye(1))
+    Kp, Kd = P[1]
+    acceleration = r.acceleration + Kp * (r.position - f.position) + Kd * (r.velocity - f.velocity)
+    return M @ acceleration + Q @ f.velocity + f.disturbance
 
 
 def nftsmc(k, M, Q, r, f, past):
@@ -183,6 +192,8 @@ FORMULAS = {
     'adrc': adrc,
     'tdc': tdc,
     'fixed_time_smc': fixed_time_smc,
+    'observer_s_fotsmc': lambda *given: FORMULAS['s_fotsmc'](*given) + given[4].disturbance,
+    'lqg_tracking': lqg_tracking,
 }
 WITHOUT_MODEL = ('pid', 'tdc')
 CASES = [(name, {}) for name in LAWS] + [('nftsmc', {'nftsmc.form': 'classical'})]
@@ -207,7 +218,7 @@ def test_torque_of_every_sample_is_that_of_the_formula(law, changed, size):
         root = draw((3, 3))
         M, Q, gravity = root @ root.T + np.eye(3), draw((3, 3)), draw(3)
         r = JointReference(*draw((3, 3)))
-        f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))), np.zeros(3))
+        f = Feedback(*(np.array(r[:2]) + size * draw((2, 3))), np.zeros(3), draw(3))
         wanted = FORMULAS[law](k, M, Q, r, f, past) + (
             gravity if law not in WITHOUT_MODEL else 0.0
         )

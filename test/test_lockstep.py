@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 
+import pytest
 from bags import content
 from domain_coordinator import domain_id
 
@@ -50,13 +51,21 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, tmp_path):
     assert main(['replay', str(tmp_path / 'first')]) == 0
 
 
-def test_an_imperfect_robot_gives_the_bytes_of_the_simulation(launch, domain, tmp_path):
-    changes = {
-        'seed': 3, 'sensor.position_noise': 1e-5, 'sensor.differentiate': True,
-        'sensor.delay': 1e-3, 'sensor.jitter': 1e-3, 'actuator.lag': [1e-3, 2e-3, 3e-3],
-        'actuator.delay': 1e-3, 'actuator.noise': 0.1, 'disturbance.noise': 0.1,
-        'disturbance.bandwidth': 20.0, 'estimator.kind': 'filter',
-    }  # fmt: skip
+IMPERFECT = {
+    'seed': 3, 'sensor.position_noise': 1e-5, 'sensor.differentiate': True,
+    'sensor.delay': 1e-3, 'sensor.jitter': 1e-3, 'actuator.lag': [1e-3, 2e-3, 3e-3],
+    'actuator.delay': 1e-3, 'actuator.noise': 0.1, 'disturbance.noise': 0.1,
+    'disturbance.bandwidth': 20.0, 'estimator.kind': 'filter',
+}  # fmt: skip
+OLD = {
+    'seed': 3, 'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 0.01,
+    'sensor.delay': 0.023, 'sensor.stamp': 'measured', 'disturbance.noise': 0.1,
+    'law': 'observer_s_fotsmc', 'approach.duration': 0.2, 'estimator.delay': 1e-3,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('changes', [IMPERFECT, OLD])
+def test_an_imperfect_robot_gives_the_bytes_of_the_simulation(changes, launch, domain, tmp_path):
     words = ['paper_circle', '--duration', '0.3', '--out']
     sets = [word for key, value in changes.items() for word in ('--set', f'{key}={value}')]
     process = launch(COMMAND_LINE, 'run', *words, 'nodes', '--time-mode', 'lockstep', *sets)

@@ -13,7 +13,7 @@ from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.experiment import describe
 from parallel_robot_base import config, topics
-from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_control import faults
 from parallel_robot_control.answering import LOG
 from parallel_robot_control.configuration import configure, resolve
@@ -50,11 +50,21 @@ def again(bag):
     return replayed.again(log, past, configure(log.config))
 
 
-@pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'nftsmc', 'adaptive_s_fotsmc'])
+@pytest.mark.parametrize(
+    'law', ['s_fotsmc', 'pid', 'nftsmc', 'adaptive_s_fotsmc', 'observer_s_fotsmc']
+)
 def test_a_simulation_is_replayed_bit_for_bit(law, simulated, capsys):
     bag = simulated(law=law)
     assert main(['replay', str(bag), '--trust']) == 0
     assert 'identical: 301 commands' in capsys.readouterr().out
+
+
+def test_old_states_are_replayed_bit_for_bit(simulated):
+    old = {'sensor__stamp': 'measured', 'sensor__delay': 0.004, 'approach__duration': 0.1}
+    bag = simulated(law='lqg_tracking', sensor__position_noise=1e-5, seed=2, **old)
+    log, found = run_log.read(bag), again(bag)
+    assert log.stamps[0] == STEP_START - 4 * MS and len(log.stamps) == 301
+    assert found.known.all() and not found.differing.any() and found.late == 0
 
 
 def test_limits_and_faults_are_replayed(simulated):
@@ -155,6 +165,26 @@ def test_switches_and_faults_of_a_live_run_are_replayed(status_bytes, tmp_path):
     assert np.array_equal(found.torque, log.command)
     laws = [said.law for said in history.read(bag).statuses]
     assert set(laws) == {'s_fotsmc', 'pid'}
+
+
+def test_a_filter_that_begins_and_ends_with_its_law_is_replayed(tmp_path):
+    """Guesses from which state on a change acted must not leave traces in its memory."""
+    bag = live(
+        tmp_path / 'bag',
+        {
+            50: switch(law='observer_s_fotsmc'),
+            110: switch(observer_s_fotsmc__Gamma1=150.0),
+            170: switch(law='pid'),
+            173: switch(law='lqg_tracking'),
+            240: lambda controller: controller.trip(faults.EMERGENCY_STOP),
+            260: lambda controller: controller.clear_fault(),
+        },
+    )
+    log, past = run_log.read(bag), history.read(bag)
+    change = {'observer_s_fotsmc.Gamma1': 150.0, 'preset': 'custom'}
+    changes = (history.Change(START + 115 * MS, '/controller', change),)
+    found = replayed.again(log, past._replace(changes=changes), configure(log.config))
+    assert found.known.all() and not found.differing.any()
 
 
 @pytest.mark.parametrize('recorded_at', [-20, 0, 20])

@@ -36,7 +36,9 @@ class Joints:
     def step(self, load=0.0, dt=DT):
         """One sample under a load that is constant in it; returns the acceleration."""
         zero = np.zeros(self.n)
-        feedback = Feedback(self.position, self.velocity, self.excess if self.heard else zero)
+        feedback = Feedback(
+            self.position, self.velocity, self.excess if self.heard else zero, zero
+        )
         out = on_vectors(self.law.update)(
             self.gains, self.model, JointReference(zero, zero, zero), feedback, self.memory, dt
         )

@@ -54,7 +54,7 @@ def play(gains, reference, feedback, M, Q, dt):
     for k in range(reference.shape[1]):
         out = update(
             gains, Model(M[k], Q[k], np.zeros(len(M[k]))), JointReference(*reference[:, k]),
-            Feedback(*feedback[:, k], np.zeros(reference.shape[2])), memory, dt,
+            Feedback(*feedback[:, k], *np.zeros((2, reference.shape[2]))), memory, dt,
         )  # fmt: skip
         memory = out.memory
         torques.append(out.torque)
@@ -136,7 +136,7 @@ def test_torque_drives_the_error_down():
         JointReference(*np.zeros((3, 3))),
     )
     for _ in range(8000):
-        feedback = Feedback(theta, rate, np.zeros(3))
+        feedback = Feedback(theta, rate, *np.zeros((2, 3)))
         out = update(GAINS, model, desired, feedback, memory, 1e-3)
         memory, rate = out.memory, rate + 1e-3 * out.torque
         theta = theta + 1e-3 * rate
@@ -146,7 +146,7 @@ def test_torque_drives_the_error_down():
 def test_with_arrays_an_update_has_the_same_bits_and_changes_nothing_that_it_was_given():
     reference, feedback, M, Q = random_run(3, count=2)
     memory = as_arrays(s_fotsmc.initial_memory(3)._replace(started=1.0))
-    feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]))
+    feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]), np.zeros(3))
     given = (Model(M[0], Q[0], np.zeros(3)), JointReference(*reference[:, 0]), feedback)
     copies = [[array.copy() for array in group] for group in given]
     out = s_fotsmc.update(GAINS, *given, memory, 1e-3)

@@ -10,7 +10,7 @@ from scipy import stats
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study import study, table, uncertainty
 from parallel_robot_analysis.study.configurations import Configurations
-from parallel_robot_analysis.study.plan import plan, sample
+from parallel_robot_analysis.study.plan import plan, sample, sampling
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
 from parallel_robot_control.configuration import resolve
@@ -115,6 +115,17 @@ HOSTILE = {
         uncertain('custom_laws: {distribution: choice, values: [a]}'),
         'on the command line alone',
     ),
+    'of a law and uncertain': (
+        'scenarios: [paper_circle]\nruns: 3\nlaws: {smc: {z: 3.0}}\n'
+        'uncertainty: {smc.z: {distribution: uniform, relative: 0.1}}',
+        'smc.z is both in laws and in uncertainty',
+    ),
+    'estimator of a law': (
+        'scenarios: [paper_circle]\nruns: 3\nlaws: {smc: {estimator: {kind: kalmann}}}',
+        "unknown value of estimator.kind 'kalmann'",
+    ),
+    'scrambles of none': (HEAD + 'method: random\nscrambles: 2', 'method must be sobol'),
+    'runs and scrambles': (HEAD + 'scrambles: 5', 'runs must be a multiple of the 5 scrambles'),
     'no distribution': (uncertain('robot.m1: {relative: 0.2}'), 'unknown distribution of uncer'),
     'a number': (uncertain('robot.m1: 0.2'), 'must be {distribution: ...'),
     'distribution': (
@@ -222,7 +233,7 @@ PAGE = (Path(__file__).parents[1] / 'docs' / 'studies.md').read_text()
 def test_the_study_in_the_documentation_can_be_planned():
     (text,) = re.findall(r'```yaml\n(.*?)```', PAGE, re.DOTALL)
     found = plan(study.parse(text))
-    assert found.count == 2 * 3 * 256 and len(found.row(0).drawn) == 9
+    assert found.count == 2 * 4 * 256 and len(found.row(0).drawn) == 9
 
 
 def test_every_column_distribution_and_key_is_documented():
@@ -295,6 +306,15 @@ def study_of(scenarios='[paper_circle]', **more):
     return planned(text, **more)
 
 
+def test_a_law_may_have_a_controller_of_its_own():
+    entry = 'laws: {smc: {z: 22.0, estimator: {kind: filter}, estimator.bandwidth: 80}, soft'
+    text = STUDY.replace('set: {safety: {min_sin_psi: 0.04}}', '')
+    found = planned(text, **{'laws: {smc: {z: 22.0}, soft': entry})
+    own, other = (case.nominal for case in found.cases[:2])
+    assert (own['estimator.kind'], own['estimator.bandwidth']) == ('filter', 80.0)
+    assert (own['smc.z'], other['smc.z'], other['estimator.kind']) == (22.0, 5.0, 'auto')
+
+
 def test_rows_are_counted_sample_by_sample_and_paired():
     found = planned(STUDY.replace('set: {safety: {min_sin_psi: 0.04}}', ''))
     rows = [found.row(number) for number in range(found.count)]
@@ -317,7 +337,7 @@ def test_rows_are_counted_sample_by_sample_and_paired():
     assert found.columns()['plant.substeps'] and not found.columns()['plant.integrator']
 
 
-@pytest.mark.parametrize('method', ['sobol', 'random'])
+@pytest.mark.parametrize('method', ['sobol', 'random', 'sobol\nscrambles: 2'])
 def test_more_runs_only_add_samples_and_blocks_are_parts_of_the_whole(method):
     few, many = (study_of(**{'runs: 8': f'runs: {n}\nmethod: {method}'}) for n in (8, 30))
     blocks = np.concatenate([sample(many.study, 5, k, 5) for k in range(0, 30, 5)])
@@ -336,6 +356,17 @@ def test_sobol_fills_the_cube_evenly():
     points = sample(study_of().study, 3, 0, 64)
     for column in points.T:
         assert sorted(np.floor(64 * column)) == list(range(64))
+
+
+def test_each_scramble_is_a_sobol_sequence_of_its_own():
+    one, four = study_of().study, study_of(**{'runs: 8': 'runs: 8\nscrambles: 4'}).study
+    points = sample(four, 3, 0, 256)
+    np.testing.assert_array_equal(points[::4], sample(one, 3, 0, 64))  # the first is that of old
+    for scramble in range(4):
+        for column in points[scramble::4].T:
+            assert sorted(np.floor(64 * column)) == list(range(64))
+    assert len(np.unique(points)) == points.size
+    assert sampling(one) == 'sobol' and sampling(four) == 'sobol, 4 scrambles'
 
 
 def test_configurations_are_those_that_are_built_from_nothing():

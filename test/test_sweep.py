@@ -10,6 +10,7 @@ from sweeping import FAILING, TEXT, Inline, content, planned, runs, swept
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study import results
+from parallel_robot_analysis.study.floor import floor_of
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_analysis.study.store import Store
 from parallel_robot_analysis.study.sweep import FILES
@@ -17,6 +18,8 @@ from parallel_robot_analysis.study.table import schema, table
 from parallel_robot_analysis.study.tasks import Task, run_task, tasks
 from parallel_robot_bags import run_log
 from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import configure
 
 pytest_plugins = ['sweeping']
 
@@ -54,6 +57,9 @@ def test_a_row_that_runs_alone_has_the_metrics_of_the_sweep(row, whole, tmp_path
     assert found.steady.sync_rms_rad == expected['sync_rms_rad']
     assert found.torque.max_nm == expected['torque_max_nm']
     assert found.torque.chattering_nm == expected['chattering_nm']
+    assert found.effort.torque_rms_nm == expected['torque_rms_nm']
+    assert found.effort.energy_j == expected['energy_j']
+    assert 0.0 < expected['excess_chattering_nm'] <= expected['chattering_nm']
     assert (found.transient.to_1_mm_s or math.inf) == expected['to_1_mm_s']
 
 
@@ -259,3 +265,74 @@ def test_the_order_of_the_rows_does_not_matter(whole, tmp_path):
 
     swept(tmp_path, workers=Backwards(), count=7)
     assert content(tmp_path) == content(whole)
+
+
+NOISY = """
+scenarios: [paper_circle]
+laws: [smc, pid]
+runs: 3
+duration: 0.2
+set: {sensor.position_noise: 1.0e-5, sensor.velocity_noise: 5.0e-3, disturbance.bandwidth: 10.0}
+uncertainty:
+  disturbance.noise: {distribution: uniform, low: 0.1, high: 1.0}
+  sensor.delay: {distribution: uniform, low: 0.001, high: 0.005}
+"""
+
+
+def test_every_row_has_the_limit_of_its_sample_which_is_computed_once(tmp_path, monkeypatch):
+    asked = []
+
+    def counted(configuration):
+        asked.append(configuration)
+        return floor_of(configuration)
+
+    monkeypatch.setattr('parallel_robot_analysis.study.tasks.floor_of', counted)
+    text = swept(tmp_path, NOISY, summarised=True)
+    found = runs(tmp_path).to_pylist()
+    assert len(asked) == 3 and len(found) == 6
+    plan = planned(NOISY)
+    for row in found:
+        chosen = plan.row(row['row'])
+        expected = floor_of(configure(resolve(chosen.scenario, chosen.overrides)))
+        assert row['limit_um'] == expected.limit_um and row['delay_um'] == expected.delay_um
+        assert row['limit_urad'] is None and row['limit_reason'] == ''
+        assert 0.0 < row['limit_um'] < 1e6 * row['xy_rms_m'] and row['delay_um'] > 10.0
+    (result,) = results.evaluate(tmp_path / 'runs.parquet', plan).values()
+    ratios = [1e6 * row['xy_rms_m'] / row['limit_um'] for row in found if row['law'] == 'pid']
+    assert result.quantities[1].name == 'error / limit'
+    assert result.laws['pid'].medians[1].value == pytest.approx(np.median(ratios))
+    limits = [row['limit_um'] for row in found[::2]]
+    assert result.levels['limit'].median.value == pytest.approx(np.median(limits))
+    assert 'error / limit' in text and '\n  limit ' in text and '\n  v d ' in text
+    lines = (tmp_path / 'summary.csv').read_text().splitlines()
+    assert any(line.startswith('paper_circle,,median of limit,µm,') for line in lines)
+    assert 'limit & ' in (tmp_path / 'summary.tex').read_text()
+
+
+def test_a_sweep_that_goes_on_gives_the_limit_to_every_row(tmp_path):
+    swept(tmp_path / 'once', NOISY)
+    swept(tmp_path / 'more', NOISY, runs=1)
+    found = planned(NOISY)
+    with Store(tmp_path / 'more', found, NOISY) as store:
+        assert store.done.tolist() == [True, True] + [False] * 4
+        (first, *_) = tasks(found, store.done, 2)
+        rows = [found.row(number) for number in first.numbers]
+        store.add(table(schema(found), zip(rows, run_task(first), strict=True)))  # then killed
+    swept(tmp_path / 'more', NOISY)
+    assert runs(tmp_path / 'more').equals(runs(tmp_path / 'once'))
+
+
+def test_a_sample_without_a_limit_says_why(tmp_path):
+    swept(tmp_path, FAILING)
+    reasons = {
+        row['limit_reason'] for row in runs(tmp_path).to_pylist() if row['limit_um'] is None
+    }
+    assert any('out of reach' in str(reason) for reason in reasons)
+
+
+def test_the_limit_of_a_robot_without_a_plane_is_that_of_its_joints(tmp_path):
+    text = NOISY.replace('paper_circle', 'axes_step')
+    swept(tmp_path, text)
+    for row in runs(tmp_path).to_pylist():
+        assert row['limit_um'] is None and row['delay_um'] is None
+        assert 0.0 < row['limit_urad'] < 1e6 * row['joint_rms_rad']

@@ -18,16 +18,18 @@ from parallel_robot_sim.configuration import configure
 from trajectory_gen.trajectory import Reference
 
 CONFIGURATION = configure(config.resolve('paper_circle', {'duration': 12.0}))
-MOTION = CONFIGURATION.trajectory.sample(np.arange(7501) * 1e-3)
+MOTION = CONFIGURATION.trajectory.sample(np.arange(8501) * 1e-3)
 BOUND = 1000.0 * 1e-3 * (1.0 + 1e-12)  # N m: ramp_rate of docs/safety.md for one period
 MOVING = 3000  # sample of the switch
 WINDOW = 1500  # samples that are compared
 # s after a switch until the error is the law's own again, from the slowest of the others before
-# it (nftsmc with its 3.6 mm). Under the paper's coupling the last micrometres decay at 3 lambda.
+# it (nftsmc with its 3.6 mm). Under the paper's coupling the last micrometres decay at 3 lambda; a
+# filter learns friction only when the motion turns round.
 DWELL = {
     'nftsmc': 0.1, 'computed_torque': 0.4, 'super_twisting': 0.5, 'fotsmc': 0.6, 'smc_k': 0.6,
     'smc': 0.7, 'pid': 0.8, 's_fotsmc_ft': 1.1, 's_smc': 1.3, 's_fotsmc': 2.3,
     'adaptive_s_fotsmc': 2.9, 'adrc': 0.6, 'tdc': 0.6, 'fixed_time_smc': 0.6,
+    'observer_s_fotsmc': 4.0, 'lqg_tracking': 3.5,
 }  # fmt: skip
 
 
@@ -101,9 +103,10 @@ def tour(names):
 
 def test_all_pairs_one_after_the_other_as_parameters_change(parts, controls):
     """Through the changes of the controller; the compiled loop has the same bits."""
-    names = tour(list(LAWS))
-    assert len(set(itertools.pairwise(names))) == len(LAWS) * (len(LAWS) - 1)
-    rig, dwell = Rig('lockstep', law=names[0]), 8
+    laws = [law for law in LAWS if law != 'lqg_tracking']  # has its filter from another law
+    names = tour(laws)
+    assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)
+    rig, dwell = Rig('lockstep', law=names[0]), 7
     plant, cycle, memory = parts.plant.state, parts.control.state, None
     for number, name in enumerate(names):
         one = controls[name]

@@ -7,6 +7,8 @@ Usage: python test/warm.py
 
 import multiprocessing
 
+from parallel_robot_analysis.ideal_torque import torque_of
+from parallel_robot_analysis.limit.causes import least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS
@@ -24,6 +26,13 @@ def of_nodes(scenario):
     Simulator(whole.plant).warm()
 
 
+def of_the_analysis(scenario):
+    """The kernels of the limit and of the ideal torque of a robot."""
+    whole = configure(resolve(scenario, {'duration': 0.1}))
+    least_error(whole)
+    torque_of(whole)
+
+
 def of_simulations(scenario, law):
     """The kernels of simulations of a law on a robot."""
     simulate(configure(resolve(scenario, {'law': law, 'duration': 0.01})))
@@ -33,6 +42,7 @@ def main():
     """Compile with two processes, which are replaced before they grow."""
     with multiprocessing.get_context('spawn').Pool(2, maxtasksperchild=4) as pool:
         jobs = [pool.apply_async(of_nodes, (scenario,)) for scenario in SCENARIOS]
+        jobs += [pool.apply_async(of_the_analysis, (scenario,)) for scenario in SCENARIOS]
         for scenario in SCENARIOS:
             jobs += [pool.apply_async(of_simulations, (scenario, law)) for law in LAWS]
         for job in jobs:

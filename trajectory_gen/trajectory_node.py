@@ -12,7 +12,7 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import cdr_reader, realtime, topics
-from parallel_robot_base.loop import STEP_START, WAIT
+from parallel_robot_base.loop import OLDEST, STEP_START, WAIT
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_model.robots import resolve
 from parallel_robot_ros.life_cycle import run_node
@@ -44,6 +44,7 @@ class TrajectoryNode(SuiteNode):
         self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
         self._start_requested = False
         self._asked = 0  # ns, stamp of the last state (lockstep)
+        self._late = 0  # ns, age of the states, as the first one tells it (lockstep)
         self._sent = -1  # index of the last sample of the motion that was published
         self._published = 0  # number of references
         self._reference = self.publisher(topics.REFERENCE)
@@ -95,7 +96,9 @@ class TrajectoryNode(SuiteNode):
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
         start = self._start or STEP_START
-        k = (stamp - start) // self.period_ns
+        if not self._asked or stamp <= self._asked:
+            self._late = start - stamp if 0 < start - stamp <= OLDEST else 0
+        k = (stamp + self._late - start) // self.period_ns
         if k < 0 or (self.last_index is not None and k > self.last_index):
             self.counts['joint states that are not of this motion'] += 1
             return

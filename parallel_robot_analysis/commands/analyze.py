@@ -13,6 +13,7 @@ from typing import Any
 
 from parallel_robot_analysis import metrics, timing, true_motion
 from parallel_robot_analysis.readable_metrics import (
+    EFFORT,
     STEADY,
     TORQUE,
     as_data,
@@ -113,7 +114,7 @@ def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) 
     lines = [head(result['scenario'], result['law'], result['duration_s'], planned)]
     lines += [
         f'  {metric.name:<28}{metric.value(found):>12.3f} {metric.unit}'
-        for metric in defined((*STEADY, *TORQUE), found)
+        for metric in defined((*STEADY, *TORQUE, *EFFORT), found)
     ]
     lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
     lines += [

@@ -8,9 +8,12 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.commands import simulate
 from parallel_robot_analysis.commands.analyze import as_json
+from parallel_robot_analysis.ideal_torque import torque_of
 from parallel_robot_analysis.readable_metrics import METRICS, TRANSIENT, as_data, defined, shown
 from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
@@ -44,12 +47,15 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         new_files.check(arguments.json, '--json')
     results = {}
+    ideal: np.ndarray | None = None  # the same for all laws
     notes: list[str] = []
     faulted: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):
         changed = simulate.overrides(arguments) | {'law': law}
-        made = simulation.simulate(configure(resolve(arguments.scenario, changed)))
-        results[law] = evaluate(made)
+        configuration = configure(resolve(arguments.scenario, changed))
+        made = simulation.simulate(configuration)
+        ideal = torque_of(configuration) if ideal is None else ideal
+        results[law] = evaluate(made, ideal)
         if made.fault is not None:
             faulted[law] = made.fault_text
         notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
@@ -69,12 +75,17 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def evaluate(made: simulation.Simulation) -> metrics.Metrics:
-    """Metrics of a simulation that is not written to a bag."""
+def evaluate(made: simulation.Simulation, ideal: np.ndarray) -> metrics.Metrics:
+    """Metrics of a simulation that is not written to a bag.
+
+    Args:
+        made: The simulation.
+        ideal: Its ideal torque, see ideal_torque.py.
+    """
     planar = made.experiment.trajectory.robot.module.PLANAR
     poses = metrics.Poses(made.run.pose, made.reference.pose, planar)
     joints = simulate.motion(made)._replace(position=made.run.joints)  # not as they are measured
-    return metrics.evaluate(joints, poses)
+    return metrics.evaluate(joints, poses, ideal)
 
 
 def table(
@@ -91,7 +102,7 @@ def table(
     settling = 'time until the end-effector error stays below a bound; '
     rows = [
         f'{scenario}: {settling if TRANSIENT[0] in columns else ""}'
-        'errors and chattering over the second half'
+        'errors, chattering and effort over the second half'
     ]
     rows.append(f'{"law":<20}' + ''.join(f'{metric.short:>11}' for metric in columns))
     rows.append(f'{"":<20}' + ''.join(f'{"[" + metric.unit + "]":>11}' for metric in columns))

@@ -29,6 +29,7 @@ from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import ENDLESS
 
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
@@ -112,7 +113,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     remarks += readable_metrics.sensor_remarks(
         log.config, lambda: true_motion.of_bag(out, log, TRUSTED)
     )
-    for text in (*experiment.control.law.warnings, *remarks):
+    doubts = (*experiment.control.law.warnings, *noise_doubts(configuration))
+    for text in (*doubts, *remarks):
         print(f'warning: {text}', file=sys.stderr)
     if end.signal:
         print(f'{StoppedError(end.signal)} after {log.time[-1]:.1f} s')

@@ -21,6 +21,7 @@ from parallel_robot_base.placed import Placed, merged
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import Simulation, simulate
 
 
@@ -136,9 +137,13 @@ def remarks(simulation: Simulation) -> list[str]:
 
 def motion(made: Simulation) -> Simulated:
     """The joints of a simulation."""
-    run = made.run
-    time = made.experiment.loop.period * np.arange(len(run.position))
-    return Simulated(time, run.position, made.reference.position, run.effort)
+    run, period = made.run, made.experiment.loop.period
+    late, count = round(made.age / period), len(run.position)
+    effort = np.zeros_like(run.effort)
+    effort[late:] = run.effort[: count - late]
+    return Simulated(
+        period * (np.arange(count) - late), run.position, made.desired.position, effort
+    )
 
 
 def true_error(made: Simulation) -> true_motion.TrueError | None:
@@ -201,9 +206,10 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     new_files.check_directory(out)
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
-    simulation = simulate(configure(values))
+    configuration = configure(values)
+    simulation = simulate(configuration)
     sensed = readable_metrics.sensor_remarks(values, lambda: true_error(simulation))
-    for text in (*remarks(simulation), *sensed):
+    for text in (*noise_doubts(configuration), *remarks(simulation), *sensed):
         print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(out, values, simulation)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_analysis.limit.coordinates import coordinates_of
 from parallel_robot_base.fields import PerJoint
-from parallel_robot_base.kernel import entry_point
-from parallel_robot_base.vector_types import vector
-from parallel_robot_sim.assembly import assemble_plant
+from parallel_robot_base.function_value import FirstClass
+from parallel_robot_base.kernel import inlined, kernel
+from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_sim.assembly import Plant, assemble_plant
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
-from parallel_robot_sim.plant import PlantState, step
+from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from trajectory_gen.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -52,47 +53,68 @@ def linearise(configuration: Configuration) -> LinearMotion:
     Raises:
         InputError: the robot does not reach the motion.
     """
-    period, duration = configuration.loop.period, configuration.loop.duration
-    plant = assemble_plant(_smooth(configuration.plant))
-    robot = configuration.plant.robot
-    still = vector(np.zeros(len(configuration.loop.joints)))
-    advance = entry_point(step, plant.setup, plant.state, still, period)
-    measure = entry_point(
-        robot.module.measure, robot.constants, plant.state.coordinates, plant.state.rate
+    motion = performed(configuration.trajectory, smooth(configuration.plant))
+    transition, joints, pose = _moved(
+        motion.advance,
+        motion.plant.setup,
+        motion.plant.state,
+        motion.points,
+        motion.torque,
+        configuration.loop.period,
     )
-    count = len(plant.state.coordinates)
+    count = motion.torque.shape[1]
+    planar = configuration.plant.robot.module.PLANAR
+    error = pose[:, :2] if planar else joints[:, :count] / np.sqrt(count)
+    error = np.ascontiguousarray(error)
+    return LinearMotion(motion.times, transition, motion.pushed, joints, error)
 
-    def after(x: Array, torque: Array) -> Array:
-        state = PlantState(vector(x[:count]), vector(x[count:]), still, 0.0)
-        end = advance(plant.setup, state, vector(torque), period)
-        return np.concatenate((end.coordinates, end.rate))
 
-    def shown(x: Array) -> Array:
-        joints = measure(robot.constants, vector(x[:count]), vector(x[count:]))
-        if robot.module.PLANAR:
-            error = np.array(joints.pose[:2])
-        else:
-            error = np.array(joints.position) / np.sqrt(len(still))
-        return np.concatenate((joints.position, joints.velocity, error))
+class PerformedMotion(NamedTuple):
+    """A plant that performs its desired motion exactly, at K points of it.
 
+    Attributes:
+        times: Times of the points [s], shape (K,).
+        points: Coordinates of the plant and their rates, shape (K, 2c).
+        torque: What performs the motion over the next period [N m], shape (K, n).
+        pushed: What a torque held over a period adds to the next sample, shape (K, 2c, n).
+        plant: The plant.
+        advance: Its step, as FirstClass.
+    """
+
+    times: Array
+    points: Array
+    torque: Array
+    pushed: Array
+    plant: Plant
+    advance: FirstClass
+
+
+def performed(trajectory: Trajectory, plant: PlantConfiguration) -> PerformedMotion:
+    """A desired motion, performed by a plant without imperfections.
+
+    Raises:
+        InputError: the robot does not reach the motion.
+    """
+    period, duration = plant.loop.period, plant.loop.duration
+    made = assemble_plant(plant)
+    advance = FirstClass(step, made.setup, made.state, made.state.torque, period)
     times = np.linspace(0.0, duration, max(round(duration / INTERVAL), 1) + 1)
-    parts: list[tuple[Array, Array, Array]] = []
-    for before, x, following in _coordinates(configuration, times):
-        at = np.concatenate((x, (following - before) / (2.0 * period)))
-        torque = _feedforward(after, at, (following - 2.0 * x + before) / period, len(still))
-        parts.append(
-            (
-                _derivative(functools.partial(after, torque=torque), at),
-                _derivative(functools.partial(after, at), torque),
-                _derivative(shown, at),
-            )
-        )
-    transition, added, output = (np.array(part) for part in zip(*parts, strict=True))
-    ends = 2 * len(still)
-    return LinearMotion(times, transition, added, output[:, :ends], output[:, ends:])
+    around = (times[:, np.newaxis] + period * np.array([-1.0, 0.0, 1.0, 2.0])).ravel()
+    coordinates = coordinates_of(plant.robot, made, trajectory.sample(around).pose)
+    before, now, after, later = (coordinates[k::4] for k in range(4))
+    rates, next_rates = (after - before) / (2.0 * period), (later - now) / (2.0 * period)
+    points = np.hstack((now, rates))
+    still = np.zeros((len(times), len(made.state.torque)))
+    ends, pushed = _pushed(advance, made.setup, made.state, points, still, period)
+    half = now.shape[1]
+    missing = next_rates - ends[:, half:]
+    torque = np.linalg.pinv(pushed[:, half:]) @ missing[:, :, np.newaxis]
+    return PerformedMotion(
+        times, points, np.ascontiguousarray(torque[:, :, 0]), pushed, made, advance
+    )
 
 
-def _smooth(plant: PlantConfiguration) -> PlantConfiguration:
+def smooth(plant: PlantConfiguration) -> PlantConfiguration:
     """The plant without what cannot be differentiated, and without imperfections."""
     friction, disturbance = plant.load
     zero = PerJoint((0.0,) * len(plant.loop.joints))
@@ -106,27 +128,95 @@ def _smooth(plant: PlantConfiguration) -> PlantConfiguration:
     )
 
 
-def _coordinates(configuration: Configuration, times: Array) -> Array:
-    """Coordinates of the plant a period before, at and after some times, shape (K, 3, c)."""
-    robot = configuration.plant.robot
-    around = configuration.loop.period * np.array([-1.0, 0.0, 1.0])
-    poses = configuration.trajectory.sample((times[:, np.newaxis] + around).ravel()).pose
-    found: Any = np.array([robot.module.start(robot.parameters, pose) for pose in poses])
-    return found.reshape(len(times), 3, -1)
+@inlined
+def _after(
+    advance: Any, setup: PlantSetup, begin: PlantState, x: Array, torque: Array, period: float
+) -> PlantState:
+    """State a period after the state `x`, shape (2c,); `begin` is any state."""
+    coordinates = read_row(x, 0, begin.coordinates)
+    rate = read_row(x, len(begin.coordinates), begin.rate)
+    state = PlantState(coordinates, rate, begin.torque, 0.0)
+    return advance(setup, state, read_row(torque, 0, begin.torque), period)
 
 
-def _feedforward(
-    after: Callable[[Array, Array], Array], x: Array, change: Array, joints: int
-) -> Array:
-    """Torque that changes the rates by `change` within a period, shape (n,)."""
-    zero = np.zeros(joints)
-    gain = _derivative(functools.partial(after, x), zero)[len(change) :]
-    without = (after(x, zero) - x)[len(change) :]
-    return np.asarray(np.linalg.lstsq(gain, change - without, rcond=None)[0], np.float64)
+@kernel
+def _pushed(
+    advance: Any,
+    setup: PlantSetup,
+    begin: PlantState,
+    points: Array,
+    torques: Array,
+    period: float,
+) -> tuple[Array, Array]:
+    """Where states end under torques.
+
+    Args:
+        advance: The plant's step, as FirstClass.
+        setup: The plant.
+        begin: Any state of it.
+        points: States, shape (K, 2c).
+        torques: Torques [N m], shape (K, n).
+        period: Of the samples [s].
+
+    Returns:
+        The states a period later, shape (K, 2c), and their derivatives by the torques.
+    """
+    count, size = points.shape
+    joints, c = torques.shape[1], len(begin.coordinates)
+    ends, slopes = np.empty((count, size)), np.empty((count, size, joints))
+    end = np.empty((2, size))
+    for k in range(count):
+        x, torque = points[k], torques[k].copy()
+        after = _after(advance, setup, begin, x, torque, period)
+        write_row(ends[k], 0, after.coordinates)
+        write_row(ends[k], c, after.rate)
+        for i in range(joints):
+            for side in range(2):
+                torque[i] = torques[k, i] + (2 * side - 1) * SMALL
+                after = _after(advance, setup, begin, x, torque, period)
+                write_row(end[side], 0, after.coordinates)
+                write_row(end[side], c, after.rate)
+            torque[i] = torques[k, i]
+            slopes[k, :, i] = (end[1] - end[0]) / (2.0 * SMALL)
+    return ends, slopes
 
 
-def _derivative(function: Callable[[Array], Array], at: Array) -> Array:
-    """Derivative by central differences, shape (outputs, inputs)."""
-    steps = SMALL * np.eye(len(at))
-    columns = [(function(at + one) - function(at - one)) / (2.0 * SMALL) for one in steps]
-    return np.array(columns).T
+@kernel
+def _moved(
+    advance: Any,
+    setup: PlantSetup,
+    begin: PlantState,
+    points: Array,
+    torques: Array,
+    period: float,
+) -> tuple[Array, Array, Array]:
+    """What small changes of states change; arguments as of :func:`_pushed`.
+
+    Returns:
+        The derivatives by the states of the states a period later, shape (K, 2c, 2c), of the
+        positions and rates of the joints, shape (K, 2n, 2c), and of the pose, shape (K, m, 2c).
+    """
+    count, size = points.shape
+    c = len(begin.coordinates)
+    first = setup.measure(setup.robot, begin.coordinates, begin.rate)
+    n, m = len(first.position), len(first.pose)
+    wide = size + 2 * n + m
+    slopes, end = np.empty((count, wide, size)), np.empty((2, wide))
+    for k in range(count):
+        x = points[k].copy()
+        for i in range(size):
+            for side in range(2):
+                x[i] = points[k, i] + (2 * side - 1) * SMALL
+                after = _after(advance, setup, begin, x, torques[k], period)
+                write_row(end[side], 0, after.coordinates)
+                write_row(end[side], c, after.rate)
+                coordinates = read_row(x, 0, begin.coordinates)
+                rate = read_row(x, c, begin.rate)
+                shown = setup.measure(setup.robot, coordinates, rate)
+                write_row(end[side], size, shown.position)
+                write_row(end[side], size + n, shown.velocity)
+                write_row(end[side], size + 2 * n, shown.pose)
+            x[i] = points[k, i]
+            slopes[k, :, i] = (end[1] - end[0]) / (2.0 * SMALL)
+    joints = slopes[:, size : size + 2 * n].copy()
+    return slopes[:, :size].copy(), joints, slopes[:, size + 2 * n :].copy()

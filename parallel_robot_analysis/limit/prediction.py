@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_analysis.limit.linear_motion import LinearMotion
+from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_sim.imperfections import Imperfections
 
 Array = NDArray[np.float64]
@@ -76,23 +77,18 @@ def errors(motion: LinearMotion, noise: Noise, period: float) -> tuple[Array, Ar
     Returns:
         Times [s] and root mean square errors at them, each shape (T,).
     """
-    model = _Model(motion, noise)
     count = round(motion.times[-1] / period)
     nearest = np.round(np.arange(count + 1) * period / (motion.times[1] - motion.times[0]))
-    places = np.minimum(nearest.astype(int), len(motion.times) - 1)
-    covariance = model.start()
-    times, found = [], []
-    for k in range(count - noise.late):
-        covariance = model.measured(covariance, places[k])
-        if k % EVERY == 0:
-            ahead = covariance
-            for later in range(noise.late + 1):
-                ahead = model.after(ahead, places[k + later])
-            at = k + noise.late + 1
-            times.append(at * period)
-            found.append(model.error(ahead, places[at]))
-        covariance = model.after(covariance, places[k])
-    return np.array(times), np.array(found)
+    places = np.minimum(nearest.astype(np.int64), len(motion.times) - 1)
+    spread = np.concatenate((noise.position, noise.velocity))
+    used = np.isfinite(spread)
+    squares: Array = _squares(
+        motion._replace(measured=np.ascontiguousarray(motion.measured[:, used])),
+        noise._replace(position=spread[used]),
+        places,
+    )
+    ends = np.arange(len(squares)) * EVERY + noise.late + 1
+    return np.asarray(ends * period, np.float64), np.sqrt(squares)
 
 
 def least(motion: LinearMotion, noise: Noise, period: float) -> float:
@@ -102,50 +98,99 @@ def least(motion: LinearMotion, noise: Noise, period: float) -> float:
     return float(np.sqrt(np.mean(steady**2)))
 
 
-class _Model:
-    """Deviations of the plant and its disturbance as one linear system with noise."""
+@kernel
+def _squares(motion: LinearMotion, noise: Noise, places: NDArray[np.int64]) -> Array:
+    """Least mean square errors, that of sample EVERY i + late + 1 in element i.
 
-    def __init__(self, motion: LinearMotion, noise: Noise) -> None:
-        places, states, joints = motion.torque.shape
-        self._states = states
-        size = states + joints
-        self._transition = np.zeros((places, size, size))
-        self._transition[:, :states, :states] = motion.transition
-        self._transition[:, :states, states:] = motion.torque
-        self._transition[:, states:, states:] = noise.memory * np.eye(joints)
-        self._added = np.zeros((places, size, size))
-        motors = motion.torque * noise.motor
-        self._added[:, :states, :states] = motors @ motors.transpose(0, 2, 1)
-        new = (1.0 - noise.memory**2) * noise.disturbance**2
-        self._added[:, states:, states:] = np.diag(new)
-        used = np.isfinite(np.concatenate((noise.position, noise.velocity)))
-        self._output = np.zeros((places, used.sum(), size))
-        self._output[:, :, :states] = motion.measured[:, used]
-        self._variance = np.diag(np.concatenate((noise.position, noise.velocity))[used] ** 2)
-        self._error = motion.error
-        self._disturbance = np.diag(noise.disturbance**2)
+    At first the state is known, the disturbance is not.
 
-    def start(self) -> Array:
-        """Covariance at the start: the state is known, the disturbance is not."""
-        size = self._transition.shape[1]
-        covariance = np.zeros((size, size))
-        covariance[self._states :, self._states :] = self._disturbance
-        return covariance
+    Args:
+        motion: The linearised motion; of the measurements only those that tell something.
+        noise: What is not known; `position` is the noise of these measurements.
+        places: Point of the motion that is nearest to each sample.
+    """
+    states, joints = motion.torque.shape[1:]
+    size, count = states + joints, len(places) - 1 - noise.late
+    left, fresh = noise.memory, (1.0 - noise.memory**2) * noise.disturbance**2
+    found = np.empty((count + EVERY - 1) // EVERY)
+    P = np.zeros((size, size))
+    for i in range(joints):
+        P[states + i, states + i] = noise.disturbance[i] ** 2
+    half, crossed = np.empty((states, size)), np.empty(size)
+    for k in range(count):
+        # 1. The measurements, one after another: they are independent.
+        output = motion.measured[places[k]]
+        for i in range(len(output)):
+            variance = noise.position[i] ** 2
+            for row in range(size):
+                crossed[row] = 0.0
+                for column in range(states):
+                    crossed[row] += P[row, column] * output[i, column]
+            for column in range(states):
+                variance += output[i, column] * crossed[column]
+            for row in range(size):
+                gain = crossed[row] / variance
+                for column in range(size):
+                    P[row, column] -= gain * crossed[column]
+        if k % EVERY == 0:
+            found[k // EVERY] = _ahead(motion, noise, P, places[k : k + noise.late + 2])
+        # 2. A sample later, from P to F P F^T + noise with F = [A B; 0 left].
+        A, B = motion.transition[places[k]], motion.torque[places[k]]
+        for row in range(states):
+            for column in range(size):
+                total = 0.0
+                for i in range(states):
+                    total += A[row, i] * P[i, column]
+                for i in range(joints):
+                    total += B[row, i] * P[states + i, column]
+                half[row, column] = total
+        for row in range(states):
+            for column in range(row + 1):
+                total = 0.0
+                for i in range(states):
+                    total += half[row, i] * A[column, i]
+                for i in range(joints):
+                    motor = noise.motor[i] ** 2 * B[row, i]
+                    total += (half[row, states + i] + motor) * B[column, i]
+                P[row, column] = P[column, row] = total
+            for i in range(joints):
+                P[row, states + i] = P[states + i, row] = left * half[row, states + i]
+        for row in range(joints):
+            for column in range(joints):
+                P[states + row, states + column] *= left**2
+            P[states + row, states + row] += fresh[row]
+    return found
 
-    def measured(self, covariance: Array, place: int) -> Array:
-        """Covariance with the measurement of the same sample."""
-        output = self._output[place]
-        crossed = covariance @ output.T
-        gain = np.linalg.solve(output @ crossed + self._variance, crossed.T).T
-        left = np.eye(len(covariance)) - gain @ output
-        return left @ covariance @ left.T + gain @ self._variance @ gain.T
 
-    def after(self, covariance: Array, place: int) -> Array:
-        """Covariance one sample later, without a measurement."""
-        transition = self._transition[place]
-        return transition @ covariance @ transition.T + self._added[place]
+@inner
+def _ahead(motion: LinearMotion, noise: Noise, P: Array, places: NDArray[np.int64]) -> float:
+    """Mean square error at the last of some places from the covariance P at the first.
 
-    def error(self, covariance: Array, place: int) -> float:
-        """Root mean square error."""
-        shown = self._error[place]
-        return math.sqrt(np.trace(shown @ covariance[: self._states, : self._states] @ shown.T))
+    A row g of what the error is computed from goes back to the first place, by F^T; on its way
+    it meets the noise of each sample.
+    """
+    states, joints = motion.torque.shape[1:]
+    shown = motion.error[places[-1]]
+    fresh = (1.0 - noise.memory**2) * noise.disturbance**2
+    g, before = np.empty(states + joints), np.empty(states)
+    square = 0.0
+    for row in range(len(shown)):
+        g[:states] = shown[row]
+        g[states:] = 0.0
+        for k in range(len(places) - 2, -1, -1):
+            A, B = motion.transition[places[k]], motion.torque[places[k]]
+            before[:] = g[:states]
+            for i in range(joints):
+                pushed = 0.0
+                for j in range(states):
+                    pushed += before[j] * B[j, i]
+                square += (noise.motor[i] * pushed) ** 2 + fresh[i] * g[states + i] ** 2
+                g[states + i] = pushed + noise.memory * g[states + i]
+            for i in range(states):
+                g[i] = 0.0
+                for j in range(states):
+                    g[i] += before[j] * A[j, i]
+        for i in range(states + joints):
+            for j in range(states + joints):
+                square += g[i] * P[i, j] * g[j]
+    return square

@@ -56,12 +56,26 @@ class Event(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """All that a controller knows between two states."""
+    """All that a controller knows between two states.
+
+    Attributes:
+        configuration: Its configuration.
+        control: Law, robot and limits.
+        state: State of its cycle.
+        memory: Memory of the law.
+        past: Memory of its Kalman filter, which the cycle changes.
+    """
 
     configuration: ControlConfiguration
     control: Control
     state: CycleState
     memory: Any
+    past: np.ndarray
+
+    def moved(self, batch: Batch) -> Moment:
+        """After a batch that :meth:`RecordedController.answer` has just answered."""
+        past = _filter_memory(self.control).copy()
+        return self._replace(state=batch.state, memory=batch.memory, past=past)
 
 
 class RecordedController:
@@ -89,7 +103,14 @@ class RecordedController:
         self._restarts = np.flatnonzero(begun_anew) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])
         dt[[0, *self._restarts]] = self._loop.period
-        self._states = States(log.position[self._rows], log.velocity[self._rows], dt)
+        acts = self.stamps if log.used is None else log.used.acts[self._rows]
+        self._states = States(
+            log.position[self._rows],
+            log.velocity[self._rows],
+            dt,
+            acts // self._loop.period_ns,
+            (acts - self.stamps) / NANOSECONDS,
+        )
         self._known = JointReference(
             log.reference_position, log.reference_velocity, log.reference_acceleration
         )
@@ -103,7 +124,7 @@ class RecordedController:
     def _take_used(self, used: Used, timeout: int) -> None:
         """Take the references that were used; what is older than a time-out [ns] is at rest."""
         rows = np.searchsorted(self._rows, used.older)
-        age = self.stamps[rows] - used.stamps[used.older]
+        age = used.acts[used.older] - used.stamps[used.older]
         values = extrapolate_rows(age, *used.samples)
         stale = age > timeout
         for field, (row, found) in enumerate(zip(self._references, values, strict=True)):
@@ -114,7 +135,8 @@ class RecordedController:
     def common_start(self, history: History) -> bool:
         """Whether the first state was the start of the motion, for the controller too."""
         told = int(history.facts.get('start_stamp', 0)) or STEP_START
-        return bool(self.stamps[0] == told)
+        acts = self.stamps[0] + round(self._states.age[0] * NANOSECONDS)
+        return bool(self.stamps[0] <= told <= acts)
 
     def spread(self, torque: np.ndarray) -> np.ndarray:
         """Torques of all states, NaN where there is none, from those of the answered ones."""
@@ -126,7 +148,8 @@ class RecordedController:
         """Before the first state; without a common start, the controller takes over."""
         control = assemble(self._configuration)
         state = control.state if common else taking_over(control.state, self._effort[0])
-        return Moment(self._configuration, control, state, control.law.memory)
+        past = _filter_memory(control).copy()
+        return Moment(self._configuration, control, state, control.law.memory, past)
 
     def answer(self, moment: Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states, up to the first torque that is not the expected one.
@@ -142,6 +165,8 @@ class RecordedController:
         """
         stop = min(stop, len(self.stamps))
         control, state, memory = moment.control, moment.state, moment.memory
+        past = _filter_memory(control)
+        past[:] = moment.past
         torques, answered = [], 0
         inside = self._edges[(self._edges > first) & (self._edges < stop)]
         for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
@@ -151,20 +176,31 @@ class RecordedController:
             if begin < stop and self._stale[begin]:
                 state = tripped(state, faults.REFERENCE_STALE)
             rows = slice(begin, end)
-            batch = answer(
-                control.setup,
-                JointReference(*(row[rows] for row in self._references)),
-                States(*(row[rows] for row in self._states)),
-                expected[rows],
-                state,
-                memory,
-            )
+            before = past.copy()
+            batch = self._answer(control, rows, expected, state, memory)
+            if batch.answered < end - begin:  # the filter has seen the state that was not expected
+                past[:] = before
+                rows = slice(begin, begin + batch.answered)
+                self._answer(control, rows, expected, state, memory)
             torques.append(batch.torque)
             answered += batch.answered
             state, memory = batch.state, batch.memory
             if batch.answered < end - begin:
                 break
         return Batch(np.concatenate(torques), answered, state, memory)
+
+    def _answer(
+        self, control: Control, rows: slice, expected: np.ndarray, state: CycleState, memory: Any
+    ) -> Batch:
+        """Answer some rows up to the first torque that is not the expected one."""
+        return answer(
+            control.setup,
+            JointReference(*(row[rows] for row in self._references)),
+            self._states.part(rows),
+            expected[rows],
+            state,
+            memory,
+        )
 
     def explain_by_events(
         self, first: int, moment: Moment, k: int, events: list[Event], expected: np.ndarray
@@ -187,7 +223,7 @@ class RecordedController:
         best, found = k, None
         for since in range(k, max(first, k - HIDDEN) - 1, -1):
             batch = self.answer(moment, first, since, expected)
-            guess = moment._replace(state=batch.state, memory=batch.memory)
+            guess = moment.moved(batch)
             for happened, event in enumerate(events, start=1):
                 guess = after(guess, event)
                 explained = since + self.answer(guess, since, k + PROOF, expected).answered
@@ -212,12 +248,18 @@ class RecordedController:
         return False
 
 
+def _filter_memory(control: Control) -> np.ndarray:
+    """Memory of the Kalman filter of a controller."""
+    floats: np.ndarray = control.setup.estimator.kalman.memory.floats
+    return floats
+
+
 def after(moment: Moment, event: Event) -> Moment:
     """What an event makes of a controller."""
-    configuration, control, state, memory = moment
+    configuration, control, state, memory, past = moment
     if event.values:
         before, configuration = control.law, changed(configuration, event.values)
-        control = assemble(configuration)
+        control = assemble(configuration, memory=control.setup.estimator.kalman.memory)
         state, memory = switched(state, memory, before, control.law)
     if event.fault == faults.NONE and state.fault != faults.NONE:
         state, memory = cleared(state), control.law.memory
@@ -225,7 +267,7 @@ def after(moment: Moment, event: Event) -> Moment:
         state = tripped(state, event.fault)
         if event.fault == faults.STATES_STALE:
             state = without_torque(state)
-    return Moment(configuration, control, state, memory)
+    return Moment(configuration, control, state, memory, past)
 
 
 def events(history: History, configuration: ControlConfiguration) -> list[Event]:

@@ -74,7 +74,7 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
         stop = max(k, int(np.searchsorted(loop.stamps, due)))
         before, batch = (k, moment), loop.answer(moment, k, stop, expected)
         torque[k : k + batch.answered] = batch.torque
-        moment = moment._replace(state=batch.state, memory=batch.memory)
+        moment = moment.moved(batch)
         k += batch.answered
         if k == stop:
             if pending:

@@ -91,6 +91,10 @@ class Plan:
         """Number of rows."""
         return self.study.runs * len(self.cases)
 
+    def leader(self, case: int) -> int:
+        """Index of the first case with the scenario of a case."""
+        return case - case % len(self.study.laws)
+
     def row(self, number: int) -> Row:
         """A row by its number.
 
@@ -150,7 +154,7 @@ class Plan:
             'scenarios': [stem(scenario) for scenario in self.study.scenarios],
             'laws': [variant.name for variant in self.study.laws],
             'seed': self.study.seed,
-            'method': self.study.method,
+            'method': sampling(self.study),
             'uncertainty': [asdict(each) for each in self.study.uncertainties],
             'configuration': [configurations, code],
         }
@@ -226,7 +230,20 @@ def sample(study: Study, dimensions: int, first: int, count: int) -> NDArray[np.
     Returns:
         Shape (count, dimensions), in [0, 1).
     """
-    return _sample(study.method, study.seed, dimensions, first, count)
+    found = np.empty((count, dimensions))
+    for scramble in range(study.scrambles):  # one sample of each in turn
+        begin, end = (
+            -(-(number - scramble) // study.scrambles) for number in (first, first + count)
+        )
+        if end > begin:
+            points = _sample(study.method, study.seed, scramble, dimensions, begin, end - begin)
+            found[begin * study.scrambles + scramble - first :: study.scrambles] = points
+    return found
+
+
+def sampling(study: Study) -> str:
+    """How the uncertainty is sampled, in words."""
+    return study.method + (f', {study.scrambles} scrambles' if study.scrambles > 1 else '')
 
 
 def seed_of(study: Study, sample: int) -> int:
@@ -236,7 +253,7 @@ def seed_of(study: Study, sample: int) -> int:
 
 @functools.lru_cache(maxsize=8)  # the laws of a scenario ask for the same
 def _sample(
-    method: str, seed: int, dimensions: int, first: int, count: int
+    method: str, seed: int, scramble: int, dimensions: int, first: int, count: int
 ) -> NDArray[np.float64]:
     if method == 'random' or not dimensions:
         return np.array(
@@ -247,7 +264,8 @@ def _sample(
         )
     from scipy.stats import qmc  # slow to import
 
-    sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(_sequence(seed)))
+    mixed = _sequence(seed, scramble) if scramble else _sequence(seed)
+    sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(mixed))
     if first:
         sequence.fast_forward(first)
     with warnings.catch_warnings():  # about counts that are no power of 2

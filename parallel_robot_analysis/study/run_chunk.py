@@ -12,7 +12,9 @@ import numpy as np
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.commands.simulate import Simulated
+from parallel_robot_analysis.ideal_torque import torque_of
 from parallel_robot_analysis.metrics import Metrics, Poses
+from parallel_robot_analysis.study.floor import Floor
 from parallel_robot_base.errors import DRIVEN_OUT, ParallelRobotError, RunError, first_line
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import assembly as control
@@ -41,12 +43,14 @@ class Outcome:
         reason: Why it is not ok; empty if it is.
         limits: Limits that acted.
         metrics: Metrics of the run.
+        floor: Limit of its sample, where it was asked for.
     """
 
     status: Status
     reason: str = ''
     limits: str = ''
     metrics: Metrics | None = None
+    floor: Floor | None = None
 
 
 @dataclass(frozen=True)
@@ -163,7 +167,8 @@ def _measured(each: Prepared, result: ClosedLoopRun) -> Outcome:
     time = loop.period_ns * np.arange(last + 1) / NANOSECONDS  # as stamps tell it
     joints = Simulated(time, result.joints, motion.reference.position, result.effort)
     actual = forward.poses_of(nominal, result.joints, motion.poses[0])
-    found = metrics.evaluate(joints, Poses(actual, motion.poses, nominal.module.PLANAR))
+    poses = Poses(actual, motion.poses, nominal.module.PLANAR)
+    found = metrics.evaluate(joints, poses, torque_of(configuration))
     acted = int(np.bitwise_or.reduce(result.acted))
     limits = limits_text(acted) if acted else ''
     if made.fault is not None:

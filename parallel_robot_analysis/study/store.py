@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_analysis.study.plan import Plan
-from parallel_robot_analysis.study.table import Arrow, arrow, schema
+from parallel_robot_analysis.study.table import Arrow, arrow, schema, with_floors
 from parallel_robot_analysis.study.tasks import version
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.fields import plain
@@ -29,7 +29,7 @@ from parallel_robot_base.fields import plain
 FORMAT = 'parallel_robot sweep 1'
 MANIFEST, STUDY, RUNS, PARTS, LOCK = 'sweep.json', 'study.yaml', 'runs.parquet', 'parts', 'lock'
 UNFINISHED = '.unfinished'  # suffix of a file that is being written
-WINDOW = 65536  # rows that are merged at once
+WINDOW = 65536  # rows that are merged at once, about
 
 
 class Store:
@@ -122,14 +122,17 @@ class Store:
             self._writing(runs) as stream,
             pa.parquet.ParquetWriter(stream, self._schema) as writer,
         ):
-            for low in range(0, self._plan.count, WINDOW):
-                high = low + WINDOW
+            cases = len(self._plan.cases)
+            step = max(1, WINDOW // cases) * cases  # whole samples
+            for low in range(0, self._plan.count, step):
+                high = low + step
                 inside = [path for first, last, path in parts if first < high and last >= low]
                 rows = pa.concat_tables(
                     self._read(path, [('row', '>=', low), ('row', '<', high)]) for path in inside
                 )
                 _, first = np.unique(rows['row'].to_numpy(), return_index=True)
-                writer.write_table(rows.take(first).combine_chunks())
+                ordered = rows.take(first).combine_chunks()
+                writer.write_table(with_floors(ordered, self._plan).combine_chunks())
 
     @contextlib.contextmanager
     def _writing(self, path: Path) -> Iterator[IO[bytes]]:

@@ -17,13 +17,18 @@ from parallel_robot_base.placed import Place, Placed, locating
 from parallel_robot_base.scenario_file import absolute, stem
 
 MOST_RUNS = 10_000_000
+MOST_SCRAMBLES = 1000
 # What makes the experiment, or has a key of its own in a study.
 FIXED = ('scenario', 'law', 'preset', 'robot_model', 'joints', 'duration', 'seed', *config.CUSTOM)
 
 
+# Groups of the controller of which a law may have values of its own.
+OF_CONTROLLER = ('approach', 'controller', 'estimator')
+
+
 @dataclass(frozen=True)
 class Variant:
-    """A law with gains of its own.
+    """A law with gains, and parameters of its controller, of its own.
 
     Attributes:
         name: What the results call it.
@@ -51,6 +56,7 @@ class Study:
         duration: Length of each run [s].
         fixed: Keys of the configuration and their values in all runs.
         uncertainties: The uncertain parameters.
+        scrambles: Number of independently scrambled Sobol sequences that the samples are of.
         places: Where the keys of its file stand, e.g. ``set.friction.viscous``.
     """
 
@@ -62,6 +68,7 @@ class Study:
     duration: float
     fixed: Mapping[str, Any]
     uncertainties: tuple[Uncertainty, ...]
+    scrambles: int = 1
     places: Mapping[str, Place] = field(default_factory=dict)
 
     def of_case(self, variant: Variant) -> Placed:
@@ -93,12 +100,17 @@ class Study:
             if not self.runs:
                 raise InputError('runs is missing: neither the study nor --runs says how many')
             runs = self.runs
+        runs = check('--runs', int, Field('', '', 1, MOST_RUNS), runs)
+        if runs % self.scrambles:
+            raise InputError(
+                f'runs must be a multiple of the {self.scrambles} scrambles, not {runs}'
+            )
         for uncertain in self.uncertainties:
             if uncertain.key in fixed:
                 raise InputError(f'--set {uncertain.key}: it is uncertain in this study')
         return replace(
             self,
-            runs=check('--runs', int, Field('', '', 1, MOST_RUNS), runs),
+            runs=runs,
             fixed={**self.fixed, **_fixed('--set', fixed)},
             places={k: place for k, place in self.places.items() if k[4:] not in fixed},
         )
@@ -161,7 +173,8 @@ def parse(text: str, name: str = 'study', folder: Path | None = None) -> Study:
 
 
 def _study(content: dict[str, Any], folder: Path | None) -> Study:
-    known = {'scenarios', 'laws', 'runs', 'seed', 'method', 'duration', 'set', 'uncertainty'}
+    known = {'scenarios', 'laws', 'runs', 'seed', 'method', 'scrambles', 'duration', 'set'}
+    known |= {'uncertainty'}
     for key in content:
         if key not in known:
             raise UnknownNameError('key', key, known, key)
@@ -179,17 +192,29 @@ def _study(content: dict[str, Any], folder: Path | None) -> Study:
     fixed = _fixed('set', _mapping('set', content.get('set')))
     for key in fixed.keys() & entries.keys():
         raise InputError(f'{key} is both in set and in uncertainty', f'uncertainty.{key}')
+    laws = _laws(content['laws'])
+    for key in {key for law in laws for key in law.gains} & entries.keys():
+        raise InputError(f'{key} is both in laws and in uncertainty', f'uncertainty.{key}')
+    method = check(
+        'method', Literal['sobol', 'random'], Field('', ''), content.get('method', 'sobol')
+    )
+    scrambles = check(
+        'scrambles', int, Field('', '', 1, MOST_SCRAMBLES), content.get('scrambles', 1)
+    )
+    if scrambles > 1 and method != 'sobol':
+        raise InputError('scrambles are of Sobol sequences: method must be sobol', 'scrambles')
     return Study(
         tuple(scenarios),
-        _laws(content['laws']),
+        laws,
         check('runs', int, Field('', '', 1, MOST_RUNS), content['runs'])
         if 'runs' in content
         else 0,
         check('seed', int, Field('', '', 0, 2**63 - 1), content.get('seed', 0)),
-        check('method', Literal['sobol', 'random'], Field('', ''), content.get('method', 'sobol')),
+        method,
         check('duration', float, Field('s', '', 0.0), content.get('duration', DURATION)),
         fixed,
         tuple(uncertainty.parse(key, entry) for key, entry in entries.items()),
+        scrambles,
     )
 
 
@@ -199,10 +224,15 @@ def _laws(given: Any) -> tuple[Variant, ...]:
         return tuple(Variant(name, name, {}) for name in _names('laws', given))
     found = []
     for name in _names('laws', list(given)):
-        gains = dict(_mapping(f'laws.{name}', given[name]))
+        gains = config.flat(_mapping(f'laws.{name}', given[name]))
         law = check(f'laws.{name}.law', str, Field('', ''), gains.pop('law', name))
-        found.append(Variant(name, law, {f'{law}.{key}': gains[key] for key in gains}))
+        found.append(Variant(name, law, {_key(law, key): gains[key] for key in gains}))
     return tuple(found)
+
+
+def _key(law: str, own: str) -> str:
+    """The key of the configuration for what stands at a law."""
+    return own if own.partition('.')[0] in OF_CONTROLLER else f'{law}.{own}'
 
 
 def _names(key: str, given: Any) -> tuple[str, ...]:

@@ -10,17 +10,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from parallel_robot_analysis.readable_metrics import shown
-from parallel_robot_analysis.study.plan import Plan
-from parallel_robot_analysis.study.results import Quantity, ScenarioResult
+from parallel_robot_analysis.study.plan import Plan, sampling
+from parallel_robot_analysis.study.results import OTHERS, Quantity, ScenarioResult
 from parallel_robot_analysis.study.statistics import Estimate
 from parallel_robot_control.laws import title as title_of
 
 Results = Mapping[str, ScenarioResult]
 STRONGEST = 5  # parameters that are shown as drivers of the error; CSV has all
-NOTE = (
-    'Medians, probabilities and rank correlations with 95 % intervals. A run that failed or ended '
-    'in a fault counts as worse than every number.'
+NOTE = 'Medians, probabilities and rank correlations with 95 % intervals; those of medians {0}.'
+FAILED = 'A run that failed or ended in a fault counts as worse than every number.'
+PAIRS = (
+    "{0} pairs, p of the sign test with Holm's correction over all of them, open from {1:g} on."
 )
+LEVEL = 0.05  # of p
 LATEX = {'_': r'\_', '%': r'\%', '&': r'\&', '#': r'\#', '$': r'\$', '{': r'\{', '}': r'\}'}
 LATEX |= {'\\': r'\textbackslash{}', '~': r'\textasciitilde{}', '^': r'\textasciicircum{}'}
 LATEX |= {'µ': r'$\mu$'}
@@ -33,7 +35,7 @@ STYLE = (
 
 def text(plan: Plan, results: Results) -> str:
     """The summary for a terminal."""
-    lines = [_head(plan), NOTE]
+    lines = [_head(plan), *_notes(plan, results)]
     for scenario, result in results.items():
         for title, table in _tables(result):
             lines += ['', f'{scenario}: {title}', *_aligned(table)]
@@ -50,7 +52,8 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
         results: Its results.
         picture: Picture of the distributions, PNG.
     """
-    parts = [f'<p>{html.escape(_head(plan))}. {html.escape(NOTE)}</p>']
+    notes = ' '.join(_notes(plan, results))
+    parts = [f'<p>{html.escape(_head(plan))}. {html.escape(notes)}</p>']
     for scenario, result in results.items():
         parts.append(f'<h2>{html.escape(scenario)}</h2>')
         for title, (head, *rows) in _tables(result, title_of):
@@ -71,15 +74,15 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
 
 
 def latex(results: Results) -> str:
-    """The table of the laws, one tabular for each scenario."""
+    """The tables of the laws, error and effort, two tabulars for each scenario."""
     parts = []
     for scenario, result in results.items():
-        (_, (head, *rows)), *_ = _tables(result, title_of)
-        parts.append(f'% {scenario}')
-        parts.append(r'\begin{tabular}{l' + 'r' * (len(head) - 1) + '}')
-        parts.append(r'\hline' + '\n' + _latex_row(head) + '\n' + r'\hline')
-        parts += [_latex_row(row) for row in rows]
-        parts.append(r'\hline' + '\n' + r'\end{tabular}')
+        for title, (head, *rows) in _tables(result, title_of)[:2]:
+            parts.append(f'% {scenario}: {title}')
+            parts.append(r'\begin{tabular}{l' + 'r' * (len(head) - 1) + '}')
+            parts.append(r'\hline' + '\n' + _latex_row(head) + '\n' + r'\hline')
+            parts += [_latex_row(row) for row in rows]
+            parts.append(r'\hline' + '\n' + r'\end{tabular}')
     return '\n'.join(parts) + '\n'
 
 
@@ -89,6 +92,9 @@ def table(results: Results) -> str:
     writer = csv.writer(stream, lineterminator='\n')
     writer.writerow(['scenario', 'law', 'quantity', 'unit', 'value', 'low', 'high', 'runs'])
     for scenario, result in results.items():
+        for name, level in result.levels.items():
+            row = [scenario, '', f'median of {name}', result.quantities[0].unit]
+            writer.writerow([*row, *_ends(level.median), len(level.values)])
         for law, found in result.laws.items():
             total = sum(found.runs.values())
             for quantity, median in zip(result.quantities, found.medians, strict=True):
@@ -103,6 +109,8 @@ def table(results: Results) -> str:
             total = sum(result.laws[duel.winner].runs.values())
             name = f'probability of a smaller error than {duel.loser}'
             writer.writerow([scenario, duel.winner, name, '', *_ends(duel.probability), total])
+            name = f'p of a smaller error than {duel.loser}, corrected by Holm'
+            writer.writerow([scenario, duel.winner, name, '', duel.p, '', '', total])
     return stream.getvalue()
 
 
@@ -110,8 +118,18 @@ def _head(plan: Plan) -> str:
     study = plan.study
     return (
         f'{study.runs} runs of each law and scenario, {study.duration:g} s each, '
-        f'{len(study.uncertainties)} uncertain parameters ({study.method}, seed {study.seed})'
+        f'{len(study.uncertainties)} uncertain parameters ({sampling(study)}, seed {study.seed})'
     )
+
+
+def _notes(plan: Plan, results: Results) -> list[str]:
+    """What the numbers mean."""
+    scrambles = plan.study.scrambles
+    how = 'are bootstrapped over the runs'
+    if scrambles > 1:
+        how = f'are t-intervals between {scrambles} independently scrambled Sobol sequences'
+    pairs = sum(len(result.duels) for result in results.values())
+    return [NOTE.format(how), FAILED, *([PAIRS.format(pairs, LEVEL)] if pairs else [])]
 
 
 def _tables(
@@ -123,22 +141,36 @@ def _tables(
         result: Results of the scenario.
         written: Returns how a law is written.
     """
-    first = [['law', 'ok', *map(_heading, result.quantities)]]
+    accuracy = len(result.quantities) - len(OTHERS)
+    first = [['law', 'ok', *map(_heading, result.quantities[:accuracy])]]
+    efforts = [['law', *map(_heading, OTHERS)]]
     drivers = [['law', 'parameter', 'correlation']]
     for law, found in result.laws.items():
         runs = f'{found.runs.get("ok", 0)}/{sum(found.runs.values())}'
-        first.append([written(law), runs, *map(_with_interval, found.medians)])
+        medians = [*map(_with_interval, found.medians)]
+        first.append([written(law), runs, *medians[:accuracy]])
+        efforts.append([written(law), *medians[accuracy:]])
         drivers += [
             [written(law), driver.parameter, _with_interval(driver.correlation, 2)]
             for driver in found.drivers[:STRONGEST]
         ]
-    duels = [['winner', 'against', 'probability']]
+    blank = [''] * (accuracy - 1)
+    first += [
+        [name, '', _with_interval(level.median), *blank] for name, level in result.levels.items()
+    ]
+    duels = [['winner', 'against', 'probability', 'p']]
     duels += [
-        [written(duel.winner), written(duel.loser), _with_interval(duel.probability, 3)]
+        [
+            written(duel.winner),
+            written(duel.loser),
+            _with_interval(duel.probability, 3),
+            _p(duel.p),
+        ]
         for duel in result.duels
     ]
     tables = [
         ('medians', first),
+        ('medians of the effort', efforts),
         ('who has the smaller error in the same sample', duels),
         ('what the error goes with (rank correlation)', drivers),
     ]
@@ -146,7 +178,7 @@ def _tables(
 
 
 def _heading(quantity: Quantity) -> str:
-    return f'{quantity.name} [{quantity.unit}]'
+    return f'{quantity.name} [{quantity.unit}]' if quantity.unit else quantity.name
 
 
 def _with_interval(estimate: Estimate, digits: int | None = None) -> str:
@@ -156,6 +188,10 @@ def _with_interval(estimate: Estimate, digits: int | None = None) -> str:
         return shown(value) if digits is None else f'{value:.{digits}f}'
 
     return f'{text(estimate.value)} [{text(estimate.low)}, {text(estimate.high)}]'
+
+
+def _p(value: float) -> str:
+    return f'{value:.1g}' if value < LEVEL else f'{value:.2f}, open'
 
 
 def _ends(estimate: Estimate) -> tuple[float, float, float]:

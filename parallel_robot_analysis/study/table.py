@@ -7,7 +7,10 @@ from collections.abc import Callable, Iterable, Mapping
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from parallel_robot_analysis.metrics import Metrics
+from parallel_robot_analysis.study.floor import Floor
 from parallel_robot_analysis.study.plan import Plan, Row
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_base.errors import InputError
@@ -34,7 +37,14 @@ METRICS: dict[str, Callable[[Metrics], float]] = {  # column to value; NaN is wr
     'torque_max_nm': lambda m: m.torque.max_nm,
     'torque_variation_nm_per_s': lambda m: m.torque.total_variation_nm_per_s,
     'chattering_nm': lambda m: m.torque.chattering_nm,
+    'excess_chattering_nm': lambda m: m.effort.excess_chattering_nm,
+    'torque_rms_nm': lambda m: m.effort.torque_rms_nm,
+    'energy_j': lambda m: m.effort.energy_j,
 }
+
+
+# Of the sample, not of the run: the first law of the scenario has it until a sweep is finished.
+FLOOR = Floor._fields
 
 
 def arrow() -> ModuleType:
@@ -55,9 +65,10 @@ def arrow() -> ModuleType:
 def schema(plan: Plan) -> Any:
     """Columns of the table of a plan, as a pyarrow.Schema."""
     pa = arrow()
-    words = ('law', 'scenario', 'status', 'reason', 'limits')
+    words = ('law', 'scenario', 'status', 'reason', 'limits', 'limit_reason')
     fields = [(name, pa.string() if name in words else pa.int64()) for name in IDENTITY]
     fields += [(name, pa.float64()) for name in METRICS]
+    fields += [(name, pa.string() if name in words else pa.float64()) for name in FLOOR]
     fields += [
         (name, pa.float64() if numeric else pa.string())
         for name, numeric in plan.columns().items()
@@ -76,10 +87,29 @@ def table(schema: Any, rows: Iterable[tuple[Row, Outcome]]) -> Arrow:
     return arrow().Table.from_pylist(entries, schema=schema)
 
 
+def with_floors(rows: Arrow, plan: Plan) -> Arrow:
+    """Whole samples, each row with the limit of the first law of its scenario.
+
+    Args:
+        rows: The rows of some samples, all of them, sorted by number.
+        plan: The plan.
+    """
+    numbers = rows['row'].to_numpy()
+    leaders = np.array([plan.leader(case) for case in range(len(plan.cases))])
+    cases = numbers % len(leaders)
+    first = np.searchsorted(numbers, numbers - cases + leaders[cases])
+    for name in FLOOR:
+        place = rows.column_names.index(name)
+        rows = rows.set_column(place, rows.schema.field(name), rows[name].take(first))
+    return rows
+
+
 def _entry(row: Row, outcome: Outcome) -> Mapping[str, Any]:
     """One row by column; columns that are left out are null."""
     found = outcome.metrics
     values = {} if found is None else {name: of(found) for name, of in METRICS.items()}
+    floor = {} if outcome.floor is None else outcome.floor._asdict()
+    numbers = {name: value for name, value in {**values, **floor}.items() if value == value}
     return {
         'row': row.row,
         'law': row.law,
@@ -89,6 +119,6 @@ def _entry(row: Row, outcome: Outcome) -> Mapping[str, Any]:
         'status': outcome.status,
         'reason': outcome.reason,
         'limits': outcome.limits,
-        **{name: value for name, value in values.items() if not math.isnan(value)},
+        **numbers,
         **row.drawn,
     }

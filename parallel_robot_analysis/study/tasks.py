@@ -5,13 +5,14 @@ from __future__ import annotations
 import functools
 import threading
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_analysis.study.configurations import Configurations
+from parallel_robot_analysis.study.floor import floor_of
 from parallel_robot_analysis.study.plan import Plan, Row
 from parallel_robot_analysis.study.run_chunk import Outcome, failed, run_chunk
 from parallel_robot_bags.experiment import software
@@ -33,6 +34,8 @@ class Task:
         numbers: Numbers of the rows.
         overrides: What each row changes in the configuration.
         version: Version of the code that is to run it, see :func:`version`.
+        limited: Whether the limit of each sample is asked for: it is the same for all laws of a
+            scenario, so the rows of the first one tell it.
         losses: How many workers were lost over it.
     """
 
@@ -40,12 +43,13 @@ class Task:
     numbers: tuple[int, ...]
     overrides: tuple[Mapping[str, Any], ...]
     version: str
+    limited: bool = False
     losses: int = 0
 
     def split(self) -> list[Task]:
         """A task for each row, after the worker that had all of them was lost."""
         return [
-            Task(self.scenario, (number,), (overrides,), self.version, self.losses + 1)
+            replace(self, numbers=(number,), overrides=(overrides,), losses=self.losses + 1)
             for number, overrides in zip(self.numbers, self.overrides, strict=True)
         ]
 
@@ -70,17 +74,19 @@ def tasks(plan: Plan, done: NDArray[np.bool_], workers: int) -> Iterator[Task]:
             left -= int(missing.sum())
             if missing.any():
                 rows = plan.rows(case, first, count)
-                yield task([row for row, needed in zip(rows, missing, strict=True) if needed])
+                needed = [row for row, lacks in zip(rows, missing, strict=True) if lacks]
+                yield task(needed, limited=plan.leader(case) == case)
         first += count
 
 
-def task(rows: list[Row]) -> Task:
-    """The task of some rows of one case."""
+def task(rows: list[Row], limited: bool = False) -> Task:
+    """The task of some rows of one case; `limited`: with the limit of each sample."""
     return Task(
         rows[0].scenario,
         tuple(row.row for row in rows),
         tuple(row.overrides for row in rows),
         version(),
+        limited,
     )
 
 
@@ -110,6 +116,9 @@ def run_task(task: Task) -> list[Outcome]:
                 found[k] = failed(error)
         good = {k: each for k, each in found.items() if not isinstance(each, Outcome)}
         found |= dict(zip(good, run_chunk(list(good.values())), strict=True))
+        if task.limited:
+            for k, configuration in good.items():
+                found[k] = replace(found[k], floor=floor_of(configuration))
         return list(found.values())
 
 

@@ -1,1 +1,1 @@
-"""Tuning: gains of a law by their tracking error and their chattering, under uncertainty."""
+"""Tuning: gains of a law by their tracking error and their effort, under uncertainty."""

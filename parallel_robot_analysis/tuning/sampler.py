@@ -49,7 +49,7 @@ def distributions(space: Space) -> dict[str, BaseDistribution]:
         elif among.whole:
             found[key] = of.IntDistribution(int(among.low), int(among.high), log=among.log)
         else:
-            found[key] = of.FloatDistribution(among.low, among.high, log=among.log)
+            found[key] = of.FloatDistribution(among.floor, among.high, log=among.log)
     return found
 
 
@@ -64,7 +64,7 @@ def propose(
     Args:
         space: The search space.
         history: All trials of the batches before, by number; the first is the default.
-        weights: Weights of a single objective; None: error and chattering as a Pareto front.
+        weights: Weights of a single objective; None: error and effort as a Pareto front.
         seed: Seed of the tuning.
         batch: Number of the batch.
 
@@ -93,7 +93,7 @@ def frozen(
     optuna = library()
     values = None
     if trial.feasible:
-        figures = [trial.error, trial.chattering]
+        figures = [trial.error, trial.effort]
         values = figures if weights is None else [weights.cost(trial, default)]
     states = optuna.trial.TrialState
     made: FrozenTrial = optuna.trial.create_trial(

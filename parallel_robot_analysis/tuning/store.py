@@ -1,6 +1,6 @@
 """The directory of a tuning: its trials, each kept as soon as it has ended, whatever happens.
 
-They stand in a journal of optuna, so that its tools show them; error and chattering are the two
+They stand in a journal of optuna, so that its tools show them; error and effort are the two
 objectives of each.
 """
 

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from parallel_robot_analysis.study.results import Quantity
 from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_analysis.study.table import METRICS
 from parallel_robot_analysis.tuning.space import Value
@@ -26,7 +25,7 @@ class Trial:
         chosen: The gains that are varied; None for a default outside the search space.
         gains: All gains of the law.
         error: Median of the tracking error [m or rad]; infinite if the trial is infeasible.
-        chattering: Median of the chattering [N m]; infinite if the trial is infeasible.
+        effort: Median of the effort [unit of its column]; infinite if the trial is infeasible.
         violation: Share of the runs that were not ok; FORBIDDEN for gains that were not run.
         reason: Why the trial is infeasible; empty if it is feasible.
     """
@@ -35,7 +34,7 @@ class Trial:
     chosen: Mapping[str, Value] | None
     gains: Mapping[str, Any]
     error: float = math.inf
-    chattering: float = math.inf
+    effort: float = math.inf
     violation: float = 0.0
     reason: str = ''
 
@@ -43,6 +42,11 @@ class Trial:
     def feasible(self) -> bool:
         """Whether all its runs were ok."""
         return not self.reason
+
+    @property
+    def ran(self) -> bool:
+        """Whether it was run: the gains are not forbidden."""
+        return self.violation < FORBIDDEN
 
 
 def forbidden(
@@ -57,7 +61,7 @@ def evaluated(
     chosen: Mapping[str, Value] | None,
     gains: Mapping[str, Any],
     outcomes: Sequence[Outcome],
-    error: Quantity,
+    columns: Sequence[str],
 ) -> Trial:
     """A trial from its runs: medians, or the most frequent reason why some of them were not ok.
 
@@ -66,15 +70,11 @@ def evaluated(
         chosen: The gains that are varied.
         gains: All gains.
         outcomes: One for each run.
-        error: Which metric is the tracking error.
+        columns: Those of tracking error and effort.
     """
     figures, reasons = [], []
     for outcome in outcomes:
-        pair = (
-            (METRICS[error.column](outcome.metrics), METRICS['chattering_nm'](outcome.metrics))
-            if outcome.metrics
-            else ()
-        )
+        pair = [METRICS[column](outcome.metrics) for column in columns] if outcome.metrics else []
         if outcome.status != 'ok':
             reasons.append(outcome.reason)
         elif not all(map(math.isfinite, pair)):

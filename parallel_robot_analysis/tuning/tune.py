@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import re
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 from parallel_robot_analysis.study.plan import Plan
@@ -14,6 +17,9 @@ from parallel_robot_analysis.study.run_chunk import Outcome
 from parallel_robot_analysis.study.sweep import progress
 from parallel_robot_analysis.study.tasks import Task, version
 from parallel_robot_analysis.study.workers import Workers, completed
+from parallel_robot_analysis.tuning import convergence
+from parallel_robot_analysis.tuning.convergence import Rule, Verdict
+from parallel_robot_analysis.tuning.effort import Effort
 from parallel_robot_analysis.tuning.sampler import BATCH, propose
 from parallel_robot_analysis.tuning.space import Space, Value, objection
 from parallel_robot_analysis.tuning.store import Store
@@ -25,6 +31,7 @@ from parallel_robot_model.robots import module_of
 from parallel_robot_sim.closed_loops import LANES
 
 Choice = dict[str, Value] | None
+NUMBER = re.compile(r'-?\b\d[\d.]*(e[-+]?\d+)?')
 
 
 @dataclass(frozen=True)
@@ -36,12 +43,14 @@ class Tuning:
         space: The search space.
         weights: Weights of a single objective; None: a Pareto front.
         seed: Seed of the proposals.
+        effort: What the error is traded against.
     """
 
     plan: Plan
     space: Space
     weights: Weights | None
     seed: int
+    effort: Effort
 
     @property
     def nominal(self) -> Mapping[str, Any]:
@@ -53,6 +62,34 @@ class Tuning:
         """Which metric is the tracking error: that of the end effector in a plane, or joints."""
         return ERRORS[0] if module_of(self.nominal).PLANAR else ERRORS[1]
 
+    @property
+    def goal(self) -> str:
+        """What the best gains are the best in, in words."""
+        measure, quantity = self.effort.measure, self.effort.quantity
+        if self.weights is not None:
+            return f'weighted sum of error and {measure}'
+        limit = self.effort.limit
+        if limit is None:
+            return f'error with no more {measure} than the default gains'
+        return f'error with at most {quantity.scale * limit:g} {quantity.unit} of {measure}'
+
+    def figure(self, trial: Trial, default: Trial) -> float:
+        """How good a trial is, the smaller the better; infinite if it does not count."""
+        if not trial.feasible or trial.chosen is None:
+            return math.inf
+        if self.weights is not None:
+            return self.weights.cost(trial, default)
+        limit = default.effort if self.effort.limit is None else self.effort.limit
+        return trial.error if trial.effort <= limit else math.inf
+
+    def best(self, trials: Sequence[Trial]) -> list[float]:
+        """The best figure after each trial."""
+        return [*accumulate((self.figure(each, trials[0]) for each in trials), min)]
+
+    def judge(self, trials: Sequence[Trial], rule: Rule) -> Verdict:
+        """Judge whether the search has converged."""
+        return convergence.judge(self.best(trials), [each.ran for each in trials], rule)
+
     def identity(self) -> dict[str, Any]:
         """What the trials depend on, by names for people."""
         of_study = self.plan.description()
@@ -62,6 +99,7 @@ class Tuning:
             'version of the suite': version(),
             'seed': self.seed,
             'weights': None if self.weights is None else self.weights._asdict(),
+            'measure of effort': self.effort.measure,
             'number of runs': self.plan.study.runs,
             'uncertainty': [of_study[key] for key in ('seed', 'method', 'uncertainty')],
             'configuration': of_study['configuration'],
@@ -69,7 +107,9 @@ class Tuning:
         }
 
 
-def run(tuning: Tuning, store: Store, count: int, workers: Workers) -> list[Trial]:
+def run(
+    tuning: Tuning, store: Store, count: int, workers: Workers, until: Rule | None = None
+) -> list[Trial]:
     """Run what is left of a tuning.
 
     Args:
@@ -77,6 +117,7 @@ def run(tuning: Tuning, store: Store, count: int, workers: Workers) -> list[Tria
         store: Its directory.
         count: Number of trials in total.
         workers: Who runs them; they are started only if something is left.
+        until: A rule, if the search ends with the batch after which it has converged.
 
     Returns:
         All trials by number, the first of which is that of the default gains.
@@ -90,25 +131,43 @@ def run(tuning: Tuning, store: Store, count: int, workers: Workers) -> list[Tria
         raise InputError(
             f'{store.directory} holds {held} trials, --trials must be at least that, not {count}'
         )
-    if any(number not in store.trials for number in range(count)):
+    if not _finished(tuning, store, count, until):
         try:
             with workers as started, progress(count, len(store.trials), 'trial') as bar:
                 for batch in range(-(-count // BATCH)):
                     for _ in _run_batch(tuning, store, batch, count, started):
                         bar.update(1)
                     _check_default(tuning, store)
+                    if _finished(tuning, store, count, until):
+                        break
         except KeyboardInterrupt:
             kept = f'{len(store.trials)} of {count} trials are kept'
             print(f'interrupted: {kept}, the same command continues', file=sys.stderr)
             raise
     _check_default(tuning, store)
-    return [store.trials[number] for number in range(count)]
+    return [store.trials[number] for number in range(len(store.trials))]
 
 
-def infeasible(trials: list[Trial]) -> dict[str, int]:
-    """Reasons why trials are infeasible, without the numbers in them, the most frequent first."""
-    reasons = Counter(trial.reason for trial in trials if not trial.feasible)
-    return dict(reasons.most_common())
+def _finished(tuning: Tuning, store: Store, count: int, until: Rule | None) -> bool:
+    """Whether all trials were run, or whole batches of them until the search has converged."""
+    held = len(store.trials)
+    if held == count:
+        return True
+    if until is None or held % BATCH or any(number not in store.trials for number in range(held)):
+        return False
+    trials = [store.trials[number] for number in range(held)]
+    return tuning.judge(trials, until).converged
+
+
+def infeasible(trials: Sequence[Trial]) -> dict[str, int]:
+    """Reasons why trials are infeasible, the most frequent first.
+
+    Those that differ in numbers alone count as one, which is told as it came first.
+    """
+    reasons = [trial.reason for trial in trials if not trial.feasible]
+    first: dict[str, str] = {}
+    counts = Counter(first.setdefault(NUMBER.sub('#', reason), reason) for reason in reasons)
+    return dict(counts.most_common())
 
 
 def _run_batch(
@@ -137,12 +196,13 @@ def _run_batch(
             trials[number] = choice, gains
     outcomes: dict[int, dict[int, Outcome]] = {number: {} for number in trials}
     runs = tuning.plan.study.runs
+    columns = tuning.error.column, tuning.effort.quantity.column
     for task, found in completed(workers, _tasks(tuning, trials)):
         number = task.numbers[0] // runs
         outcomes[number] |= zip(task.numbers, found, strict=True)
         if len(outcomes[number]) == runs:
             ordered = [outcomes[number][key] for key in sorted(outcomes[number])]
-            store.add(evaluated(number, *trials[number], ordered, tuning.error))
+            store.add(evaluated(number, *trials[number], ordered, columns))
             yield store.trials[number]
 
 
@@ -150,7 +210,7 @@ def _tasks(tuning: Tuning, trials: Mapping[int, tuple[Choice, dict[str, Any]]]) 
     """The runs of trials, as many at once as run side by side."""
     runs = tuning.plan.study.runs
     for number, (_, gains) in trials.items():
-        own = {f'{tuning.space.law}.{key}': value for key, value in gains.items()}
+        own = {tuning.space.key(key): value for key, value in gains.items()}
         for first in range(0, runs, LANES):
             rows = tuning.plan.rows(0, first, min(LANES, runs - first))
             numbers = tuple(number * runs + row.sample for row in rows)

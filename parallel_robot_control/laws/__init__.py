@@ -9,7 +9,9 @@ from parallel_robot_control.laws import (
     computed_torque,
     fixed_time_smc,
     fotsmc,
+    lqg_tracking,
     nftsmc,
+    observer_s_fotsmc,
     pid,
     s_fotsmc,
     s_fotsmc_ft,
@@ -40,6 +42,9 @@ LAWS: dict[str, Law] = {
     'adrc': adrc,
     'tdc': tdc,
     'fixed_time_smc': fixed_time_smc,
+    # for the laboratory: on the motion and the disturbance that a Kalman filter predicts
+    'observer_s_fotsmc': observer_s_fotsmc,
+    'lqg_tracking': lqg_tracking,
 }
 
 PAPER = ('smc', 's_smc', 'nftsmc', 's_fotsmc')  # Doan, Le, Vo (2019)
@@ -59,6 +64,8 @@ TITLES = {
     'adrc': 'ADRC',
     'tdc': 'TDC',
     'fixed_time_smc': 'fixed-time SMC',
+    'observer_s_fotsmc': 'observer S-FOTSMC',
+    'lqg_tracking': 'LQG tracking',
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from parallel_robot_model.contract import Model
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
+INSIDE = 3.0  # width over the rms of the noise of S
+
 _without_switching = s_fotsmc.without_switching
 _switched = s_fotsmc.switched
 
@@ -30,6 +33,27 @@ class Gains(NamedTuple):
     Gamma2: Annotated[float, Field('(rad/s)^(1-gamma2)/s', 'weight of its rate', 0.0)]
     gamma1: Annotated[float, Field('', 'exponent of the coupled error', 0.0, 1.0)]
     gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
+
+
+def judge_noise(gains: Gains, noise: float, period: float) -> list[str]:
+    """Warn of gains that let noise alone drive the estimated gain to G_max.
+
+    S = (v_k - v_(k-1)) / dt has the noise s = sqrt(2) noise / dt of two rates. Three times s are
+    to lie inside the barrier, and the gain at |S| = s is to be below G_max.
+
+    Args:
+        gains: See Gains.
+        noise: Noise of the rates, rms [rad/s].
+        period: Control period [s].
+    """
+    s = math.sqrt(2.0) * noise / period
+    what = f'the noise of S, sqrt(2) sensor.velocity_noise / period = {s:.3g} rad/s^2, drives'
+    if gains.width < INSIDE * s:
+        return [f'{what} the gain to G_max: width = {gains.width:g}, at least {INSIDE * s:.3g}']
+    most = gains.G_max * (1.0 - s / gains.width) / s
+    if gains.slope > most:
+        return [f'{what} the gain to G_max: slope = {gains.slope:g} 1/s, at most {most:.3g}']
+    return []
 
 
 @kernel

@@ -1,0 +1,78 @@
+"""Coordinates of the plant along a desired motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.linear_algebra import multiply, solve
+from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_model.robots import RobotModel
+from parallel_robot_sim.assembly import Plant
+from parallel_robot_sim.plant import PlantSetup, PlantState
+
+Array = NDArray[np.float64]
+
+SMALL = 1e-6  # of coordinates, in their units: half the width of a difference
+ENOUGH = 1e-8  # correction of coordinates after which the next one is none
+MOST = 8  # corrections
+
+
+def coordinates_of(robot: RobotModel, plant: Plant, poses: Array) -> Array:
+    """Coordinates of the plant at poses that follow each other closely.
+
+    Args:
+        robot: The true robot.
+        plant: The plant of it.
+        poses: Poses, shape (N, m).
+
+    Returns:
+        Shape (N, c).
+
+    Raises:
+        InputError: the robot does not reach a pose.
+    """
+    start = robot.module.start
+    first = np.array(start(robot.parameters, poses[0]), np.float64)
+    if len(first) == poses.shape[1]:
+        found: Array = _followed(plant.setup, plant.state, poses, first)
+        if np.isfinite(found).all():
+            return found
+    each: list[Any] = [start(robot.parameters, pose) for pose in poses]
+    return np.array(each, np.float64)
+
+
+@kernel
+def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) -> Array:
+    """Coordinates at poses by Newton's method, each from those before; NaN where it fails."""
+    x, size = first.copy(), len(first)
+    pose, ends, slopes = np.empty(size), np.empty((2, size)), np.empty((size, size))
+    found = np.full((len(poses), size), np.nan)
+    for k in range(len(poses)):
+        for _ in range(MOST):
+            write_row(pose, 0, _pose(setup, state, x))
+            for i in range(size):
+                here = x[i]
+                for side in range(2):
+                    x[i] = here + (2 * side - 1) * SMALL
+                    write_row(ends[side], 0, _pose(setup, state, x))
+                x[i] = here
+                slopes[:, i] = (ends[1] - ends[0]) / (2.0 * SMALL)
+            transposed = slopes.T.copy()  # solve() is for symmetric matrices
+            correction = solve(transposed @ slopes, multiply(transposed, poses[k] - pose))
+            x += correction
+            if np.max(np.abs(correction)) < ENOUGH:
+                found[k] = x
+                break
+        if not np.isfinite(found[k, 0]):
+            break
+    return found
+
+
+@kernel
+def _pose(setup: PlantSetup, state: PlantState, x: Array) -> Array:
+    """Pose at coordinates, shape (m,)."""
+    return setup.measure(setup.robot, read_row(x, 0, state.coordinates), state.rate).pose

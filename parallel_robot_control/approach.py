@@ -1,0 +1,95 @@
+"""Start without a jump: the reference begins where the robot is, and joins the desired motion."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.fields import Field
+from parallel_robot_base.kernel import inner
+from parallel_robot_base.vector_select import select
+from parallel_robot_base.vector_types import vector
+from parallel_robot_control.contract import JointReference
+
+Array = NDArray[np.float64]
+
+
+class ApproachParameters(NamedTuple):
+    """How the robot joins the desired motion."""
+
+    duration: Annotated[
+        float, Field('s', 'time over which an initial offset is faded; 0: not at all', 0.0, 100.0)
+    ]
+
+
+class Approach(NamedTuple):
+    """Where the robot was at the first state, relative to the reference, each shape (n,).
+
+    Attributes:
+        offset: Of the positions [rad].
+        rate: Of the velocities [rad/s].
+        elapsed: Time since then [s]; negative before the first state.
+    """
+
+    offset: Array
+    rate: Array
+    elapsed: Array
+
+
+def not_begun(joints: int) -> Approach:
+    """Before the first state; `joints` is n."""
+    zero = vector(np.zeros(joints))
+    return Approach(zero, zero, zero - 1.0)
+
+
+@inner
+def approached(
+    duration: float,
+    before: Approach,
+    reference: JointReference,
+    position: Array,
+    velocity: Array,
+    dt: float,
+) -> tuple[JointReference, Approach]:
+    """The reference with what is left of the initial offset.
+
+    With e and e' the offsets at the first state and x = t / T, it is added
+
+        e (1 - 10 x^3 + 15 x^4 - 6 x^5) + e' T (x - 6 x^3 + 8 x^4 - 3 x^5),
+
+    the quintic that ends with zero position, rate and acceleration at x = 1.
+
+    Args:
+        duration: T [s]; with 0, the reference stays as it is.
+        before: The approach at the state before.
+        reference: Desired motion when the torque acts.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        dt: Time since the state before [s].
+
+    Returns:
+        The reference, and the approach for the next state.
+    """
+    first = before.elapsed < 0.0
+    e = select(first, position - reference.position, before.offset)
+    v = select(first, velocity - reference.velocity, before.rate)
+    t = select(first, 0.0 * e, before.elapsed + dt)
+    under_way = t < duration
+    per_time = select(under_way, 1.0 / duration, 0.0)
+    e_now, v_now = select(under_way, e, 0.0), select(under_way, v, 0.0)
+    x = t * per_time
+    xx = x * x
+    left = 1.0 - xx * x * (10.0 - x * (15.0 - 6.0 * x))
+    left_rate = -30.0 * xx * (1.0 - x) * (1.0 - x) * per_time
+    left_acceleration = -60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) * per_time * per_time
+    turn = duration * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)))
+    turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x))
+    turn_acceleration = -x * (36.0 - x * (96.0 - 60.0 * x)) * per_time
+    joined = JointReference(
+        reference.position + (e_now * left + v_now * turn),
+        reference.velocity + (e_now * left_rate + v_now * turn_rate),
+        reference.acceleration + (e_now * left_acceleration + v_now * turn_acceleration),
+    )
+    return joined, Approach(e, v, t)

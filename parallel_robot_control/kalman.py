@@ -1,0 +1,411 @@
+"""Kalman filter at the age of the states, and prediction to the moment at which the torque acts.
+
+For each joint it knows position q, velocity v, a disturbance w that varies, a constant one c, and
+dry friction f against the desired motion:
+
+    M v' = tau - Q v - gravity - w - c - f s,   s = clip(rate_r / SMOOTH, -1, 1)
+    w' = -b w + noise,   c and f drift slowly
+
+The means of all joints move by the nominal model, M and Q at the measured joints. The covariances
+are those of each joint alone, with 1 / M_ii for its mobility, so a cycle has no large matrices.
+Between two states acts what was asked of the motors, so the last torques are remembered.
+Time is cut where the torque changes: nothing need lie on a grid.
+
+Sources:
+    Kalman (1960), A new approach to linear filtering and prediction problems, J. Basic Engineering
+    82(1), for filter and prediction; Johnson (1971), Accommodation of external disturbances in
+    linear regulator and servomechanism problems, IEEE Trans. Automatic Control 16(6), for a
+    disturbance as a state.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_base.lanes import in_a_lane
+from parallel_robot_base.linear_algebra import multiply, solve
+from parallel_robot_base.space import Space, read_at, write_at
+from parallel_robot_base.vector_select import clip, select
+from parallel_robot_base.vector_types import vector
+from parallel_robot_control.contract import JointReference
+from parallel_robot_model.contract import Model
+
+Array = NDArray[np.float64]
+
+MOST = 50  # samples, largest age from which is predicted
+SMOOTH = 0.002  # rad/s, below which the desired motion has no clear sign
+AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest
+MOVING = 1.0  # (rad/s)^2, of one that moves
+DRIFT = (
+    0.01  # 1/s, of the variances of constant disturbance and dry friction, in parts of themselves
+)
+
+SIZE = 128  # torques that are remembered
+MEANS = 5
+SAMPLE, RUNNING = 0, 1  # floats in the first rows: newest sample; whether the filter ran at it
+MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where these begin
+
+
+class Kalman(NamedTuple):
+    """The filter as the kernels take it; variances have shape (n,).
+
+    Attributes:
+        period: Of the samples [s].
+        command_delay: From a command until it acts [s].
+        velocities: Whether measured velocities are used.
+        position: Variance of the measured positions [rad^2].
+        velocity: Of the measured velocities [(rad/s)^2].
+        disturbance: Of w [(N m)^2].
+        bandwidth: b [1/s].
+        offset: Of c before it is known [(N m)^2].
+        coulomb: Of f before it is known [(N m)^2].
+        memory: Address of its memory, see :func:`memory`.
+    """
+
+    period: float
+    command_delay: float
+    velocities: bool
+    position: Array
+    velocity: Array
+    disturbance: Array
+    bandwidth: float
+    offset: Array
+    coulomb: Array
+    memory: int
+
+
+class Mean(NamedTuple):
+    """What is known of the joints, each shape (n,).
+
+    Attributes:
+        position: q [rad].
+        velocity: v [rad/s].
+        disturbance: w [N m].
+        offset: c [N m].
+        coulomb: f [N m].
+    """
+
+    position: Array
+    velocity: Array
+    disturbance: Array
+    offset: Array
+    coulomb: Array
+
+
+class Variance(NamedTuple):
+    """Covariances of the parts of a Mean, joint by joint, each shape (n,)."""
+
+    qq: Array
+    qv: Array
+    qw: Array
+    qc: Array
+    qf: Array
+    vv: Array
+    vw: Array
+    vc: Array
+    vf: Array
+    ww: Array
+    wc: Array
+    wf: Array
+    cc: Array
+    cf: Array
+    ff: Array
+
+
+class Predicted(NamedTuple):
+    """The joints when the torque acts, each shape (n,).
+
+    Attributes:
+        position: [rad].
+        velocity: [rad/s].
+        disturbance: Torque against the motors that the model does not know, w + c + f s [N m].
+    """
+
+    position: Array
+    velocity: Array
+    disturbance: Array
+
+
+def memory(like: Array) -> Space:
+    """Memory of a filter for vectors as `like`, shape (n,) or with lanes."""
+    return Space((TORQUE + SIZE) * like.size)
+
+
+@inner
+def running(kalman: Kalman, sample: int, known: bool) -> bool:
+    """Whether the filter ran not long before a sample; `known`: whether there was one."""
+    since = sample - read_at(kalman.memory, SAMPLE, 0.0)
+    on = read_at(kalman.memory, RUNNING, 0.0) != 0.0
+    return in_a_lane(known) and on and since >= 0.0 and since <= SIZE - 2 * MOST
+
+
+@inner
+def known_velocity(kalman: Kalman, like: Array) -> Array:
+    """The last estimate of the velocity [rad/s], shape (n,)."""
+    return read_at(kalman.memory, MEAN + 1, like)
+
+
+@inner
+def remember(kalman: Kalman, sample: int, torque: Array, tracking: bool) -> None:
+    """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
+
+    Args:
+        kalman: The filter.
+        sample: Index of the sample.
+        torque: [N m], shape (n,).
+        tracking: Whether the filter ran at this sample.
+    """
+    last = int(read_at(kalman.memory, SAMPLE, 0.0))
+    if sample > last + 1:
+        held = read_at(kalman.memory, TORQUE + last % SIZE, torque)
+        for missed in range(max(last + 1, sample - SIZE), sample):
+            write_at(kalman.memory, TORQUE + missed % SIZE, held)
+    write_at(kalman.memory, TORQUE + sample % SIZE, torque)
+    write_at(kalman.memory, SAMPLE, float(sample))
+    write_at(kalman.memory, RUNNING, 1.0 if tracking else 0.0)
+
+
+@inner
+def _write(kalman: Kalman, x: Mean, p: Variance) -> None:
+    """Keep what is known."""
+    mean = vector((x.position, x.velocity, x.disturbance, x.offset, x.coulomb))
+    write_at(kalman.memory, MEAN // MEANS, mean)
+    of_q = vector((p.qq, p.qv, p.qw, p.qc, p.qf))
+    of_v = vector((p.vv, p.vw, p.vc, p.vf, p.ww))
+    of_w = vector((p.wc, p.wf, p.cc, p.cf, p.ff))
+    for k, part in enumerate((of_q, of_v, of_w)):
+        write_at(kalman.memory, VARIANCE // MEANS + k, part)
+
+
+@inner
+def _read(kalman: Kalman, like: Array) -> tuple[Mean, Variance]:
+    """What is known; `like` is any vector of shape (n,)."""
+    five = vector((like, like, like, like, like))
+    x = read_at(kalman.memory, MEAN // MEANS, five)
+    q = read_at(kalman.memory, VARIANCE // MEANS, five)
+    v = read_at(kalman.memory, VARIANCE // MEANS + 1, five)
+    w = read_at(kalman.memory, VARIANCE // MEANS + 2, five)
+    mean = Mean(x[0], x[1], x[2], x[3], x[4])
+    return mean, Variance(
+        q[0], q[1], q[2], q[3], q[4], v[0], v[1], v[2], v[3], v[4], w[0], w[1], w[2], w[3], w[4]
+    )
+
+
+@inner
+def _begin(
+    kalman: Kalman, moving: bool, position: Array, velocity: Array, torque: Array
+) -> tuple[Mean, Variance]:
+    """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
+    z = np.zeros_like(position)
+    for k in range(SIZE):
+        write_at(kalman.memory, TORQUE + k, torque)
+    v = z + select(moving, MOVING, AT_REST)
+    q, w, c, f = (
+        z + kalman.position,
+        z + kalman.disturbance,
+        z + kalman.offset,
+        z + kalman.coulomb,
+    )
+    mean = Mean(position, velocity, z, z, z)
+    return mean, Variance(q, z, z, z, z, v, z, z, z, w, z, z, c, z, f)
+
+
+@inner
+def _sign(kalman: Kalman, reference: JointReference, back: float) -> Array:
+    """Sign of the desired motion some time before the torque acts [s], smooth, shape (n,)."""
+    later = kalman.command_delay - back
+    rate = reference.velocity + later * reference.acceleration
+    return clip(rate / SMOOTH, -1.0, 1.0)
+
+
+@inner
+def _moved(kalman: Kalman, model: Model, x: Mean, sign: Array, torque: Array, h: float) -> Mean:
+    """The means after a time h [s] under a torque [N m], shape (n,)."""
+    against = multiply(model.Q, x.velocity) + model.gravity
+    against = against + x.disturbance + x.offset + x.coulomb * sign
+    acceleration = solve(model.M, torque - against)
+    return Mean(
+        x.position + h * (x.velocity + 0.5 * h * acceleration),
+        x.velocity + h * acceleration,
+        x.disturbance / (1.0 + h * kalman.bandwidth),
+        x.offset,
+        x.coulomb,
+    )
+
+
+@inner
+def _spread(kalman: Kalman, mobility: Array, p: Variance, s: Array, h: float) -> Variance:
+    """The covariances after a time h [s].
+
+    Args:
+        kalman: The filter.
+        mobility: 1 / M_ii [1/(kg m^2)], shape (n,).
+        p: The covariances before.
+        s: Sign of the motion, shape (n,).
+        h: The time.
+    """
+    left = 1.0 / (1.0 + h * kalman.bandwidth)  # of w
+    u = -h * mobility
+    # 1. What a transition makes of the rows,
+    qq, qv, qw = p.qq + h * p.qv, p.qv + h * p.vv, p.qw + h * p.vw
+    qc, qf = p.qc + h * p.vc, p.qf + h * p.vf
+    vv = p.vv + u * (p.vw + p.vc + s * p.vf)
+    vw = p.vw + u * (p.ww + p.wc + s * p.wf)
+    vc = p.vc + u * (p.wc + p.cc + s * p.cf)
+    vf = p.vf + u * (p.wf + p.cf + s * p.ff)
+    # 2. then of the columns; and noise.
+    return Variance(
+        qq + h * qv,
+        qv + u * (qw + qc + s * qf),
+        left * qw,
+        qc,
+        qf,
+        vv + u * (vw + vc + s * vf),
+        left * vw,
+        vc,
+        vf,
+        left * left * p.ww + (1.0 - left * left) * kalman.disturbance,
+        left * p.wc,
+        left * p.wf,
+        p.cc + h * DRIFT * kalman.offset,
+        p.cf,
+        p.ff + h * DRIFT * kalman.coulomb,
+    )
+
+
+@inner
+def _with_position(
+    x: Mean, p: Variance, position: Array, variance: Array
+) -> tuple[Mean, Variance]:
+    """Means and covariances with measured positions of a variance."""
+    e = (position - x.position) / (p.qq + variance)
+    mean = Mean(
+        x.position + p.qq * e,
+        x.velocity + p.qv * e,
+        x.disturbance + p.qw * e,
+        x.offset + p.qc * e,
+        x.coulomb + p.qf * e,
+    )
+    return mean, _less(p, 1.0 / (p.qq + variance), p.qq, p.qv, p.qw, p.qc, p.qf)
+
+
+@inner
+def _with_velocity(
+    x: Mean, p: Variance, velocity: Array, variance: Array
+) -> tuple[Mean, Variance]:
+    """Means and covariances with measured velocities of a variance."""
+    e = (velocity - x.velocity) / (p.vv + variance)
+    mean = Mean(
+        x.position + p.qv * e,
+        x.velocity + p.vv * e,
+        x.disturbance + p.vw * e,
+        x.offset + p.vc * e,
+        x.coulomb + p.vf * e,
+    )
+    return mean, _less(p, 1.0 / (p.vv + variance), p.qv, p.vv, p.vw, p.vc, p.vf)
+
+
+@inner
+def _less(p: Variance, g: Array, q: Array, v: Array, w: Array, c: Array, f: Array) -> Variance:
+    """Covariances less g times the products of a column of them, (q, v, w, c, f)."""
+    return Variance(
+        p.qq - g * q * q,
+        p.qv - g * q * v,
+        p.qw - g * q * w,
+        p.qc - g * q * c,
+        p.qf - g * q * f,
+        p.vv - g * v * v,
+        p.vw - g * v * w,
+        p.vc - g * v * c,
+        p.vf - g * v * f,
+        p.ww - g * w * w,
+        p.wc - g * w * c,
+        p.wf - g * w * f,
+        p.cc - g * c * c,
+        p.cf - g * c * f,
+        p.ff - g * f * f,
+    )
+
+
+@kernel
+def predicted(
+    kalman: Kalman,
+    model: Model,
+    reference: JointReference,
+    position: Array,
+    velocity: Array,
+    before: Array,
+    moving: bool,
+    sample: int,
+    late: float,
+    dt: float,
+) -> Predicted:
+    """Take a state into account, and predict to the moment at which the torque acts.
+
+    Args:
+        kalman: The filter.
+        model: Nominal model at the measured joints.
+        reference: Desired motion at the sample.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,); not used unless `kalman.velocities`.
+        before: Torque before this sample [N m], shape (n,); used at the first state.
+        moving: Whether there was a state before; if not, the robot is at rest.
+        sample: Index of the period from whose start on the torque is asked for.
+        late: From the measurement to the moment at which the torque acts [s]; what is beyond MOST
+            periods does not count.
+        dt: Time since the state before was measured [s].
+    """
+    period, most = kalman.period, MOST * kalman.period
+    late = select(late > most, most, late)
+    # 1. From the state before to this one, under the torques that acted.
+    if running(kalman, sample, moving):
+        x, p = _read(kalman, position)
+        mobility = 1.0 / _diagonal(model.M, position)
+        begin = late + select(dt > most, most, dt)
+        j = _periods(begin, period)
+        while j > 0:
+            high = select(begin < j * period, begin, j * period)
+            low = select(late > (j - 1) * period, late, (j - 1) * period)
+            h = select(high > low, high - low, 0.0)
+            sign = _sign(kalman, reference, high)
+            torque = read_at(kalman.memory, TORQUE + (sample - j) % SIZE, position)
+            x = _moved(kalman, model, x, sign, torque, h)
+            p = _spread(kalman, mobility, p, sign, h)
+            j -= 1
+        x, p = _with_position(x, p, position, kalman.position)
+        if kalman.velocities:
+            x, p = _with_velocity(x, p, velocity, kalman.velocity)
+    else:
+        rate = velocity if kalman.velocities else np.zeros_like(velocity)
+        x, p = _begin(kalman, moving, position, rate, before)
+    _write(kalman, x, p)
+    # 2. Over the age of this state, under the torques that were asked for since.
+    j = _periods(late, period)
+    while j > 0:
+        high = select(late < j * period, late, j * period)
+        h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
+        torque = read_at(kalman.memory, TORQUE + (sample - j) % SIZE, position)
+        x = _moved(kalman, model, x, _sign(kalman, reference, high), torque, h)
+        j -= 1
+    unknown = x.disturbance + x.offset + x.coulomb * _sign(kalman, reference, 0.0)
+    return Predicted(x.position, x.velocity, unknown)
+
+
+@inner
+def _periods(time: float, period: float) -> int:
+    """Number of periods that a time takes, in any lane."""
+    count = 0
+    while in_a_lane(time > (count + 1e-6) * period) and count < 2 * MOST:
+        count += 1
+    return count
+
+
+@inner
+def _diagonal(matrix: Array, like: Array) -> Array:
+    """Diagonal of a matrix of shape (n, n) as a vector; `like` is any of shape (n,)."""
+    one = np.zeros_like(like) + 1.0
+    return multiply(matrix * np.diag(one), one)

@@ -1,0 +1,30 @@
+"""Gains that do not suit the noise of the sensors, which no controller knows but a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_control.estimator import NONE, kind_for
+from parallel_robot_sim.configuration import Configuration
+
+
+def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
+    """What the active law says of the noise of the velocities that it is given.
+
+    Nothing where they are estimated or differentiated: their noise is another one.
+    """
+    values: Mapping[str, Any] = configuration.values
+    name = configuration.loop.law
+    law = configuration.control.laws[name]
+    measured = kind_for(configuration.control.estimator, law) == NONE
+    if not measured or values['sensor.differentiate']:
+        return ()
+    of_law = getattr(law, 'judge_noise', None)
+    noise = float(np.max(values['sensor.velocity_noise']))
+    if of_law is None or not noise:
+        return ()
+    found = of_law(configuration.control.gains[name], noise, configuration.loop.period)
+    return tuple(f'{name}: {text}' for text in found)

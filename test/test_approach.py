@@ -1,0 +1,68 @@
+"""The approach against the boundary conditions that define it."""
+
+import numpy as np
+import pytest
+from assembly import simulate
+
+from parallel_robot_base.kernel import kernel
+from parallel_robot_base.vector_types import vector
+from parallel_robot_control.approach import approached, not_begun
+from parallel_robot_control.contract import JointReference
+
+DT = 1e-3
+REFERENCE = JointReference(*map(vector, ([0.4, -0.2], [0.3, 0.1], [-1.0, 2.0])))
+OFFSET, RATE = np.array([0.02, -0.05]), np.array([0.3, -0.4])
+
+
+@kernel
+def _approached(duration, before, reference, position, velocity, dt):
+    return approached(duration, before, reference, position, velocity, dt)
+
+
+def courses(duration, count):
+    """What is added to a reference that stands still, its rate and acceleration."""
+    before, rows = not_begun(2), []
+    position = vector(np.asarray(REFERENCE.position) + OFFSET)
+    velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
+    for _ in range(count):
+        joined, before = _approached(duration, before, REFERENCE, position, velocity, DT)
+        position = velocity = vector([np.nan, np.nan])  # only the first state counts
+        rows.append(
+            [np.asarray(a) - np.asarray(b) for a, b in zip(joined, REFERENCE, strict=True)]
+        )
+    return np.array(rows)
+
+
+def quintic(duration):
+    """Coefficients of the polynomials with the offsets at 0 and nothing at the end, by joints."""
+    powers = np.arange(6)
+
+    def rows(t):
+        yield t**powers
+        yield powers * t ** np.maximum(powers - 1, 0)
+        yield powers * (powers - 1) * t ** np.maximum(powers - 2, 0)
+
+    ends = np.array([*rows(0.0), *rows(duration)])
+    return np.linalg.solve(ends, [OFFSET, RATE, 0 * RATE, 0 * RATE, 0 * RATE, 0 * RATE])
+
+
+def test_the_offset_is_faded_by_the_quintic():
+    found = courses(0.1, 130)
+    t = np.minimum(DT * np.arange(130), 0.1)[:, np.newaxis]
+    wanted = sum(c * t**k for k, c in enumerate(quintic(0.1)))
+    assert np.allclose(found[:, 0], wanted, atol=1e-12)
+    assert np.allclose(np.gradient(found[:, 0], DT, axis=0)[1:98], found[1:98, 1], atol=2e-2)
+    assert np.allclose(np.gradient(found[:, 1], DT, axis=0)[2:97], found[2:97, 2], atol=1.0)
+    assert not found[100:].any()
+
+
+def test_without_a_duration_the_reference_stays_as_it_is():
+    assert not courses(0.0, 3).any()
+
+
+@pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'lqg_tracking'])
+def test_the_start_beside_the_circle_needs_no_torque_beyond_that_of_the_motion(law):
+    run = simulate(duration=2.0, overrides={'law': law, 'approach.duration': 0.4})
+    jump = simulate(duration=2.0, overrides={'law': law})
+    assert np.abs(run.out.effort).max() < 6.0 < np.abs(jump.out.effort).max()
+    assert np.abs(run.out.effort[1]).max() < 1.0

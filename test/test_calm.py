@@ -1,0 +1,135 @@
+"""The price of calm, held against a controller that runs, another solver and the limit."""
+
+import csv
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.limit import calm
+from parallel_robot_analysis.limit.linear_motion import LinearMotion, linearise
+from parallel_robot_analysis.limit.prediction import Noise, least, noise_of
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import configure
+
+PERIOD, MASS, LATE = 1e-3, 0.5, 2
+SIGMA, MEMORY = 0.4, 0.94
+TOLD = Noise(*(np.array([each]) for each in (1e-5, 5e-3, SIGMA)), MEMORY, np.array([0.05]), LATE)
+STAY = np.array([[1.0, PERIOD], [0.0, 1.0 - 2.0 * PERIOD]])
+PUSH = np.array([[0.5 * PERIOD**2], [PERIOD]]) / MASS
+
+
+@pytest.fixture(scope='module')
+def mass():
+    """One joint with a mass and some friction."""
+    each = (STAY, PUSH, np.eye(2), np.eye(2)[:1])
+    return LinearMotion(np.array([0.0, 0.4]), *(np.array([part, part]) for part in each))
+
+
+@pytest.fixture(scope='module')
+def point(mass):
+    return calm.point_of(mass, TOLD, PERIOD, 0)
+
+
+def run(K, count=120_000):
+    """A controller -K x of a filter and a predictor of its own: its error and its chattering."""
+    chance = np.random.default_rng(2)
+    F = np.block([[STAY, PUSH], [np.zeros((1, 2)), MEMORY * np.ones((1, 1))]])
+    G, C = np.vstack((PUSH, [[0.0]])), np.eye(3)[:2]
+    V = np.diag([1e-10, 2.5e-5])
+    W = np.diag([0.0, 0.0, (1.0 - MEMORY**2) * SIGMA**2])
+    W[:2, :2] = 0.05**2 * PUSH @ PUSH.T
+    P = scipy.linalg.solve_discrete_are(F.T, C.T, W, V)
+    L = P @ C.T @ np.linalg.inv(C @ P @ C.T + V)
+    state, guess, last = np.zeros(3), np.zeros(3), np.zeros(20)
+    torques, motors, errors = np.zeros(count), np.zeros(count), np.zeros(count)
+    guesses = np.zeros((count, 3))
+    draws = chance.standard_normal((count, 4)) * [1e-5, 5e-3, 0.05, 1.0]
+    fresh = np.sqrt(1.0 - MEMORY**2) * SIGMA
+    for k in range(count):
+        guess = guess + L @ (state[:2] + draws[k, :2] - C @ guess)
+        guesses[k] = guess
+        if k >= LATE:  # the torque of now follows from what was measured LATE samples ago
+            ahead = guesses[k - LATE]
+            for j in range(k - LATE, k):
+                ahead = F @ ahead + G[:, 0] * torques[j]
+            torques[k] = -(K @ np.concatenate((ahead, last)))[0]
+        errors[k], motors[k] = state[0], torques[k] + draws[k, 2]
+        guess = F @ guess + G[:, 0] * torques[k]
+        state = F @ state + G[:, 0] * motors[k]
+        state[2] += fresh * draws[k, 3]
+        last = np.concatenate((torques[k : k + 1], last[:-1]))
+    part = slice(count // 10, None)
+    time = PERIOD * np.arange(count)
+    rough = metrics.torque(time, motors[:, np.newaxis], part).chattering_nm
+    return np.sqrt(np.mean(errors[part] ** 2)), rough
+
+
+@pytest.mark.parametrize('weight', [1e-8, 1e-10])
+def test_a_controller_that_runs_has_its_error_and_its_chattering(weight, point):
+    error, chattering = np.sqrt(calm.variances(point, weight))
+    found = run(calm.feedback(point, weight))
+    assert found == pytest.approx((error, chattering), rel=0.03)
+    assert chattering > 0.05
+
+
+def test_the_gain_is_that_of_another_solver(point):
+    weight = 1e-9
+    scale = 1e12  # else that solver calls it singular
+    Q = point.error.T @ point.error + point.rest.T @ point.rest
+    Q = scale * (Q + weight * point.rough.T @ point.rough)
+    R, S = scale * weight * point.now**2 * np.eye(1), scale * weight * point.now * point.rough.T
+    X = scipy.linalg.solve_discrete_are(point.transition, point.torque, Q, R, s=S)
+    B = point.torque
+    expected = np.linalg.solve(R + B.T @ X @ B, B.T @ X @ point.transition + S.T)
+    assert calm.feedback(point, weight) == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+def test_no_gain_is_better_than_the_best(point):
+    """Gains a little off cost more: the front is one."""
+    chance, weight = np.random.default_rng(3), 1e-9
+    best = calm.feedback(point, weight)
+
+    def cost(K):
+        loop = point.transition - point.torque @ K
+        Z = scipy.linalg.solve_discrete_lyapunov(loop, point.fresh)
+        told, rest = point.rough - point.now * K, point.rest
+        return np.trace(point.error @ Z @ point.error.T) + np.trace(
+            rest @ Z @ rest.T + weight * told @ Z @ told.T
+        )
+
+    for _ in range(5):
+        assert cost(best * (1.0 + 0.02 * chance.standard_normal(best.shape))) > cost(best)
+
+
+def test_without_calm_there_is_the_limit_and_calm_costs():
+    changes = {
+        'duration': 1.0, 'sensor.position_noise': 5e-6, 'sensor.velocity_noise': 5e-3,
+        'sensor.delay': 2e-3, 'disturbance.noise': 0.5, 'disturbance.bandwidth': 10.0,
+    }  # fmt: skip
+    configuration = configure(resolve('paper_circle', changes))
+    motion, told = linearise(configuration), noise_of(configuration.plant.imperfections, PERIOD, 3)
+    found, limit = calm.price_of_calm(motion, told, PERIOD), least(motion, told, PERIOD)
+    assert (np.diff(found.chattering) > 0.0).all() and (np.diff(found.error) < 0.0).all()
+    assert limit < found.error[-1] < 1.15 * limit
+    assert found.at(found.chattering[3]) == pytest.approx(found.error[3])
+    assert found.at(1e3) == pytest.approx(found.error[-1]) and np.isnan(found.at(1e-6))
+    assert 5e-6 < found.at(0.3) < 16e-6  # less than a scalar model with other weights has
+
+
+def test_the_command_tells_and_draws_it(tmp_path, capsys):
+    out, figure = tmp_path / 'limit.csv', tmp_path / 'calm.png'
+    words = ['--runs', '2', '--out', str(out), '--figure', str(figure)]
+    assert main(['limit', 'robustness', *words]) == 0
+    assert 'with a chattering of at most [N m]; 2 robots with noise' in capsys.readouterr().out
+    rows = [*csv.DictReader(out.open())]
+    for row in rows:
+        errors = [float(row[f'at_{level}_nm_m']) for level in ('0.2', '0.5', '2')]
+        assert errors == sorted(errors, reverse=True) and errors[-1] > float(row['as_it_is_m'])
+    assert figure.read_bytes().startswith(b'\x89PNG')
+    assert main(['limit', 'robustness', '--figure', str(tmp_path / 'calm.doc')]) == 2
+    assert 'picture format' in capsys.readouterr().err
+    assert main(['limit', 'paper_circle', '--duration', '1', '--calm']) == 0
+    assert 'no noise: calm costs nothing' in capsys.readouterr().out

@@ -1,0 +1,80 @@
+"""`parallel_robot fronts`: several tunings in one picture, and what it refuses."""
+
+import json
+
+import pytest
+from matplotlib.figure import Figure
+
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.tuning import fronts
+from parallel_robot_analysis.tuning.store import FORMAT
+from parallel_robot_base.errors import InputError
+
+TABLE = """trial,chosen,xy_rms_m,chattering_nm,Kp
+3,0,0.0001,0.9,1.0
+1,1,0.0002,0.3,2.0
+"""
+
+
+def tuning(folder, name, law='pid', table=TABLE, **manifest):
+    directory = folder / name
+    directory.mkdir()
+    same = {'scenario': 'paper_circle', 'measure of effort': 'chattering', 'number of runs': 8}
+    content = {'format': FORMAT, 'law': law, **same, **manifest}
+    (directory / 'tune.json').write_text(json.dumps(content))
+    (directory / 'front.csv').write_text(table)
+    return directory
+
+
+def test_each_front_is_drawn_and_named(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
+    laws = {'a': 'pid', 'b': 's_fotsmc', 'c': 'pid'}
+    found = [fronts.read(tuning(tmp_path, name, law)) for name, law in laws.items()]
+    fronts.draw(found)
+    (axes,) = drawn[0].axes
+    assert {text.get_text(): text.get_fontweight() for text in axes.texts} == {
+        'PID (a)': 'normal',
+        'S-FOTSMC': 'bold',
+        'PID (c)': 'normal',
+    }
+    curve, star = axes.lines[:2]
+    assert [*curve.get_xdata()] == [0.9, 0.3] and [*curve.get_ydata()] == pytest.approx([100, 200])
+    assert (star.get_xdata(), star.get_ydata()) == ([0.3], [pytest.approx(200.0)])
+    assert 'end-effector error' in axes.get_ylabel() and 'chattering' in axes.get_xlabel()
+
+
+def test_it_writes_one_file_of_either_kind(tmp_path, capsys):
+    directory = str(tuning(tmp_path, 'a'))
+    for name, start in (('all.png', b'\x89PNG'), ('all.svg', b'<?xml')):
+        assert main(['fronts', directory, '--out', str(tmp_path / name)]) == 0
+        assert (tmp_path / name).read_bytes().startswith(start)
+    assert main(['fronts', directory, '--out', str(tmp_path / 'all.png')]) == 2
+    assert main(['fronts', directory, '--out', str(tmp_path / 'all.txt')]) == 2
+    assert "--out must end with .svg or .png, not 'all.txt'" in capsys.readouterr().err
+
+
+def test_what_cannot_be_compared_is_refused(tmp_path):
+    first = fronts.read(tuning(tmp_path, 'a'))
+    other = fronts.read(tuning(tmp_path, 'b', **{'number of runs': 9}))
+    with pytest.raises(InputError, match='differ in the number of runs'):
+        fronts.check([first, other])
+    fronts.check([first, fronts.read(tuning(tmp_path, 'c', 'smc'))])
+
+
+@pytest.mark.parametrize(
+    ('broken', 'wanted'),
+    [
+        ({'table': ''}, 'is not the front of a tuning'),
+        ({'table': TABLE.replace('0.9', 'x')}, 'is not the front of a tuning'),
+        ({'format': 'other'}, 'is not the directory of a tuning'),
+        ({'measure of effort': 'noise'}, 'is not the front of a tuning'),
+    ],
+)
+def test_a_broken_directory_costs_one_line(broken, wanted, tmp_path, capsys):
+    directory = tuning(tmp_path, 'a', **broken)
+    assert main(['fronts', str(directory), '--out', str(tmp_path / 'all.svg')]) == 2
+    error = capsys.readouterr().err
+    assert wanted in error and error.count('\n') == 1
+    assert main(['fronts', str(tmp_path / 'no'), '--out', str(tmp_path / 'all.svg')]) == 2
+    assert 'no front in' in capsys.readouterr().err
