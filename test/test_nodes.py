@@ -76,12 +76,20 @@ time.sleep(1e6)
 """
 
 
+def records(message):
+    """Whether a diagnostic says that the recorder has received states."""
+    values = [value for status in message.status for value in status.values]
+    return any(value.key == topics.JOINT_STATES.name and value.value != '0' for value in values)
+
+
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGTERM])
 def test_nodes_end_in_order_when_their_launcher_is_killed(number, compiled, peer, tmp_path):
     given = [*PATIENT, 'end_with_parent:=true', f'recorder.out:={tmp_path / "bag"}']
     options = [word for parameter in given for word in ('-p', parameter)]
     started = [command(MODULES[name], '--ros-args', *options) for name in NAMES]
     commands = peer.listen(topics.COMMANDS)
+    told = []  # what the recorder says that it has received
+    peer.node.create_subscription(DiagnosticArray, '/diagnostics', told.append, 100)
     with contextlib.ExitStack() as stack:
         words = [sys.executable, '-c', LAUNCHER, json.dumps(started)]
         launcher = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE))
@@ -92,6 +100,7 @@ def test_nodes_end_in_order_when_their_launcher_is_killed(number, compiled, peer
             stack.callback(os.close, nodes[-1].descriptor)
             stack.callback(nodes[-1].kill)
         peer.until(lambda: any(np.any(command.data) for command in commands))
+        peer.until(lambda: any(map(records, told)))
         launcher.send_signal(number)
         launcher.wait()
         peer.until(lambda: all(node.ended() for node in nodes))
