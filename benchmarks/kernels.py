@@ -21,7 +21,7 @@ import mujoco
 import numpy as np
 from rows import Row, ratios, row, show
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import run

@@ -19,8 +19,7 @@ from rclpy.context import Context
 from rows import row, show
 
 from parallel_robot_base import layouts, topics
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode

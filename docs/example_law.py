@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_model.contract import inverse_dynamics
 

@@ -6,9 +6,7 @@ import numpy as np
 
 from parallel_robot_base.errors import RobotError
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import every, select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import every, kernel, select, vector
 from parallel_robot_model.contract import (
     FOUND,
     REACHED,

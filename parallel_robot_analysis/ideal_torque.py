@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_analysis.limit.linear_motion import performed, smooth
-from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.fields import PerJoint
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_compiler import Boxed, kernel, read_row, write_row
 from parallel_robot_model.joint_load import JointLoad, net_torque
 from parallel_robot_sim.actuators import held_disturbance
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration

@@ -16,8 +16,8 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import RunError
-from parallel_robot_base.kernel_cache import NOTICE
 from parallel_robot_base.module_process import START, command, die_with_parent
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_base.user_directory import user_directories

@@ -11,9 +11,9 @@ from parallel_robot_bags.experiment import NODES
 from parallel_robot_bags.history import History, granted_priorities
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base import config
-from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_compiler import inner, kernel
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_sim.imperfections import told_age
 from parallel_robot_sim.plant import PlantParameters

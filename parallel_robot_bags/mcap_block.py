@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 
 HEAD = 9  # bytes before the content of a record: opcode and length
 MESSAGE_HEAD = 22  # bytes of a message's content before its payload

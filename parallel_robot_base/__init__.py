@@ -1,4 +1,4 @@
-"""Base of all packages: errors, configuration, message bytes, compiler; no ROS, no law."""
+"""Base of all packages: errors, configuration, message bytes; no ROS, no law."""
 
 from parallel_robot_base.numba_settings import take_from_environment_alone
 

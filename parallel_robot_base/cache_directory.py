@@ -16,12 +16,12 @@ import re
 import shutil
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
-
-import numba
 
 from parallel_robot_base.user_directory import user_directories
 
+NOTICE = 'compiling; after an installation this takes about a minute, once'
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 5  # versions, this one included
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
@@ -120,7 +120,7 @@ def _root() -> Path:
 
 def _version() -> str:
     """Hash of the sources that the machine code depends on, and of what compiles them."""
-    digest = hashlib.sha256(f'{numba.__version__} {sys.implementation.cache_tag}'.encode())
+    digest = hashlib.sha256(f'{version("numba")} {sys.implementation.cache_tag}'.encode())
     rooms = [
         path
         for path in _root().iterdir()

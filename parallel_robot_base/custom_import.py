@@ -26,10 +26,18 @@ MOVED = {  # names that files for older versions import, and where they are now
     ('parallel_robot_interface.errors', 'InputError'): 'parallel_robot_base.errors',
     ('parallel_robot_interface.fields', 'Field'): 'parallel_robot_base.fields',
     ('parallel_robot_model.dynamics', 'Model'): 'parallel_robot_model.contract',
-    ('parallel_robot_model.kernel', 'inner'): 'parallel_robot_base.kernel',
-    ('parallel_robot_model.kernel', 'kernel'): 'parallel_robot_base.kernel',
-    ('parallel_robot_model.kinematics', 'inverse'): 'parallel_robot_base.linear_algebra',
-    ('parallel_robot_model.kinematics', 'multiply'): 'parallel_robot_base.linear_algebra',
+    ('parallel_robot_model.kinematics', 'multiply'): 'parallel_robot_compiler',
+    **{
+        (module, name): 'parallel_robot_compiler'
+        for module, names in {
+            'parallel_robot_model.kernel': ('inner', 'kernel'),
+            'parallel_robot_base.kernel': ('inlined', 'inner', 'kernel'),
+            'parallel_robot_base.linear_algebra': ('cross', 'dot', 'multiply', 'solve'),
+            'parallel_robot_base.vector_select': ('clip', 'every', 'select', 'some'),
+            'parallel_robot_base.vector_types': ('vector',),
+        }.items()
+        for name in names
+    },
 }
 
 

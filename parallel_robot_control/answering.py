@@ -10,12 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.loop import OLDEST
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_select import select
+from parallel_robot_compiler import inner, kernel, read_row, select, write_row
 from parallel_robot_control import faults
 from parallel_robot_control.approach import Approach
 from parallel_robot_control.contract import JointReference

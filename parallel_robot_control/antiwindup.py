@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import select, some
+from parallel_robot_compiler import kernel, select, some
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import inner
-from parallel_robot_base.vector_select import select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import inner, select, vector
 from parallel_robot_control.contract import JointReference
 
 Array = NDArray[np.float64]

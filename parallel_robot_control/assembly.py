@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.boxed import Boxed
-from parallel_robot_base.function_value import distinguish
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import Boxed, distinguish, vector
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_compiler import kernel, read_row, write_row
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
 

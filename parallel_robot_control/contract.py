@@ -1,6 +1,6 @@
 """What a control law receives and returns: the interface between the laws and the rest.
 
-Joint vectors and matrices come as the vectors of :mod:`parallel_robot_base.vector_types`: they are
+Joint vectors and matrices come as the vectors of :mod:`parallel_robot_compiler`: they are
 used as arrays are, element by element, but cannot be changed. A custom law that changes or slices
 them, or makes arrays of its own, gets arrays instead.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 
 Array = NDArray[np.float64]
 

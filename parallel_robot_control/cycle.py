@@ -7,11 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import inner, kernel
-from parallel_robot_base.lanes import in_a_lane
-from parallel_robot_base.vector_select import every, select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import FirstClass, every, in_a_lane, inner, kernel, select, vector
 from parallel_robot_control import faults, kalman
 from parallel_robot_control.approach import Approach, approached, not_begun
 from parallel_robot_control.contract import Feedback, JointReference

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import clip, select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import clip, kernel, select, vector
 from parallel_robot_control import kalman
 from parallel_robot_control.contract import Law
 from parallel_robot_control.kalman import MOST, Kalman

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.contract import JointReference
 
 Array = NDArray[np.float64]

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, vector
 
 Array = NDArray[np.float64]
 

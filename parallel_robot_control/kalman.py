@@ -25,12 +25,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inner, kernel
-from parallel_robot_base.lanes import in_a_lane
-from parallel_robot_base.linear_algebra import multiply, solve
-from parallel_robot_base.space import Space, read_at, write_at
-from parallel_robot_base.vector_select import clip, select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import (
+    Space,
+    clip,
+    in_a_lane,
+    inner,
+    kernel,
+    multiply,
+    read_at,
+    select,
+    solve,
+    vector,
+    write_at,
+)
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.contract import Model
 

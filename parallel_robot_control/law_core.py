@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.experimental import structref
 
-from parallel_robot_base.kernel import entry_point, kernel
+from parallel_robot_compiler import entry_point, kernel
 from parallel_robot_control.answering import answer
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.cycle import ControlSetup, cycle_of

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_base import cache_directory
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import vector
 from parallel_robot_control import kalman
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import ControlConfiguration

@@ -21,7 +21,7 @@ from parallel_robot_base.custom_import import import_file
 from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.trial_process import LIMIT, step
-from parallel_robot_base.vector_types import as_arrays, as_vectors
+from parallel_robot_compiler import as_arrays, as_vectors
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model
 

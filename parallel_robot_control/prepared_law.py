@@ -9,12 +9,17 @@ import numpy as np
 from numba import typeof
 from numpy.typing import NDArray
 
-from parallel_robot_base.boxed import Boxed
-from parallel_robot_base.compile_error import reason
 from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
-from parallel_robot_base.function_value import FirstClass, distinguish
-from parallel_robot_base.vector_types import as_arrays, as_vectors, vector
+from parallel_robot_compiler import (
+    Boxed,
+    FirstClass,
+    as_arrays,
+    as_vectors,
+    distinguish,
+    reason,
+    vector,
+)
 from parallel_robot_control import law_trial
 from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law

@@ -10,10 +10,8 @@ from numba.experimental import structref
 from numpy.typing import NDArray
 
 from parallel_robot_base import layouts
-from parallel_robot_base.kernel import entry_point, inner, kernel
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.vector_rows import read_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import entry_point, inner, kernel, read_row, vector
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate
 from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message, wire_of

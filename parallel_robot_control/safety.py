@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_base.kernel import inlined, kernel
-from parallel_robot_base.vector_select import clip, select, some
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import clip, inlined, kernel, select, some, vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 

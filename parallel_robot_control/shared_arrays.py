@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import layouts
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import vector
 from parallel_robot_control.approach import Approach
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimator import Estimated

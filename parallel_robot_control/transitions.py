@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import vector
 from parallel_robot_control import faults
 from parallel_robot_control.approach import not_begun
 from parallel_robot_control.cycle import CycleState, initial_state

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base import cdr
 from parallel_robot_base.cdr import ENCAPSULATION, SPARE
-from parallel_robot_base.kernel import inner, kernel
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_compiler import inner, kernel
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import every, select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import every, kernel, select, vector
 from parallel_robot_model import axes_linear_model as linear_model  # noqa: F401
 from parallel_robot_model.contract import (
     FOUND,

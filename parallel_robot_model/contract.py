@@ -1,13 +1,12 @@
 """What a robot provides to the rest of the suite: the interface between machine and suite.
 
 A robot is a module, or a package, with the attributes of :class:`Robot`. Its kernels take its
-``constants`` and vectors (see :mod:`parallel_robot_base.vector_types`), whose size is known when
+``constants`` and vectors (see :mod:`parallel_robot_compiler`), whose size is known when
 they are compiled; n is the number of its actuated joints, m that of the coordinates of its pose.
 Of all this, the laws see only the :class:`Model`.
 
 The kernels of the robots of the suite also run side by side, for many robots at once: they decide
-by ``select`` instead of branches, see :mod:`parallel_robot_base.vector_select`. A custom robot
-need not.
+by ``select`` instead of branches. A custom robot need not.
 
 The plant integrates coordinates that the robot chooses: minimal ones, in which its equations
 of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
@@ -20,8 +19,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
+from parallel_robot_compiler import kernel, multiply
 from parallel_robot_model.feasibility import Infeasible
 from parallel_robot_model.joint_load import JointLoad
 

@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.lanes import in_a_lane
-from parallel_robot_base.vector_select import some
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import in_a_lane, kernel, some, vector
 
 Array = NDArray[np.float64]
 

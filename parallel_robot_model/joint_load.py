@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_model.disturbance import DisturbanceParameters, disturbance_torque
 from parallel_robot_model.friction import FrictionParameters, friction_torque
 

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.errors import KinematicsError
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.robots import RobotModel
 

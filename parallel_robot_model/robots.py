@@ -11,13 +11,10 @@ from typing import Any, NamedTuple
 from numba import types
 
 from parallel_robot_base import config, custom_module
-from parallel_robot_base.boxed import Boxed
-from parallel_robot_base.compile_error import reason
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import defaults
-from parallel_robot_base.function_value import FirstClass, distinguish
 from parallel_robot_base.trial_process import LIMIT, step
-from parallel_robot_base.vector_types import VectorType, shape_of
+from parallel_robot_compiler import Boxed, FirstClass, VectorType, distinguish, reason, shape_of
 from parallel_robot_model import axes, planar_3rrr, serial_2r
 from parallel_robot_model.contract import Estimate, JointMotion, Location, Measurement, Robot
 

@@ -25,10 +25,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
-from parallel_robot_base.vector_select import select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, multiply, select, vector
 from parallel_robot_model import serial_2r_linear_model as linear_model  # noqa: F401
 from parallel_robot_model.contract import (
     FOUND,

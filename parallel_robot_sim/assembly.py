@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.custom_module import blaming
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.placed import locating
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration

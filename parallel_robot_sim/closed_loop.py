@@ -7,11 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.lanes import in_a_lane
-from parallel_robot_base.vector_rows import read_row, rows_for, write_row
-from parallel_robot_base.vector_select import select
+from parallel_robot_compiler import (
+    FirstClass,
+    in_a_lane,
+    kernel,
+    read_row,
+    rows_for,
+    select,
+    write_row,
+)
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite

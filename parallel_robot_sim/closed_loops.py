@@ -6,10 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_base.boxed import Boxed
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.side_by_side import lane_of, side_by_side
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import Boxed, FirstClass, lane_of, side_by_side, vector
 from parallel_robot_control import kalman
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import ControlSetup, cycle_of

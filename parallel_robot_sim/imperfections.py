@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint, check
-from parallel_robot_base.space import Space
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_compiler import Space
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inlined
+from parallel_robot_compiler import inlined
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inner
-from parallel_robot_base.space import read_at, write_at
-from parallel_robot_base.vector_select import select
+from parallel_robot_compiler import inner, read_at, select, write_at
 from parallel_robot_sim.random_numbers import whole_number
 
 Array = NDArray[np.float64]

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import clip
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import clip, kernel, vector
 from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.integrators import ode3, rk4
 from parallel_robot_sim.sensors import keep_sensed

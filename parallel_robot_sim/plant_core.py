@@ -9,9 +9,8 @@ from numba import types
 from numba.experimental import structref
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_compiler import kernel, read_row, write_row
 from parallel_robot_control.cycle import is_finite
 from parallel_robot_control.wire import joint_row, lay_open
 from parallel_robot_sim.plant import PlantSetup, PlantState, step

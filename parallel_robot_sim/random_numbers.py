@@ -10,9 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inner, kernel
-from parallel_robot_base.lanes import lane, lanes_of, with_lane
-from parallel_robot_base.space import read_at, write_at
+from parallel_robot_compiler import inner, kernel, lane, lanes_of, read_at, with_lane, write_at
 
 Array = NDArray[np.float64]
 

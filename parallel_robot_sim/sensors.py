@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import inner, kernel
-from parallel_robot_base.vector_select import select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import inner, kernel, select, vector
 from parallel_robot_model.contract import Measurement
 from parallel_robot_sim.memory import (
     EFFORT,

@@ -6,8 +6,7 @@ import numpy as np
 
 from parallel_robot_base import layouts
 from parallel_robot_base.errors import DRIVEN_OUT, RunError
-from parallel_robot_base.kernel import entry_point
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import entry_point, vector
 from parallel_robot_control.safety import safe_action, safe_torque
 from parallel_robot_control.wire import wire_of
 from parallel_robot_model.contract import Measurement

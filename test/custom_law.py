@@ -7,7 +7,7 @@ import numpy as np
 
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 
 
 class Gains(NamedTuple):

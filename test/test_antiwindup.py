@@ -9,8 +9,7 @@ from rig import Rig
 from vectors import on_vectors
 
 from parallel_robot_base import config
-from parallel_robot_base.boxed import Boxed
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import antiwindup
 from parallel_robot_control.answering import EXCESS
 from parallel_robot_control.laws import LAWS

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, vector
 from parallel_robot_control.approach import approached, not_begun
 from parallel_robot_control.contract import JointReference
 

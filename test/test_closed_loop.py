@@ -11,8 +11,7 @@ from mujoco_robot import open_loop as mujoco_open_loop
 from test_s_fotsmc import ring
 
 from parallel_robot_base import config
-from parallel_robot_base.kernel import entry_point
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import entry_point, vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference

@@ -12,9 +12,9 @@ from rig import Rig
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import cache_directory, topics
+from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.kernel_cache import NOTICE
-from parallel_robot_base.vector_types import Vector
+from parallel_robot_compiler import Vector
 from parallel_robot_control import law_loader, law_trial
 from parallel_robot_control.array_law import ArrayLaw
 from parallel_robot_control.configuration import resolve, settings
@@ -265,9 +265,9 @@ SLICED = f"""{FORMULA}
     e[:1] *= 1.0"""
 OF_VECTORS = f"""{FORMULA}
     torque = select(torque == torque, torque, vector((0.0, 0.0, 0.0)))"""
-IMPORTED = """from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import select
-from parallel_robot_base.vector_types import vector
+IMPORTED = """from parallel_robot_compiler import kernel
+from parallel_robot_compiler import select
+from parallel_robot_compiler import vector
 """
 
 
@@ -299,8 +299,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply
+from parallel_robot_compiler import kernel
+from parallel_robot_compiler import multiply
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_control.coupling import coupling

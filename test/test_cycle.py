@@ -8,7 +8,7 @@ from assembly import FAULTS
 from geometry import PAPER_START, PI12_START, legs
 from vectors import on_vectors
 
-from parallel_robot_base.vector_types import as_vectors, vector
+from parallel_robot_compiler import as_vectors, vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference

@@ -5,7 +5,7 @@ from geometry import ROBOT, kinetic_energy, legs, poses, rows
 from hypothesis import given
 from vectors import OnVectors
 
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import vector
 from parallel_robot_model import planar_3rrr
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.disturbance import DisturbanceParameters

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.estimator import FILTER, LEVANT, Estimated, Estimator, estimated
 
 H = 1e-3  # s

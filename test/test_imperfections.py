@@ -11,9 +11,7 @@ from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.study.run_chunk import run_chunk
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.contract import Measurement
 from parallel_robot_model.poses import poses_of

@@ -6,9 +6,7 @@ from assembly import simulate
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control import kalman
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure

@@ -7,9 +7,7 @@ import pytest
 from numba.core.runtime import rtsys
 from numba.core.runtime._nrt_python import memsys_enable_stats
 
-from parallel_robot_base.boxed import Boxed
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import Boxed, FirstClass, kernel
 
 
 class Constants(NamedTuple):

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base import cache_directory, kernel_cache
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import kernel
+from parallel_robot_base import cache_directory
+from parallel_robot_compiler import FirstClass, kernel, kernel_cache
 
 ROOT = Path(__file__).parents[1]
 KEPT = cache_directory.KEPT
@@ -142,11 +141,11 @@ def test_a_process_that_loses_its_cache_compiles_and_tells_so_once(told, tmp_pat
     first, again, lost = kernel(twice), kernel(twice), kernel(twice)
     assert not told()
     assert first(2.0) == 4.0
-    assert told() == [kernel_cache.NOTICE]
+    assert told() == [cache_directory.NOTICE]
     assert again(2.0) == 4.0 and sum(again.stats.cache_hits.values()) == 1
     shutil.rmtree(tmp_path / 'cache')
     assert lost(2.0) == 4.0 and sum(lost.stats.cache_hits.values()) == 0
-    assert told() == [kernel_cache.NOTICE]
+    assert told() == [cache_directory.NOTICE]
     assert any((tmp_path / 'cache').rglob('*.nbc'))  # for the next
 
 
@@ -156,7 +155,7 @@ def test_how_far_it_is_is_told_now_and_then(told, tmp_path, monkeypatch):
     for factor in (4.0, 5.0, 6.0):
         assert kernel(lambda x, factor=factor: factor * x)(1.0) == factor
     text = f'1 of about {cache_directory.ALL} kernels are compiled'
-    assert told() == [kernel_cache.NOTICE, text]  # and then not for some seconds
+    assert told() == [cache_directory.NOTICE, text]  # and then not for some seconds
     assert cache_directory.compiled() == text.replace('1', '3', 1)
     monkeypatch.setattr(kernel_cache, '_due', 0.0)
     monkeypatch.setattr(cache_directory, 'OWN', '')
@@ -217,8 +216,8 @@ print(sum(motion.stats.cache_hits.values()), motion.stats.cache_path)
 def test_a_copy_of_the_sources_finds_what_another_has_compiled(tmp_path):
     results = []
     for name in ('one', 'two'):
-        for package in ('parallel_robot_base', 'trajectory_gen'):
-            shutil.copytree(ROOT / package, tmp_path / name / package)
+        for package in (*ROOT.glob('parallel_robot_*'), ROOT / 'trajectory_gen'):
+            shutil.copytree(package, tmp_path / name / package.name)
         place = {'PYTHONPATH': str(tmp_path / name), 'XDG_CACHE_HOME': str(tmp_path / 'cache')}
         hits, path = print_in_python(MOVE, tmp_path, **place).split()
         results.append(hits)
@@ -229,7 +228,7 @@ def test_a_copy_of_the_sources_finds_what_another_has_compiled(tmp_path):
 SUMS = """
 import sys, time
 from numba.core.caching import IndexDataCacheFile
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 
 save = IndexDataCacheFile._save_index
 IndexDataCacheFile._save_index = lambda *words: (time.sleep(0.01), save(*words))  # so they meet

@@ -21,8 +21,7 @@ from scipy.integrate import solve_ivp
 from vectors import on_vectors
 
 from parallel_robot_base.errors import KinematicsError
-from parallel_robot_base.linear_algebra import cross, dot, multiply, solve
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import cross, dot, multiply, solve, vector
 from parallel_robot_model import planar_3rrr
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.planar_3rrr import forward_kinematics as forward

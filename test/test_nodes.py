@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from parallel_robot_analysis.processes import MODULES, command
 from parallel_robot_bags import run_log
 from parallel_robot_base import config, topics
-from parallel_robot_base.kernel_cache import NOTICE
+from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller

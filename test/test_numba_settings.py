@@ -16,7 +16,7 @@ PACKAGES = sorted(
 SHORT = ('--duration', '0.1', '--laws', 'pid')
 SETTINGS = """
 import numba
-import parallel_robot_base.kernel
+import parallel_robot_compiler
 numba.njit(lambda x: 2.0 * x)(1.0)  # Numba looks for new settings before it compiles
 found = numba.config
 print(found.DEBUG, found.DISABLE_JIT, repr(found.CACHE_DIR), int(found.OPT))
@@ -49,12 +49,17 @@ def test_every_package_sees_to_it_before_it_imports_numba(tmp_path):
     code = f"""
 import sys
 for package in {PACKAGES}:
-    __import__(package)
-    assert 'numba' not in sys.modules
-    del sys.modules['parallel_robot_base']
+    if package != 'parallel_robot_compiler':
+        __import__(package)
+        assert 'numba' not in sys.modules
+        del sys.modules['parallel_robot_base']
+sys.meta_path.insert(0, type('Watch', (), {{'find_spec': staticmethod(lambda name, *_: (
+    name == 'numba' and print('parallel_robot_base' in sys.modules)) or None)}}))
+import parallel_robot_compiler
 """
-    assert len(PACKAGES) == 8
-    assert started([sys.executable, '-c', code], tmp_path).stderr == ''
+    assert len(PACKAGES) == 9
+    done = started([sys.executable, '-c', code], tmp_path)
+    assert (done.stdout, done.stderr) == ('True\n', '')
 
 
 @pytest.mark.parametrize('before', ['', 'import numba'])

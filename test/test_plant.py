@@ -9,7 +9,7 @@ from vectors import OnVectors, on_vectors
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.vector_types import as_vectors
+from parallel_robot_compiler import as_vectors
 from parallel_robot_model import planar_3rrr
 from parallel_robot_sim import plant
 

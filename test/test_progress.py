@@ -10,8 +10,8 @@ from parallel_robot_analysis.report import runs
 from parallel_robot_bags import progress
 from parallel_robot_bags.progress import CLEAR, Progress, tracked
 from parallel_robot_base import cache_directory
+from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import BagError
-from parallel_robot_base.kernel_cache import NOTICE
 
 
 class Terminal(io.StringIO):

@@ -5,7 +5,7 @@ import pytest
 from vectors import on_vectors
 
 from parallel_robot_base import config
-from parallel_robot_base.vector_types import as_arrays
+from parallel_robot_compiler import as_arrays
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.integral import advanced
 from parallel_robot_control.laws import s_fotsmc

@@ -19,7 +19,12 @@ ROOT = Path(__file__).parents[1]
 HOSTILE = (  # what the suite imports early or late, itself or for Numba and rclpy
     *('numba', 'numpy', 'scipy', 'yaml', 'rclpy', 'mcap', 'rosbags', 'llvmlite', 'zstandard'),
     *('runpy', 'inspect', 'json', 'argparse', 'signal', 'logging', 'queue', 'statistics'),
-    *('trajectory_gen', 'parallel_robot_base', 'parallel_robot_analysis'),
+    *(
+        'trajectory_gen',
+        'parallel_robot_base',
+        'parallel_robot_compiler',
+        'parallel_robot_analysis',
+    ),
     *('controller', 'simulator', 'messages'),
 )
 CONSOLE_SCRIPT = (

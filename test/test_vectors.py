@@ -10,20 +10,27 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from parallel_robot_base.kernel import entry_point, kernel
-from parallel_robot_base.lanes import in_a_lane, lane, lanes_of, with_lane
-from parallel_robot_base.linear_algebra import multiply
-from parallel_robot_base.vector_operators import BINARY, UNARY
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_select import clip, every, select, some
-from parallel_robot_base.vector_types import (
-    Lanes,
-    LaneVector,
+from parallel_robot_compiler import (
     Vector,
     as_arrays,
     as_vectors,
+    clip,
+    entry_point,
+    every,
+    in_a_lane,
+    kernel,
+    lane,
+    lanes_of,
+    multiply,
+    read_row,
+    select,
+    some,
     vector,
+    with_lane,
+    write_row,
 )
+from parallel_robot_compiler.vector_operators import BINARY, UNARY
+from parallel_robot_compiler.vector_types import Lanes, LaneVector
 
 ODD = [0.0, -0.0, math.nan, math.inf, -math.inf, 1.0, -1.0, 5e-324, 1e308, 0.5, -2.5, 3.0]
 X = np.array([*ODD, *(3.0 * np.random.default_rng(1).standard_normal(52))])

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from parallel_robot_base.vector_types import as_vectors
+from parallel_robot_compiler import as_vectors
 from parallel_robot_model.robots import KERNELS
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 
 
 @kernel

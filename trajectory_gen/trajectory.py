@@ -11,10 +11,7 @@ from numpy.typing import NDArray
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import inlined, kernel
-from parallel_robot_base.vector_rows import read_row, write_row
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
 from trajectory_gen import circle, excitation, hold, line, move

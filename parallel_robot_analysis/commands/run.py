@@ -20,7 +20,7 @@ from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
-from parallel_robot_base import assignments, cache_directory, kernel_cache
+from parallel_robot_base import assignments, cache_directory
 from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.placed import locating
@@ -197,7 +197,7 @@ def waiting_display(
         compiling = [name for name in waiting if processes.compiling(name)]
         if compiling and not announced:
             announced = True
-            print(f'parallel_robot run: the nodes are {kernel_cache.NOTICE}', file=sys.stderr)
+            print(f'parallel_robot run: the nodes are {cache_directory.NOTICE}', file=sys.stderr)
         what = (
             f'({", ".join(compiling)} compiling; {cache_directory.compiled()})'
             if compiling

@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import multiply, solve
-from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_compiler import kernel, multiply, read_row, solve, write_row
 from parallel_robot_model.robots import RobotModel
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_analysis.limit.coordinates import coordinates_of
 from parallel_robot_base.fields import PerJoint
-from parallel_robot_base.function_value import FirstClass
-from parallel_robot_base.kernel import inlined, kernel
-from parallel_robot_base.vector_rows import read_row, write_row
+from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, write_row
 from parallel_robot_sim.assembly import Plant, assemble_plant
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.plant import PlantSetup, PlantState, step

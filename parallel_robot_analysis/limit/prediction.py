@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_analysis.limit.linear_motion import LinearMotion
-from parallel_robot_base.kernel import inner, kernel
+from parallel_robot_compiler import inner, kernel
 from parallel_robot_sim.imperfections import Imperfections
 
 Array = NDArray[np.float64]

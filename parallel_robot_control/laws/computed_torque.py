@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, vector
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_model.contract import Model, inverse_dynamics
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.switching_functions import saturate, sig
 from parallel_robot_model.contract import Model, inverse_dynamics

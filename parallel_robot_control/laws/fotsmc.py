@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.contract import Model

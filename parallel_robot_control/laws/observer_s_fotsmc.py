@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.laws.s_fotsmc import Gains, Memory, initial_memory, judge

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.integral import Integral, advanced, zero_integral

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import vector
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 Array = NDArray[np.float64]

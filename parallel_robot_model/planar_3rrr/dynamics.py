@@ -16,9 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import cross, dot
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import cross, dot, kernel, vector
 from parallel_robot_model.contract import Model
 from parallel_robot_model.joint_load import JointLoad, net_torque
 from parallel_robot_model.planar_3rrr.constants import Constants

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import select
+from parallel_robot_compiler import kernel, select
 from parallel_robot_model.contract import FOUND, Estimate, Location, no_model
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics

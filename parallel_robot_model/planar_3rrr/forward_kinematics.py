@@ -8,11 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.lanes import in_a_lane, lane, lanes_of, with_lane
-from parallel_robot_base.linear_algebra import dot
-from parallel_robot_base.vector_select import every, select
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import (
+    dot,
+    every,
+    in_a_lane,
+    kernel,
+    lane,
+    lanes_of,
+    select,
+    vector,
+    with_lane,
+)
 from parallel_robot_model.contract import FOUND, REACHED
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.dynamics import inverse_rows

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_types import vector
+from parallel_robot_compiler import kernel, vector
 from parallel_robot_model.contract import REACHED, JointMotion, Measurement, PoseMotion
 from parallel_robot_model.planar_3rrr.constants import Constants, constants
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters

@@ -18,8 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_select import select
+from parallel_robot_compiler import kernel, select
 from parallel_robot_model.contract import REACHED
 from parallel_robot_model.planar_3rrr.constants import Constants
 

@@ -7,9 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.linear_algebra import cross
-from parallel_robot_base.vector_select import select
+from parallel_robot_compiler import cross, kernel, select
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_model.planar_3rrr.posture import Posture

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler import kernel
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.posture import Posture
 

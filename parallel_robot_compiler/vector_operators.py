@@ -17,7 +17,7 @@ from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.extending import type_callable
 
-from parallel_robot_base.vector_types import LanesType, VectorType
+from parallel_robot_compiler.vector_types import LanesType, VectorType
 
 _OURS = (VectorType, LanesType)
 _INT32 = ir.IntType(32)

@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from parallel_robot_base.vector_types import load, shape_of, store
+from parallel_robot_compiler.vector_types import load, shape_of, store
 
 _DOUBLE = ir.DoubleType().as_pointer()
 
@@ -39,7 +39,7 @@ def _place(context: Any, builder: Any, kind: Any, address: Any, index: Any) -> A
     return builder.gep(pointer, [builder.mul(index, count)])
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
     """Value `index` of the type of `like`, a float or made of floats; nothing is checked."""
     signature = like(types.intp, types.intp, like)
@@ -50,7 +50,7 @@ def read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
     return signature, generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def write_at(context: Any, address: Any, index: Any, value: Any) -> Any:
     """Write value `index`, a float or made of floats; nothing is checked."""
     signature = types.none(types.intp, types.intp, value)

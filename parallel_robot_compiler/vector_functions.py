@@ -16,8 +16,8 @@ from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.extending import type_callable
 
-from parallel_robot_base.vector_operators import element_of, elementwise, emit, pack, splat
-from parallel_robot_base.vector_types import LanesType, VectorType, vector
+from parallel_robot_compiler.vector_operators import element_of, elementwise, emit, pack, splat
+from parallel_robot_compiler.vector_types import LanesType, VectorType, vector
 
 
 @type_callable(len)

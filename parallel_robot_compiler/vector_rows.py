@@ -9,7 +9,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload
 
-from parallel_robot_base.vector_types import (
+from parallel_robot_compiler.vector_types import (
     LanesType,
     VectorType,
     load,

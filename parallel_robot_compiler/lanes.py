@@ -13,9 +13,9 @@ from numba import types
 from numba.core.imputils import lower_builtin
 from numba.extending import intrinsic, type_callable
 
-from parallel_robot_base.boxed import BoxedType
-from parallel_robot_base.vector_operators import pack
-from parallel_robot_base.vector_types import (
+from parallel_robot_compiler.boxed import BoxedType
+from parallel_robot_compiler.vector_operators import pack
+from parallel_robot_compiler.vector_types import (
     LanesType,
     VectorType,
     tuple_like,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.boxed import Boxed
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.vector_types import Lanes, LaneVector, Vector
+from parallel_robot_compiler.boxed import Boxed
+from parallel_robot_compiler.vector_types import Lanes, LaneVector, Vector
 
 
 def side_by_side(values: Sequence[Any], integers: bool = False) -> Any:

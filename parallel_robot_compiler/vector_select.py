@@ -1,7 +1,7 @@
 """Decisions without branches, in kernels.
 
 Lanes cannot branch: a kernel that is to run side by side computes both results and selects. What
-only some lanes need is done lane by lane, see :mod:`parallel_robot_base.lanes`.
+only some lanes need is done lane by lane, see :mod:`parallel_robot_compiler.lanes`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from numba import types
 from numba.core.imputils import impl_ret_new_ref, lower_builtin
 from numba.extending import overload, type_callable
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_operators import pack, splat
-from parallel_robot_base.vector_types import LanesType, VectorType, tuple_like
+from parallel_robot_compiler.kernels import kernel
+from parallel_robot_compiler.vector_operators import pack, splat
+from parallel_robot_compiler.vector_types import LanesType, VectorType, tuple_like
 
 _INT32 = ir.IntType(32)
 

@@ -10,9 +10,9 @@ from numba import types
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from parallel_robot_base.kernel import kernel
-from parallel_robot_base.vector_operators import elementwise, emit, pack, splat
-from parallel_robot_base.vector_types import LanesType, VectorType
+from parallel_robot_compiler.kernels import kernel
+from parallel_robot_compiler.vector_operators import elementwise, emit, pack, splat
+from parallel_robot_compiler.vector_types import LanesType, VectorType
 
 Array = NDArray[np.float64]
 

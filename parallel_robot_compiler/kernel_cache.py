@@ -33,9 +33,8 @@ from numba.core.caching import (
 from numba.core.runtime import rtsys
 
 from parallel_robot_base import cache_directory
-from parallel_robot_base.cache_directory import PREFIX
+from parallel_robot_base.cache_directory import NOTICE, PREFIX
 
-NOTICE = 'compiling; after an installation this takes about a minute, once'
 UNREADABLE = (OSError, EOFError, ImportError, AttributeError, pickle.UnpicklingError)
 AGAIN = 10.0  # s, between two lines of progress
 PATIENCE, TURN = 5.0, 0.002  # s, to wait for the lock of an index, and between two looks

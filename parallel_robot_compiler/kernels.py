@@ -8,11 +8,11 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core.registry import CPUDispatcher
 
-import parallel_robot_base.vector_functions
-import parallel_robot_base.vector_operators  # noqa: F401 and these
+import parallel_robot_compiler.vector_functions
+import parallel_robot_compiler.vector_operators  # noqa: F401 and these
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.kernel_cache import cache_of
-from parallel_robot_base.vector_types import holds_vectors
+from parallel_robot_compiler.kernel_cache import cache_of
+from parallel_robot_compiler.vector_types import holds_vectors
 
 if numba.config.DISABLE_JIT:
     raise InputError('NUMBA_DISABLE_JIT is set; unset it: nothing here runs without the compiler')

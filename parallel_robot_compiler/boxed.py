@@ -15,7 +15,7 @@ from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import NativeValue, intrinsic, models, register_model, unbox
 
-from parallel_robot_base.kernel import kernel
+from parallel_robot_compiler.kernels import kernel
 
 ALIGNMENT = 64  # bytes, of the widest register
 LARGEST = 256  # bytes, of anything that is no array: a number, a text, a kernel, an array's header

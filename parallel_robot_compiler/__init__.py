@@ -1,0 +1,41 @@
+"""The compiler: what kernels are made of. Its submodules are nobody else's business.
+
+Laws and robots
+    ``kernel`` compiles a function; ``inner`` one that only kernels call, ``inlined`` one that
+    becomes a part of its caller. ``vector`` makes a vector, a value of a fixed size that kernels
+    compute with as with a number; ``select``, ``every``, ``some`` and ``clip`` decide by element,
+    ``dot``, ``cross``, ``multiply`` and ``solve`` are linear algebra.
+Loops
+    ``read_row`` and ``write_row`` reach the rows of arrays, ``read_at`` and ``write_at`` memory by
+    its address, a ``Space``. ``FirstClass`` makes a kernel a value that other kernels take,
+    ``Boxed`` a tuple a constant that they take by its address, ``entry_point`` a kernel that is
+    called from Python without a look at its types.
+"""
+
+import parallel_robot_base  # noqa: F401, before Numba
+from parallel_robot_compiler.boxed import Boxed
+from parallel_robot_compiler.compile_error import reason
+from parallel_robot_compiler.function_value import FirstClass, distinguish
+from parallel_robot_compiler.kernels import entry_point, inlined, inner, kernel
+from parallel_robot_compiler.lane_values import lane_of, side_by_side
+from parallel_robot_compiler.lanes import in_a_lane, lane, lanes_of, with_lane
+from parallel_robot_compiler.linear_algebra import cross, dot, multiply, solve
+from parallel_robot_compiler.space import Space, read_at, write_at
+from parallel_robot_compiler.vector_rows import read_row, rows_for, write_row
+from parallel_robot_compiler.vector_select import clip, every, select, some
+from parallel_robot_compiler.vector_types import (
+    Vector,
+    VectorType,
+    as_arrays,
+    as_vectors,
+    shape_of,
+    vector,
+)
+
+__all__ = [
+    'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays', 'as_vectors', 'clip',
+    'cross', 'distinguish', 'dot', 'entry_point', 'every', 'in_a_lane', 'inlined', 'inner',
+    'kernel', 'lane', 'lane_of', 'lanes_of', 'multiply', 'read_at', 'read_row', 'reason',
+    'rows_for', 'select', 'shape_of', 'side_by_side', 'solve', 'some', 'vector', 'with_lane',
+    'write_at', 'write_row',
+]  # fmt: skip
