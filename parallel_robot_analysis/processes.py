@@ -19,6 +19,7 @@ from typing import IO, Any, NamedTuple
 from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import RunError
 from parallel_robot_base.module_process import START, command, die_with_parent
+from parallel_robot_base.parameter_file import MARK
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_base.user_directory import user_directories
 
@@ -30,6 +31,7 @@ MODULES = {
 }
 # The plant ends first, at a state; what the others still publish is recorded.
 STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))
+LONGEST = 100_000  # characters of a value on a command line, of which Linux takes 131 071
 END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 
 
@@ -59,6 +61,7 @@ class NodeProcesses:
         self._remapped = ['-r', f'__ns:={namespace}'] if namespace else []
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
         self._logs: dict[str, IO[bytes]] = {}
+        self._directory = tempfile.TemporaryDirectory()  # of values too long for a command line
 
     def __enter__(self) -> NodeProcesses:
         """Start all processes."""
@@ -68,9 +71,17 @@ class NodeProcesses:
             for name, parameters in self._parameters.items():
                 self._logs[name] = tempfile.TemporaryFile()
                 words = ['--ros-args', *self._remapped]
+                long = []
                 for key, value in parameters.items():
-                    if value != []:  # rcl has no type for it
-                        words += ['-p', f'{key}:={as_yaml(value)}']
+                    text = as_yaml(value)
+                    if len(text) > LONGEST:
+                        long.append(f'    {key}: {text}')
+                    elif value != []:  # rcl has no type for it
+                        words += ['-p', f'{key}:={text}']
+                if long:
+                    file = Path(self._directory.name, f'{name}.yaml')
+                    file.write_text('\n'.join(['/**:', f'  {MARK}:', *long]))
+                    words += ['--params-file', str(file)]
                 self._processes[name] = subprocess.Popen(
                     command(MODULES[name], *words),
                     stdin=subprocess.DEVNULL,
@@ -90,6 +101,7 @@ class NodeProcesses:
         self.stop()
         for log in self._logs.values():
             log.close()
+        self._directory.cleanup()
 
     def running(self, name: str) -> bool:
         """Whether a process still runs."""

@@ -123,19 +123,21 @@ def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
 def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
     """Whether a plain value has the type of the known value of its key, if there is one."""
     example = known.get(key, value)
-    if key in _per_joint():
+    if key in _keys(PerJoint):
         example = [1.0] if isinstance(value, list) and value else 1.0  # one is for all joints
+    elif example == [] and key in _keys(tuple[float, ...]):
+        example = [1.0]
     return _is_like(example, value)
 
 
 @functools.cache
-def _per_joint() -> frozenset[str]:
-    """Keys whose value is a number for each joint, or one for all of them."""
+def _keys(kind: Any) -> frozenset[str]:
+    """Keys of the robots of the suite whose value is of a type."""
     return frozenset(
         key
         for robot in ROBOTS.values()
         for key, parameter in members(robot, {})
-        if parameter.type is PerJoint
+        if parameter.type == kind
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from parallel_robot_base import scenario_file
+from parallel_robot_base import points_file, scenario_file
 from parallel_robot_base.config_files import PACKAGE as PACKAGE
 from parallel_robot_base.config_files import directory as directory
 from parallel_robot_base.config_files import flat as flat
@@ -77,7 +77,7 @@ def resolve_with_sources(
         Key to value, and key to source: a file of ``config/``, the path of another file,
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
-    changed = renamed(_plain(overrides or {}))
+    changed = points_file.filled(renamed(_plain(overrides or {})))
     name = scenario_file.name_of(scenario, directory() / 'scenarios')
     given = str(changed.pop('scenario', name))
     if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
@@ -154,7 +154,7 @@ def changed(
         UnknownNameError: a key that it does not have.
         InputError: a custom module cannot be loaded.
     """
-    changes = renamed(_plain(changes))
+    changes = points_file.filled(renamed(_plain(changes)))
     for key in CUSTOM & changes.keys():
         _check_paths(key, changes[key])
     gains = preset({**values, **changes}, extend)
@@ -282,7 +282,7 @@ def _scenario(scenario: str, name: str) -> list[Layer]:
     """
     layers: list[Layer] = []
     for path, values in scenario_file.layers(scenario, directory() / 'scenarios'):
-        values = renamed(values)
+        values = points_file.filled(renamed(values))
         with locating(values):
             for key in CUSTOM & values.keys():
                 raise InputError(f'{key} is given on a command line alone: it is code', key)

@@ -58,10 +58,10 @@ def read(path: Path) -> Placed:
         InputError: there is no such file, it cannot be read, is too large or is not YAML; a key
             stands twice or is not a text; a value is none of these.
     """
-    text = _text(path)
+    content = text(path)
     try:
-        plain_data.bound(text)
-        loader = Loader(text)
+        plain_data.bound(content)
+        loader = Loader(content)
         root = loader.get_single_node()
         found = Placed()
         if not isinstance(root, yaml.MappingNode):
@@ -100,7 +100,7 @@ def places(text: str, file: str) -> dict[str, Place]:
     return found
 
 
-def _text(path: Path) -> str:
+def text(path: Path) -> str:
     """Content of a regular file.
 
     Raises:

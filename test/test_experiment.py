@@ -12,6 +12,7 @@ from parallel_robot_bags import experiment, history
 from parallel_robot_bags.limits import NAME
 from parallel_robot_base import plain_data
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.fields import PerJoint
 
 EXTREMES = st.sampled_from(
     [10**30, -1, 0, 1e308, '', 'x' * 300, '\x1b[2J', [], [[]], {}, ['a'] * 5]
@@ -60,7 +61,7 @@ def test_a_configuration_is_like_the_default_or_refused(changes):
     for key, default in DEFAULTS.items():
         number = isinstance(default, (int, float)) and not isinstance(default, bool)
         kinds = (int, float) if number else (type(default), bool)
-        if key in experiment._per_joint():  # one number for all joints, or one for each
+        if key in experiment._keys(PerJoint):  # one number for all joints, or one for each
             kinds = (int, float, list)
             assert values[key] != []
         assert isinstance(values[key], kinds), key

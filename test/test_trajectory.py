@@ -9,14 +9,26 @@ from parallel_robot_base.errors import InputError
 from trajectory_gen.trajectory import Trajectory
 
 SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line', 'excitation']
+SMOOTH = {  # shapes without a scenario of their own
+    'ellipse': {'ellipse.angle': 0.4},
+    'figure_eight': {'figure_eight.angle': -0.3},
+}
 
 
 def trajectory(scenario='paper_circle', **changes):
     return Trajectory(config.resolve(scenario, changes.get('overrides')))
 
 
-@pytest.fixture(params=SCENARIOS)
+def shaped(shape, **changes):
+    """Return a motion of a shape; changes are keys of its group."""
+    overrides = {f'{shape}.{key}': value for key, value in changes.items()}
+    return trajectory(overrides={'trajectory.shape': shape, **overrides})
+
+
+@pytest.fixture(params=[*SCENARIOS, *SMOOTH])
 def motion(request):
+    if request.param in SMOOTH:
+        return trajectory(overrides={'trajectory.shape': request.param, **SMOOTH[request.param]})
     return trajectory(request.param)
 
 
@@ -60,6 +72,85 @@ def test_the_papers_circle(scenario, phi):
     assert np.abs(x - (0.49 + 0.03 * np.cos(np.pi * t / 3))).max() < 1e-15
     assert np.abs(y - (0.37 + 0.03 * np.sin(np.pi * t / 3))).max() < 1e-15
     assert (angle == np.pi / phi).all()
+
+
+def test_an_ellipse_meets_its_equation_and_turns_once_in_its_span():
+    motion = shaped('ellipse', semi_axes=[0.04, 0.02], angle=0.4, rate=-1.3, center=[0.5, 0.36])
+    x, y, phi = motion.sample(np.linspace(0.0, motion.span, 300)).pose.T - [[0.5], [0.36], [0.0]]
+    u, v = x * np.cos(0.4) + y * np.sin(0.4), y * np.cos(0.4) - x * np.sin(0.4)
+    assert np.abs((u / 0.04) ** 2 + (v / 0.02) ** 2 - 1.0).max() < 1e-12
+    assert abs(np.unwrap(np.arctan2(v / 0.02, u / 0.04))[-1] + 2.0 * np.pi) < 1e-9
+    assert (phi == np.pi / 2).all()
+
+
+def test_an_ellipse_with_equal_axes_is_the_circle():
+    t = np.linspace(0.0, 6.0, 50)
+    ours = shaped('ellipse', semi_axes=[0.03, 0.03]).sample(t)
+    for a, b in zip(ours, trajectory().sample(t), strict=True):
+        assert np.abs(a - b).max() < 1e-14
+
+
+def test_a_figure_of_eight_meets_its_equation_and_crosses_at_its_centre():
+    motion = shaped('figure_eight', length=0.06, width=0.05, angle=0.7, rate=2.0)
+    t = np.linspace(0.0, motion.span, 401)
+    x, y, _ = motion.sample(t).pose.T - [[0.49], [0.37], [0.0]]
+    u, v = x * np.cos(0.7) + y * np.sin(0.7), y * np.cos(0.7) - x * np.sin(0.7)
+    c = u / 0.03  # Gerono: v^2 = width^2 c^2 (1 - c^2)
+    assert np.abs(v**2 - 0.05**2 * c**2 * (1.0 - c**2)).max() < 1e-15
+    crossings = np.hypot(x, y)[[100, 300]]
+    assert (
+        crossings.max() < 1e-15 and abs(np.ptp(v) - 0.05) < 1e-5 and abs(np.ptp(u) - 0.06) < 1e-15
+    )
+
+
+@pytest.mark.parametrize(
+    ('way', 'acceleration', 'end'),
+    [(0.3, 0.5, 0.3 / 0.1 + 0.1 / 0.5), (-0.01, 0.5, 2.0 * np.sqrt(0.01 / 0.5))],
+    ids=['with a constant rate', 'too short for one'],
+)
+def test_a_trapezoid_takes_the_time_of_the_textbook_and_keeps_its_limits(way, acceleration, end):
+    motion = shaped(
+        'trapezoid', start=[0.4, 0.37, 1.57], end=[0.4 + way, 0.37, 1.57],
+        speed=[0.1, 1.0, 1.0], acceleration=[acceleration, 1.0, 1.0],
+    )  # fmt: skip
+    assert abs(motion.span - end) < 1e-12
+    t = np.linspace(-0.1, end + 0.1, 40001)
+    made = motion.sample(t)
+    x, rate, second = made.pose[:, 0], made.pose_rate[:, 0], made.pose_acceleration[:, 0]
+    assert (x[0], x[-1], rate[0], rate[-1]) == (0.4, 0.4 + way, 0.0, 0.0)
+    assert np.abs(rate).max() <= 0.1 * (1 + 1e-12) and np.abs(second).max() <= acceleration
+    assert np.abs(np.gradient(x, t) - rate).max() < 1e-4
+    assert np.abs(np.cumsum(second) * (t[1] - t[0]) - rate).max() < 1e-4
+    assert set(np.round(np.abs(second), 9)) <= {0.0, acceleration}
+
+
+def test_a_trapezoid_moves_all_coordinates_in_step_and_may_stand_still():
+    motion = Trajectory(config.resolve('axes_step', {
+        'trajectory.shape': 'trapezoid', 'trapezoid.end': [1.0, -0.5, 0.25, 0.0, 1.5],
+        'trapezoid.speed': [1.0, 0.25, 1.0, 1.0, 9.0], 'trapezoid.acceleration': [9.0] * 5,
+    }))  # fmt: skip
+    made = motion.sample(np.linspace(0.0, motion.span, 500))
+    assert np.allclose(made.pose, made.pose[:, :1] * [1.0, -0.5, 0.25, 0.0, 1.5], atol=1e-15)
+    assert np.isclose(np.abs(made.pose_rate[:, 1]).max(), 0.25)  # the tightest limit is reached
+    still = shaped('trapezoid', end=[0.52, 0.37, np.pi / 2])
+    assert still.span == 0.0 and not still.sample([0.0, 1.0]).velocity.any()
+
+
+@pytest.mark.parametrize(
+    ('scenario', 'overrides', 'message'),
+    [
+        ('paper_circle', {'trapezoid.speed': [0.1]}, '3, 3, 1 and 3'),
+        ('paper_circle', {'trapezoid.speed': [0.1, 0.1, 0.0]}, 'must be at least 1e-06, not 0'),
+        ('paper_circle', {'ellipse.semi_axes': [0.1, -0.1]}, 'must be at least 0 m, not -0.1'),
+        ('axes_step', {'trajectory.shape': 'figure_eight'}, 'has 3 coordinates; the pose of axes'),
+        ('axes_step', {'trajectory.shape': 'ellipse'}, 'has 3 coordinates; the pose of axes'),
+    ],
+)
+def test_a_shape_with_wrong_numbers_or_of_another_robot_is_refused(scenario, overrides, message):
+    shape = next(iter(overrides)).partition('.')[0]
+    chosen = {} if shape == 'trajectory' else {'trajectory.shape': shape}
+    with pytest.raises(InputError, match=message):
+        Trajectory(config.resolve(scenario, chosen | overrides))
 
 
 def test_the_line_is_straight_and_at_rest_at_both_ends():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from parallel_robot_compiler import kernel
 
 
@@ -21,3 +23,30 @@ def quintic(duration: float, t: float) -> tuple[float, float, float]:
     s_dot = 30.0 * u**2 * (1.0 - u) ** 2 / T
     s_ddot = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / T**2
     return s, s_dot, s_ddot
+
+
+@kernel
+def trapezoid(speed: float, acceleration: float, t: float) -> tuple[float, float, float]:
+    """Fraction of the path with two derivatives, the rate of trapezoidal shape.
+
+    It accelerates, keeps its rate if there is time for that, and slows down. Before the start the
+    fraction is 0, after the end 1.
+
+    Args:
+        speed: Largest rate [1/s].
+        acceleration: Acceleration and deceleration [1/s^2].
+        t: Time since the start [s].
+    """
+    slope = min(speed / acceleration, 1.0 / math.sqrt(acceleration))
+    rate = acceleration * slope
+    end = slope + 1.0 / rate
+    if t <= 0.0:
+        return 0.0, 0.0, 0.0
+    if t < slope:
+        return 0.5 * acceleration * t**2, acceleration * t, acceleration
+    if t <= end - slope:
+        return rate * (t - 0.5 * slope), rate, 0.0
+    if t < end:
+        left = end - t
+        return 1.0 - 0.5 * acceleration * left**2, acceleration * left, -acceleration
+    return 1.0, 0.0, 0.0

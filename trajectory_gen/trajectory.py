@@ -14,7 +14,17 @@ from parallel_robot_base.fields import Field
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
-from trajectory_gen import circle, excitation, hold, line, move
+from trajectory_gen import (
+    circle,
+    ellipse,
+    excitation,
+    figure_eight,
+    hold,
+    line,
+    move,
+    trapezoid,
+    waypoints,
+)
 
 Array = NDArray[np.float64]
 
@@ -33,9 +43,13 @@ class Shape(Protocol):
 
 SHAPES: dict[str, Shape] = {
     'circle': circle,
+    'ellipse': ellipse,
+    'figure_eight': figure_eight,
     'line': line,
+    'trapezoid': trapezoid,
     'hold': hold,
     'move': move,
+    'waypoints': waypoints,
     'excitation': excitation,
 }
 
@@ -44,7 +58,18 @@ class TrajectoryParameters(NamedTuple):
     """Which motion, how far ahead it is published, and how fast the joints may become."""
 
     shape: Annotated[
-        Literal['circle', 'line', 'hold', 'move', 'excitation'], Field('', 'the motion')
+        Literal[
+            'circle',
+            'ellipse',
+            'figure_eight',
+            'line',
+            'trapezoid',
+            'hold',
+            'move',
+            'waypoints',
+            'excitation',
+        ],
+        Field('', 'the motion'),
     ]
     lookahead: Annotated[float, Field('s', 'how long before its stamp a sample is sent', 0.0, 0.5)]
     max_joint_speed: Annotated[float, Field('rad/s', 'largest joint speed allowed', 0.0)]
@@ -77,7 +102,7 @@ class Trajectory:
         robot: The robot.
         parameters: Which motion, and how it is published.
         limits: Limits of the motion that only this robot has.
-        shape: Parameters of the shape.
+        shape: What the shape computes the motion from: its parameters, or what it has prepared.
         span: Time after which nothing new happens [s].
     """
 
@@ -94,7 +119,8 @@ class Trajectory:
         name = self.parameters.shape
         shape = SHAPES[name]
         validate = getattr(shape, 'validate', lambda parameters: parameters)
-        self.shape = validate(config.group(values, shape.Parameters, name))
+        prepare = getattr(shape, 'prepare', lambda parameters: parameters)
+        self.shape = prepare(validate(config.group(values, shape.Parameters, name)))
         self.span = shape.span(self.shape)
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size

@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot_analysis import invocation, metrics, readable_metrics, true_motion
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
-from parallel_robot_base import assignments, config, parameter_file, topics
+from parallel_robot_base import assignments, config, parameter_file, points_file, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_base.loop import DURATION
 from parallel_robot_base.placed import Placed, merged
@@ -100,7 +100,7 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     layers: list[config.Layer] = []
     layers += [(str(path), parameter_file.read(path)) for path in arguments.param_files]
     layers.append((config.OVERRIDE, assignments.parse(arguments.assignments)))
-    return [(name, config.renamed(values)) for name, values in layers]
+    return [(name, points_file.filled(config.renamed(values))) for name, values in layers]
 
 
 def given(arguments: argparse.Namespace) -> Placed:
