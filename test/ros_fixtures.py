@@ -11,33 +11,29 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 import rclpy
 from domain_coordinator import domain_id
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
+from warm_process import WarmProcess, warm_children
 
 from parallel_robot_analysis.processes import children, command
-from parallel_robot_base import config
-from parallel_robot_control.configuration import configure
-from parallel_robot_control.controller import Controller
 from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.subscription import qos_of
-from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 100.0  # s; what takes so long never comes
 RECENT = 200  # messages; what else came while a test did not listen is old
 PERIOD = 0.005  # s
-STATE_TIMEOUT = 2.0  # s
+STATE_TIMEOUT = 2.0  # s, of tests of this fault; else a machine that stands still is none
 DAMPING = 10.0  # N m s/rad
 SLOW_LOOP = [  # parameters of a loop in real time on a machine that is shared
     f'period:={PERIOD}',
     'safety.ramp_rate:=[200, 200, 200]',
-    f'safety.state_timeout:={STATE_TIMEOUT}',
-    'safety.reference_timeout:=5.0',
+    'safety.state_timeout:=60.0',
+    'safety.reference_timeout:=60.0',
     # Stable when commands come late, and exact without friction.
     'law:=computed_torque',
     'computed_torque.Kp:=25',
@@ -72,19 +68,31 @@ class Child(NamedTuple):
 
 
 class Process:
-    """A Python module of the suite that runs in a process of its own."""
+    """A module of the suite that runs in a process of its own.
 
-    def __init__(self, words, folder, environment):
+    It is forked from a warm parent, as its nodes are if it is the command `run`; if `fresh`, all
+    of them are started by an interpreter of their own, as users do, which costs each two seconds.
+    """
+
+    def __init__(self, words, folder, environment, fresh=False):
+        module, *words = map(str, words)
         self._errors = (folder / f'stderr_{time.monotonic_ns()}').open('w+b')
         self._output = (folder / f'stdout_{time.monotonic_ns()}').open('w+b')
-        self._popen = subprocess.Popen(
-            command(*map(str, words)),
-            cwd=folder,
-            env={**os.environ, 'PYTHONPATH': str(ROOT), **environment},
-            stdout=self._output,
-            stderr=self._errors,
-        )
+        self._find_children = children if fresh else warm_children
+        environment = {**os.environ, 'PYTHONPATH': str(ROOT), **environment}
+        if fresh:
+            files = {'stdout': self._output, 'stderr': self._errors}
+            self._popen = subprocess.Popen(
+                command(module, *words), cwd=folder, env=environment, **files
+            )
+        else:
+            files = self._output.name, self._errors.name
+            self._popen = WarmProcess(module, words, folder, environment, files)
         self._children = {}
+
+    @property
+    def pid(self):
+        return self._popen.pid
 
     @property
     def running(self):
@@ -103,7 +111,7 @@ class Process:
     @property
     def memory(self):
         """What it has in memory [bytes]."""
-        pages = Path(f'/proc/{self._popen.pid}/statm').read_text().split()[1]
+        pages = Path(f'/proc/{self.pid}/statm').read_text().split()[1]
         return int(pages) * os.sysconf('SC_PAGE_SIZE')
 
     def wait(self):
@@ -126,7 +134,7 @@ class Process:
 
     def children(self):
         """Children by the module that they run."""
-        for module, pid in children(self._popen.pid).items():
+        for module, pid in self._find_children(self.pid).items():
             if module not in self._children:
                 with suppress(ProcessLookupError):  # it has just ended
                     self._children[module] = Child(pid, os.pidfd_open(pid))
@@ -187,6 +195,10 @@ class Peer:
         self.until(lambda: future.done() or not server.running)
         return future.result() if future.done() else None
 
+    def meet(self, name, server):
+        """Wait until a node knows all that subscribes here: an answer comes after these news."""
+        assert self.call(Trigger, f'{name}/ready', Trigger.Request(), server), server.stderr
+
     def see(self, *names):
         """Wait until nodes are visible, by their full names."""
         seen = self.node.get_node_names_and_namespaces
@@ -201,9 +213,7 @@ class Peer:
 @pytest.fixture(scope='session')
 def compiled():
     """Kernels on disk, so that a node starts within PATIENCE."""
-    values = config.resolve('paper_circle')
-    Controller(configure(values))
-    Simulator(configure_plant(values)).advance(np.zeros(3))
+    import warm_parent  # noqa: F401
 
 
 @pytest.fixture
@@ -211,8 +221,8 @@ def launch(tmp_path, compiled):
     """Start a module with its words in `tmp_path`; nothing outlives the test."""
     with ExitStack() as stack:
 
-        def start(*words, **environment):
-            process = Process(words, tmp_path, environment)
+        def start(*words, fresh=False, **environment):
+            process = Process(words, tmp_path, environment, fresh)
             stack.callback(process.clean)
             return process
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from reliability import hosts
 from reliability.hosts import two_hosts
-from ros_fixtures import PATIENCE, SLOW_LOOP
+from ros_fixtures import PATIENCE, SLOW_LOOP, STATE_TIMEOUT
 
 from parallel_robot_control import faults
 from parallel_robot_control.faults import STATES_STALE
@@ -39,6 +39,7 @@ def test_a_cut_link_is_ridden_through_or_ends_in_safe_actions(
     permitted, domain, compiled, tmp_path
 ):
     pairs = [key.replace(':=', '=') for key in (*SLOW_LOOP, 'plant.command_timeout:=0.5')]
+    pairs.append(f'safety.state_timeout={STATE_TIMEOUT}')
     words = [word for pair in pairs for word in ('--set', pair)]
     done = subprocess.run(
         [sys.executable, FAULTS, '--only', 'link between', '--json', 'rows', *words],

@@ -113,8 +113,9 @@ def session(compiled, tmp_path_factory):
         words = [MODULES['controller'], '--ros-args', '-p', 'time_mode:=lockstep']
         process, peer = Process(words, tmp_path_factory.mktemp('controller'), {}), Peer()
         try:
-            process.until(lambda: peer.node.count_publishers(topics.COMMANDS.name))
-            yield Session(process, peer)
+            session = Session(process, peer)
+            peer.meet('controller', process)
+            yield session
             assert process.running and 'Traceback' not in process.stderr
         finally:
             peer.close()

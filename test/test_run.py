@@ -3,7 +3,6 @@
 import re
 import resource
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from bags import content
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_fixtures import ROOT, SLOW_LOOP
+from ros_fixtures import PATIENCE, ROOT, SLOW_LOOP
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis.command_line import main
@@ -32,9 +31,9 @@ COMMAND_LINE = 'parallel_robot_analysis.command_line'
 def start(launch, domain):
     """Start `run` for some seconds of motion."""
 
-    def start(out, seconds, *words):
+    def start(out, seconds, *words, **options):
         return launch(COMMAND_LINE, 'run', 'paper_circle', '--duration', seconds,
-                      '--out', out, *words)  # fmt: skip
+                      '--out', out, *words, **options)  # fmt: skip
 
     return start
 
@@ -44,11 +43,11 @@ def begin(start):
     """Start a `run` that a slow machine keeps up with; mostly it is ended by the test."""
     words = [word for key in SLOW_LOOP for word in ('--set', key.replace(':=', '='))]
     words += ['--set', 'plant.command_timeout=5']
-    return lambda out, seconds=60.0: start(out, seconds, *words)
+    return lambda out, seconds=600.0, **options: start(out, seconds, *words, **options)
 
 
 def test_a_run_in_real_time_is_complete(begin, tmp_path):
-    process = begin('bag', 1.5)
+    process = begin('bag', 1.5, fresh=True)
     assert process.wait() == 0, process.stderr
     slow = (
         'warning: fault',
@@ -114,7 +113,7 @@ def under_way(process, bag):
 
 def check_end(bag, nodes):
     """No node is left, and everything up to the end is in the bag."""
-    assert all(node.ended(seconds=20.0) for node in nodes.values())
+    assert all(node.ended(PATIENCE) for node in nodes.values())
     log = run_log.read(bag)
     assert len(log.time) > 100 and log.messages['joint_states'].missing == 0
     assert (bag / 'metadata.yaml').is_file()
@@ -133,43 +132,37 @@ HASTY = (
     'import sys\n'
     'from parallel_robot_analysis.command_line import main\n'
     'from parallel_robot_analysis.commands import run\n'
-    'run.STANDSTILL = 3.0\n'
+    'run.STANDSTILL = 5.0\n'
     'sys.exit(main())\n'
 )
 
 
-def test_a_controller_that_is_killed_or_stopped_is_named(launch, domain, tmp_path):
+def test_a_controller_that_is_stopped_is_named(launch, domain, tmp_path):
     (tmp_path / 'hasty.py').write_text(HASTY)
-    said = {}
-    for number in (signal.SIGKILL, signal.SIGSTOP):
-        out = tmp_path / number.name
-        process = launch(
-            'hasty', 'run', 'paper_circle', '--duration', 60, '--time-mode', 'lockstep',
-            '--out', out, PYTHONPATH=f'{ROOT}:{tmp_path}',
-        )  # fmt: skip
-        nodes = under_way(process, out)
-        signal.pidfd_send_signal(nodes[MODULES['controller']].descriptor, number)
-        assert process.wait() == 1
-        said[number] = process.stderr
-        check_end(out, nodes)
-    assert said[signal.SIGKILL] == ('parallel_robot run: controller ended with signal SIGKILL\n')
+    process = launch(
+        'hasty', 'run', 'paper_circle', '--duration', 600, '--time-mode', 'lockstep',
+        '--out', 'bag', fresh=True, PYTHONPATH=f'{ROOT}:{tmp_path}',
+    )  # fmt: skip
+    nodes = under_way(process, tmp_path / 'bag')
+    signal.pidfd_send_signal(nodes[MODULES['controller']].descriptor, signal.SIGSTOP)
+    assert process.wait() == 1
     assert re.fullmatch(
-        r'parallel_robot run: the motion stands still at state \d+ of 60000: '
+        r'parallel_robot run: the motion stands still at state \d+ of 600000: '
         r'no answer of controller\n',
-        said[signal.SIGSTOP],
+        process.stderr,
     )
+    check_end(tmp_path / 'bag', nodes)
 
 
 def test_a_recorder_that_is_killed_leaves_its_chunks(begin, tmp_path):
     process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
     nodes[MODULES['recorder']].kill()
-    killed = time.time_ns()
     assert process.wait() == 1
     assert process.stderr.startswith('parallel_robot run: recorder ended with signal SIGKILL')
     log = run_log.read(tmp_path / 'bag')
     assert 'was not closed' in log.warnings[0] and log.messages['joint_states'].missing == 0
-    assert killed - log.stamps[-1] < 1.5e9 and len(log.time) > 100
+    assert len(log.time) > 100
     report = recover(tmp_path / 'bag', tmp_path / 'whole')
     again = run_log.read(tmp_path / 'whole')
     assert report.kept['/joint_states'] == len(log.time) == len(again.time)
@@ -188,7 +181,7 @@ def test_a_full_disk_ends_the_run_in_one_line(begin, tmp_path):
     assert process.stderr == (
         'parallel_robot run: recorder ended with exit code 1: cannot write bag: File too large\n'
     )
-    assert all(node.ended(seconds=20.0) for node in nodes.values())
+    assert all(node.ended(PATIENCE) for node in nodes.values())
     assert limit - 100_000 < file.stat().st_size <= limit
     log = run_log.read(tmp_path / 'bag')
     assert len(log.warnings) == 1 and log.messages['joint_states'].missing == 0
@@ -241,7 +234,7 @@ def test_a_signal_before_the_motion_begins_leaves_nothing(begin, tmp_path):
 
 @pytest.mark.skipif(not Path('/proc/self/stat').exists(), reason='needs Linux')
 def test_no_node_outlives_its_supervisor(begin, tmp_path):
-    process = begin('bag')
+    process = begin('bag', fresh=True)
     nodes = under_way(process, tmp_path / 'bag')
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     check_end(tmp_path / 'bag', nodes)

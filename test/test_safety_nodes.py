@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain_coordinator import domain_id
-from ros_fixtures import DAMPING, RECENT, SLOW_LOOP, Peer, Process
+from ros_fixtures import DAMPING, PERIOD, RECENT, SLOW_LOOP, STATE_TIMEOUT, Peer, Process
 from std_srvs.srv import Trigger
 
 from parallel_robot_analysis.processes import MODULES
@@ -18,10 +18,12 @@ from parallel_robot_control.faults import EMERGENCY_STOP, STATES_DISAGREE, STATE
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
-LATE = 60  # samples by which a command may come late
+LATE = 400  # samples by which a command may come late, on a busy machine
+ENOUGH = 100  # samples that show how it stays
 PATIENT = [
     *SLOW_LOOP,
     'plant.command_timeout:=0.5',
+    f'safety.state_timeout:={STATE_TIMEOUT}',
     # Else the jump from one of two plants to the other may be the first fault, not the one meant.
     'safety.speed_limit:=[100, 100, 100]',
 ]
@@ -43,7 +45,7 @@ class Loop:
 
     def __init__(self, start, peer):
         self.start, self.peer = start, peer
-        self.states = peer.listen(topics.JOINT_STATES, RECENT)
+        self.states = peer.listen(topics.JOINT_STATES)
         self.errors = peer.listen(topics.ERROR, RECENT)
         self.statuses = peer.listen(topics.STATUS, RECENT)
         self.diagnostics = {}
@@ -103,12 +105,13 @@ class Loop:
         self.until(told)
 
     def damps(self, first):
-        """Whether each effort from state `first` on damps one of the states just before it."""
-        torques = efforts(self.states)
-        right = -DAMPING * np.array([state.velocity[:3] for state in self.states])
+        """Whether each effort from state `first` (negative) on damps one of those before it."""
+        states = self.states[first - LATE :]
+        torques = efforts(states)
+        right = -DAMPING * np.array([state.velocity[:3] for state in states])
         return all(
-            (right[max(k - LATE, 0) : k] == torques[k]).all(axis=1).any()
-            for k in range(first, len(self.states))
+            (right[:k] == torques[k]).all(axis=1).any()
+            for k in range(len(states) + first, len(states))
         )
 
 
@@ -141,9 +144,10 @@ def efforts(states):
 
 
 def damped(states):
-    """Whether the effort of each state but the first damps the state before it."""
+    """Whether the effort of each state but the first damps the state before it, if heard."""
     speeds = np.array([state.velocity[:3] for state in states])
-    return (efforts(states)[1:] == -DAMPING * speeds[:-1]).all(axis=1)
+    heard = np.diff([time_of(state) for state in states]) < 1.5 * PERIOD
+    return (efforts(states)[1:] == -DAMPING * speeds[:-1]).all(axis=1) | ~heard
 
 
 def test_a_killed_controller_leaves_the_motors_safe_and_its_successor_takes_over(loop):
@@ -155,7 +159,9 @@ def test_a_killed_controller_leaves_the_motors_safe_and_its_successor_takes_over
     since = len(states) - np.argmin(damped(states)[::-1])  # first state after the safe action
     torques = efforts(states[:since])
     kept = (torques == torques[-1]).all(axis=1)
-    assert torques[-1].any() and 95 <= np.argmin(kept[::-1]) <= 105  # 0.5 s, in samples
+    first = since - np.argmin(kept[::-1])
+    before, begun, end, after = (time_of(states[k]) for k in (first - 1, first, since - 1, since))
+    assert torques[-1].any() and end - begun - 0.02 <= 0.5 <= after - before + 0.02  # s
 
     told = len(loop.statuses)
     loop.begin('controller')
@@ -176,9 +182,8 @@ def test_an_emergency_stop_is_latched_until_it_is_cleared(loop):
     answer = loop.call('emergency_stop')
     assert answer.success and 'clear_fault' in answer.message
     loop.until_fault(EMERGENCY_STOP)
-    first = len(loop.states) + LATE
-    loop.until(lambda: len(loop.states) > first + 100)
-    assert loop.damps(first)
+    begun = len(loop.states)
+    loop.until(lambda: len(loop.states) > begun + ENOUGH and loop.damps(-ENOUGH))
     late = loop.peer.listen(topics.STATUS, RECENT)
     loop.until(lambda: late)
     assert late[0].status[0].level == DiagnosticStatus.ERROR
