@@ -3,7 +3,6 @@
 import signal
 
 import numpy as np
-import pytest
 from assembly import simulated
 from bags import streams, write_foreign
 
@@ -14,7 +13,6 @@ from parallel_robot_base import config, topics
 from parallel_robot_base.topics import Topic
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')
 
 
 def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):

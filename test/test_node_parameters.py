@@ -25,7 +25,7 @@ from parallel_robot_base import config, topics
 from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
+pytestmark = pytest.mark.xdist_group('node_parameters')  # one controller for all
 
 TABLE_2 = {'G': 10.0, 'g': 0.01, 'Gamma1': 16.0, 'Gamma2': 6.5, 'gamma1': 0.5, 'gamma2': 0.67,
            'lambda': 0.9}  # fmt: skip

@@ -182,7 +182,7 @@ def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
         'effort_controller/commands:=/motors/efforts',
     ]
     parameters = ['time_mode:=lockstep', 'duration:=0.2', 'recorder.out:=bag']
-    recorder = start('recorder', *parameters, words=names)
+    recorder, newest = start('recorder', *parameters, words=names), diagnosed(peer)
     recorder.until((tmp_path / 'bag').exists)
     subscribers = {'controller': 2, 'plant': 4, 'trajectory': 2}
     for name, count in subscribers.items():
@@ -192,7 +192,9 @@ def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
         topics.JOINT_STATES._replace(name='/motors/joints')
     )  # now the plant begins
     peer.until(lambda: len(states) == 201)
-    assert recorder.wait() == 0, recorder.stderr  # when it has all, too
+    for topic, count in ((topics.JOINT_STATES, 201), (topics.COMMANDS, 201)):
+        peer.until(lambda: newest.get('/recorder', {}).get(topic.name) == str(count))  # noqa: B023
+    assert recorder.end(signal.SIGINT) == 0, recorder.stderr
     log = run_log.read(tmp_path / 'bag')
     assert len(log.stamps) == 201
     assert np.array_equal(log.command[:200], simulated(log.config).run.command[:200])

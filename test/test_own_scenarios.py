@@ -138,7 +138,6 @@ def test_nodes_are_given_an_absolute_path(here, monkeypatch):
     assert parameters['plant']['subscribers'] < 9
 
 
-@pytest.mark.xdist_group('processes')
 def test_nodes_run_it_in_lockstep(launch, domain, here):
     words = ['mine.yaml', '--time-mode', 'lockstep', '--out', 'bag']
     process = launch('parallel_robot_analysis.command_line', 'run', *words)
@@ -152,7 +151,6 @@ def test_nodes_run_it_in_lockstep(launch, domain, here):
     assert first == again
 
 
-@pytest.mark.xdist_group('processes')
 def test_a_node_takes_it_and_what_show_writes(launch, peer, here, capsys):
     assert main(['show', 'mine.yaml', '--set', 'smc.z=21', '--format', 'ros']) == 0
     file = here / 'shown.yaml'
@@ -176,7 +174,6 @@ def dumped(peer, name, node):
     return {key: value for key, value in values.items() if value not in ([], None)}
 
 
-@pytest.mark.xdist_group('processes')
 def test_a_node_is_started_again_with_its_own_parameters(launch, peer, here):
     node = launch(MODULES['trajectory'], '--ros-args', '-p', 'scenario:=mine.yaml')
     values = dumped(peer, 'trajectory', node)

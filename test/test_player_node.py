@@ -15,7 +15,6 @@ from parallel_robot_bags import simulation_bag
 from parallel_robot_base import config, layouts, topics
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')
 
 PLAYER = 'parallel_robot_bags.player_node'
 
@@ -49,10 +48,9 @@ def stamp(message):
 def test_a_bag_is_played_whole_and_in_order(words, bag, launch, peer):
     states, laws = peer.listen(topics.JOINT_STATES), peer.listen(topics.ACTIVE_LAW)
     process = launch(PLAYER, bag, '--pause', *words)
-    peer.until(lambda: peer.node.count_publishers(topics.JOINT_STATES.name))
+    peer.meet('player', process)
     call(peer, process, 'resume')
-    peer.until(lambda: len(states) == 501)
-    peer.until(lambda: not process.running)
+    peer.until(lambda: len(states) == 501 and laws)
     assert process.wait() == 0
     milliseconds = [round(stamp(state.header.stamp) * 1e3) for state in states]
     assert milliseconds == list(range(1000, 1501))
@@ -64,7 +62,8 @@ def test_pause_step_seek_and_a_clock_that_stands(bag, launch, peer):
     peer.node.create_subscription(Clock, '/clock', clocks.append, 10)
     words = ['--pause', '--clock', '--topics', 'joint_states']
     process = launch(PLAYER, bag, *words, '--ros-args', '-p', 'period:=0.001')
-    peer.until(lambda: len(clocks) > 5 and peer.node.count_publishers(topics.JOINT_STATES.name))
+    peer.meet('player', process)
+    peer.until(lambda: len(clocks) > 5)
     assert {stamp(clock.clock) for clock in clocks} == {1.0}
     assert call(peer, process, 'step').message.startswith('paused at')
     peer.until(lambda: len(states) == 1)
@@ -80,7 +79,7 @@ def test_pause_step_seek_and_a_clock_that_stands(bag, launch, peer):
 def test_a_rate_is_set_while_it_plays(bag, launch, peer):
     states = peer.listen(topics.JOINT_STATES)
     process = launch(PLAYER, bag, '--pause', '--rate', '0.001')
-    peer.until(lambda: peer.node.count_publishers(topics.JOINT_STATES.name))
+    peer.meet('player', process)
     for wrong, reason in (
         ({'rate': 0.0}, 'rate must be from 0.001 to 1000, not 0'),
         ({'rate': 'much'}, "rate must be a number, not 'much'"),
@@ -105,7 +104,7 @@ def test_a_player_that_keeps_no_time_has_no_rate(bag, launch, peer):
 def test_a_step_is_a_sample_of_the_loop(bag, launch, peer):
     states, commands = peer.listen(topics.JOINT_STATES), peer.listen(topics.COMMANDS)
     process = launch(PLAYER, bag, '--pause')
-    peer.until(lambda: peer.node.count_publishers(topics.COMMANDS.name))
+    peer.meet('player', process)
     for count in (1, 2, 3):
         assert call(peer, process, 'step').success
         peer.until(lambda: len(states) >= count and len(commands) >= count)  # noqa: B023

@@ -243,7 +243,6 @@ def test_a_picture_is_small_in_a_notebook_and_overwrites_nothing(run, tmp_path):
     assert (tmp_path / 'run.pdf').read_bytes() == before
 
 
-@pytest.mark.xdist_group('processes')
 def test_a_study_of_keys_and_values_is_swept(tmp_path):
     found = notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
     assert found.law.tolist() == ['smc', 's_smc'] * 2

@@ -20,7 +20,6 @@ from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.subscription import qos_of
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')
 
 RECORDER = 'parallel_robot_bags.recorder_node'
 COUNT = 50

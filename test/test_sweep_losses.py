@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from bags import full_disk
+from ros_fixtures import PATIENCE
 from sweeping import TEXT, content, planned, runs, swept
 
 from parallel_robot_analysis.command_line import main
@@ -32,16 +33,31 @@ def test_two_processes_make_the_same_file(whole, tmp_path):
     assert content(with_processes) == content(whole)
 
 
-def command(out, *words):
-    """A sweep as a process."""
-    module = 'parallel_robot_analysis'
+STRUCK = """
+import os, sys
+from pathlib import Path
+from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.study.store import Store
+
+add, number, pid = Store.add, int(sys.argv.pop(1)), os.getpid()
+
+def struck(store, rows):
+    Store.add = add
+    add(store, rows)
+    print(Path(f'/proc/{pid}/task/{pid}/children').read_text(), flush=True)
+    os.kill(pid, number)
+
+Store.add = struck
+sys.exit(main())
+"""
+
+
+def command(out, *words, signal=None):
+    """A sweep as a process; one that gets a signal when it has added rows prints its workers."""
+    start = ['-m', 'parallel_robot_analysis'] if signal is None else ['-c', STRUCK, str(signal)]
     file = out.with_suffix('.yaml')
     file.write_text(TEXT)
-    return [sys.executable, '-m', module, 'sweep', str(file), '--out', str(out), *words]
-
-
-def children(pid):
-    return Path(f'/proc/{pid}/task/{pid}/children').read_text().split()
+    return [sys.executable, *start, 'sweep', str(file), '--out', str(out), *words]
 
 
 def runs_on(pid):
@@ -49,7 +65,7 @@ def runs_on(pid):
     return stat.exists() and stat.read_text().rpartition(')')[2].split()[0] != 'Z'
 
 
-def until(condition, seconds=30.0):
+def until(condition, seconds=PATIENCE):
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)
@@ -61,14 +77,14 @@ def test_a_sweep_that_is_killed_three_times_ends_as_one_that_ran_through(whole, 
     parts = out / 'parts'
     for _ in range(3):
         before = set(parts.glob('*.parquet'))
-        process = subprocess.Popen(command(out, '--workers', '2'), cwd=ROOT)
-        while not set(parts.glob('*.parquet')) - before:
-            assert process.poll() is None, 'it ended before it could be killed'
-            time.sleep(0.01)
-        workers = children(process.pid)
-        process.kill()
-        process.wait()
-        assert len(workers) == 2 and until(lambda pids=workers: not any(map(runs_on, pids)))
+        words = command(out, '--workers', '2', signal=int(signal.SIGKILL))
+        killed = subprocess.run(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        workers = killed.stdout.split()
+        assert (
+            killed.returncode == -signal.SIGKILL
+            and len(workers) == 2
+            and until(lambda pids=workers: not any(map(runs_on, pids)))
+        )
         assert before < set(parts.glob('*.parquet')) and not (out / 'runs.parquet').exists()
     done = subprocess.run(command(out), cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stderr == '' and '40 runs of each law and scenario' in done.stdout
@@ -77,12 +93,10 @@ def test_a_sweep_that_is_killed_three_times_ends_as_one_that_ran_through(whole, 
 
 def test_ctrl_c_says_what_is_kept(tmp_path):
     out = tmp_path / 'interrupted'
-    process = subprocess.Popen(command(out), cwd=ROOT, stderr=subprocess.PIPE, text=True)
-    assert until(lambda: list((out / 'parts').glob('*.parquet')))
-    process.send_signal(signal.SIGINT)
-    error = process.communicate()[1]
-    assert process.returncode == 130 and error.count('\n') == 1
-    assert 'of 80 rows are kept, the same command continues' in error
+    words = command(out, signal=int(signal.SIGINT))
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 130 and done.stderr.count('\n') == 1
+    assert 'of 80 rows are kept, the same command continues' in done.stderr
 
 
 class Killing:
