@@ -1,19 +1,22 @@
 """`parallel_robot tune`: a small search, continued, and what it refuses."""
 
+import argparse
 import csv
 import math
+from dataclasses import replace
 from typing import get_args, get_type_hints
 
 import pytest
 import yaml
 
 from parallel_robot_analysis.command_line import main
+from parallel_robot_analysis.commands import tune
 from parallel_robot_analysis.tuning import convergence, effort
 from parallel_robot_analysis.tuning.convergence import Rule
 from parallel_robot_analysis.tuning.effort import Effort
 from parallel_robot_analysis.tuning.front import choose, front
 from parallel_robot_analysis.tuning.picture import SUFFIXES
-from parallel_robot_analysis.tuning.sampler import distributions
+from parallel_robot_analysis.tuning.sampler import distributions, within
 from parallel_robot_analysis.tuning.space import (
     Range,
     at_ends,
@@ -82,6 +85,15 @@ def test_equal_effort_is_the_least_error_below_a_bound_of_the_chattering():
         choose(points, trials[0], None, None, Effort(limit=0.5))
 
 
+def test_a_search_within_a_limit_ranks_by_error_inside_and_by_effort_beyond():
+    figures = {'near': (3.0, 0.2), 'best': (1.0, 0.3), 'wild': (0.1, 9.0), 'beyond': (0.2, 0.31)}
+    trials = {name: Trial(0, {}, {}, *pair) for name, pair in figures.items()}
+    failed = Trial(1, {}, {}, reason='no pose')
+    goal = within(0.3, [*trials.values(), failed])
+    ranked = sorted(trials, key=lambda name: goal.values(trials[name]))
+    assert ranked == ['best', 'near', 'beyond', 'wild'] and goal.objectives == 1
+
+
 def test_equal_effort_of_another_measure(tmp_path):
     assert effort.parse('torque_max=30').quantity.unit == 'N m'
     for text, wanted in (
@@ -99,10 +111,21 @@ def test_equal_effort_of_another_measure(tmp_path):
     assert float(chosen['torque_max_nm']) <= 40.0
 
 
+def test_a_search_on_another_seed_has_other_samples_of_the_same_study():
+    parser = argparse.ArgumentParser()
+    tune.add_arguments(parser)
+    words = ['pid', 'paper_circle', '--out', 'unused', '--study', 'laboratory', '--runs', '2']
+    own, other = (
+        tune._study(parser.parse_args([*words, *more]), {}) for more in ([], ['--study-seed', '3'])
+    )
+    assert replace(other, seed=own.seed) == own and other.seed == 3
+
+
 @pytest.mark.parametrize(
     ('words', 'wanted'),
     [
         (['--effort', 'chattering', '--chattering', '1'], 'give one'),
+        (['--study-seed', '2'], '--study'),
         (['--effort', 'chattering=1', '--pick', '0'], 'exclude each other'),
         (['--patience', '0'], '--patience must be from 1'),
         (['--weights', 'error=1,chattering=1', '--effort', 'torque_max'], 'torque_max'),

@@ -56,6 +56,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--runs', type=int, metavar='N', help="samples, default: the study's")
     parser.add_argument(
+        '--study-seed',
+        type=int,
+        metavar='N',
+        help="seed of the samples, default: the study's; with another one, `sweep` of the study "
+        'shows the gains on samples that the search has not seen',
+    )
+    parser.add_argument(
         '--duration', type=float, metavar='S', help='seconds of each run, default: as of the study'
     )
     parser.add_argument(
@@ -233,8 +240,13 @@ def _study(arguments: argparse.Namespace, fixed: dict[str, Any]) -> Study:
         file = study.file_of(arguments.study)
         given = study.parse(study.read(file), str(file), file.parent)
         asked = replace(given, scenarios=scenarios, laws=laws, scrambles=1)
+        if arguments.study_seed is not None:
+            seed = check('--study-seed', int, Field('', '', 0, 2**63 - 1), arguments.study_seed)
+            asked = replace(asked, seed=seed)
     elif arguments.runs is not None:
         raise InputError('--runs are samples of the uncertainty of a --study')
+    elif arguments.study_seed is not None:
+        raise InputError('--study-seed is that of the samples of a --study')
     else:
         own = config.scenario_values(arguments.scenario).get('duration')
         duration = own or DURATION

@@ -51,7 +51,7 @@ def front(
         show(trials[:1], 'D', color=RUNS[2].light, label='default gains')
     show([chosen], '*', color=RUNS[0].light, markersize=13, label='chosen')
     label(panel, title, error, effort)
-    panel.legend(fontsize=8)
+    panel.legend(fontsize=8, loc='lower left')
     return saved(figure)
 
 
@@ -87,7 +87,7 @@ def convergence(
     unit = f' [{tuning.error.unit}]' if tuning.weights is None else ''
     panel.set_ylabel(without_mathematics(f'{tuning.goal}{unit}'), fontsize=8)
     panel.grid(alpha=0.3)
-    panel.legend(fontsize=8)
+    panel.legend(fontsize=8, loc='upper right')
     return saved(figure)
 
 

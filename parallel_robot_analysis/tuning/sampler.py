@@ -2,20 +2,20 @@
 
 Source:
     Ozaki, Tanigaki, Watanabe, Onishi (2020), Multiobjective tree-structured Parzen estimator.
+    Deb (2000), An efficient constraint handling method for genetic algorithms: `within`.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from parallel_robot_analysis.tuning.space import Choice, Space, Value
 from parallel_robot_analysis.tuning.trial import Trial
-from parallel_robot_analysis.tuning.weights import Weights
 from parallel_robot_base.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,8 +53,37 @@ def distributions(space: Space) -> dict[str, BaseDistribution]:
     return found
 
 
+class Goal(NamedTuple):
+    """What a search is to make small.
+
+    Attributes:
+        objectives: How many figures.
+        values: The figures of a feasible trial.
+    """
+
+    objectives: int
+    values: Callable[[Trial], tuple[float, ...]]
+
+
+FRONT = Goal(2, lambda trial: (trial.error, trial.effort))
+
+
+def within(limit: float, history: Sequence[Trial]) -> Goal:
+    """The least error within a limit of the effort.
+
+    Trials within it are ranked by their error, those beyond it by their effort, behind them.
+    """
+    worst = max((trial.error for trial in history if trial.feasible), default=1.0)
+
+    def values(trial: Trial) -> tuple[float]:
+        spent = trial.effort / limit
+        return (trial.error if spent <= 1.0 else worst * spent,)
+
+    return Goal(1, values)
+
+
 def propose(
-    space: Space, history: Sequence[Trial], weights: Weights | None, seed: int, batch: int
+    space: Space, history: Sequence[Trial], goals: Sequence[Goal], seed: int, batch: int
 ) -> list[dict[str, Value]]:
     """Gains to try next.
 
@@ -64,7 +93,7 @@ def propose(
     Args:
         space: The search space.
         history: All trials of the batches before, by number; the first is the default.
-        weights: Weights of a single objective; None: error and effort as a Pareto front.
+        goals: What is searched for; each has an equal share of the batch.
         seed: Seed of the tuning.
         batch: Number of the batch.
 
@@ -72,29 +101,26 @@ def propose(
         BATCH choices of the gains that are varied.
     """
     optuna, among = library(), distributions(space)
-    mixed = np.random.SeedSequence(seed, spawn_key=(batch,)).generate_state(1)
+    mixed = np.random.SeedSequence(seed, spawn_key=(batch,)).generate_state(len(goals))
+    found: list[dict[str, Value]] = []
     with warnings.catch_warnings():
         warnings.simplefilter('ignore')  # what is experimental in optuna
-        sampler = optuna.samplers.TPESampler(
-            seed=int(mixed[0]), multivariate=True, constant_liar=True
-        )
-        count = 2 if weights is None else 1
-        study = optuna.create_study(directions=['minimize'] * count, sampler=sampler)
-        for trial in history:
-            if trial.chosen is not None:
-                study.add_trial(frozen(trial, among, weights, history[0]))
-        return [dict(study.ask(among).params) for _ in range(BATCH)]
+        for goal, own in zip(goals, mixed, strict=True):
+            sampler = optuna.samplers.TPESampler(
+                seed=int(own), multivariate=True, constant_liar=True
+            )
+            study = optuna.create_study(directions=['minimize'] * goal.objectives, sampler=sampler)
+            for trial in history:
+                if trial.chosen is not None:
+                    study.add_trial(frozen(trial, among, goal))
+            found += [dict(study.ask(among).params) for _ in range(BATCH // len(goals))]
+    return found
 
 
-def frozen(
-    trial: Trial, among: dict[str, BaseDistribution], weights: Weights | None, default: Trial
-) -> FrozenTrial:
+def frozen(trial: Trial, among: dict[str, BaseDistribution], goal: Goal) -> FrozenTrial:
     """A finished trial for optuna; infeasible ones are pruned, with their violation."""
     optuna = library()
-    values = None
-    if trial.feasible:
-        figures = [trial.error, trial.effort]
-        values = figures if weights is None else [weights.cost(trial, default)]
+    values = list(goal.values(trial)) if trial.feasible else None
     states = optuna.trial.TrialState
     made: FrozenTrial = optuna.trial.create_trial(
         state=states.COMPLETE if trial.feasible else states.PRUNED,

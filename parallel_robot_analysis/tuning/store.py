@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from parallel_robot_analysis.tuning.sampler import distributions, frozen, library
+from parallel_robot_analysis.tuning.sampler import FRONT, distributions, frozen, library
 from parallel_robot_analysis.tuning.space import Space
 from parallel_robot_analysis.tuning.trial import Trial
 from parallel_robot_base.errors import InputError, RunError, first_line
@@ -95,7 +95,7 @@ class Store:
         Raises:
             RunError: it cannot be written.
         """
-        entry = frozen(trial, distributions(self._space), None, trial)
+        entry = frozen(trial, distributions(self._space), FRONT)
         entry.set_user_attr('number', trial.number)
         entry.set_user_attr('gains', dict(trial.gains))
         if trial.reason:

@@ -20,7 +20,7 @@ from parallel_robot_analysis.study.workers import Workers, completed
 from parallel_robot_analysis.tuning import convergence
 from parallel_robot_analysis.tuning.convergence import Rule, Verdict
 from parallel_robot_analysis.tuning.effort import Effort
-from parallel_robot_analysis.tuning.sampler import BATCH, propose
+from parallel_robot_analysis.tuning.sampler import BATCH, FRONT, Goal, propose, within
 from parallel_robot_analysis.tuning.space import Space, Value, objection
 from parallel_robot_analysis.tuning.store import Store
 from parallel_robot_analysis.tuning.trial import Trial, evaluated, forbidden
@@ -81,6 +81,14 @@ class Tuning:
             return self.weights.cost(trial, default)
         limit = default.effort if self.effort.limit is None else self.effort.limit
         return trial.error if trial.effort <= limit else math.inf
+
+    def goals(self, history: Sequence[Trial]) -> list[Goal]:
+        """What the next trials are to make small: the front, and where it meets the limit."""
+        if self.weights is not None:
+            weights = self.weights
+            return [Goal(1, lambda trial: (weights.cost(trial, history[0]),))]
+        limit = self.effort.limit
+        return [FRONT] if limit is None else [FRONT, within(limit, history)]
 
     def best(self, trials: Sequence[Trial]) -> list[float]:
         """The best figure after each trial."""
@@ -179,7 +187,9 @@ def _run_batch(
     if not left:
         return
     history = [store.trials[number] for number in range(first)]
-    choices: list[Choice] = [*propose(tuning.space, history, tuning.weights, tuning.seed, batch)]
+    choices: list[Choice] = [
+        *propose(tuning.space, history, tuning.goals(history), tuning.seed, batch)
+    ]
     if batch == 0:
         choices[0] = tuning.space.start()
     law = available(tuning.nominal)[tuning.space.law]
