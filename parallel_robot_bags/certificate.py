@@ -28,11 +28,6 @@ class Certificate(NamedTuple):
 
 
 def lost(text: str) -> int:
-    """Number of lost messages from the text in a bag; 0 when it does not say.
-
-    Older bags hold a sentence: ``written 100, lost 0``.
-    """
+    """Number of lost messages from the text in a bag; 0 when it does not say."""
     number = plain_data.mapping(text).get('lost')
-    if number is None:
-        number = plain_data.whole_number(text.rpartition('lost ')[2])
     return number if type(number) is int and number > 0 else 0

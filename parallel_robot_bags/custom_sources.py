@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_bags.limits import NAME, SOURCE, SOURCES
-from parallel_robot_base.config import RENAMED
 from parallel_robot_base.errors import InputError
 
 KINDS = {'custom_laws': 'law', 'custom_robots': 'robot'}  # by the key that names the files
@@ -24,10 +23,9 @@ def named(values: Mapping[str, Any]) -> list[tuple[str, str]]:
     Returns:
         Key and file of each.
     """
-    lists = [(RENAMED.get(key, key), found) for key, found in values.items()]
     return [
         (key, str(path))
-        for key, paths in lists
+        for key, paths in values.items()
         if key in KINDS and isinstance(paths, list)
         for path in paths[:SOURCES]
     ]
@@ -59,6 +57,5 @@ def attachment(key: str, path: str) -> tuple[str, bytes]:
 def parse(attachment: str) -> tuple[str, str] | None:
     """Key and name of the law or robot in an attachment; None if it is something else."""
     key, _, name = attachment.partition('/')
-    key = RENAMED.get(key, key)
     good = name.isidentifier() and len(name.encode()) <= NAME
     return (key, name) if key in KINDS and good else None

@@ -63,7 +63,7 @@ def describe(
 def configuration(
     bag: Path, facts: Mapping[str, str], nodes: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, Any], LoopParameters, int]:
-    """Configuration of the run over the defaults, so that bags of older versions stay readable.
+    """Configuration of the run over the defaults, where nodes that were started by hand lack keys.
 
     Args:
         bag: The bag, for error messages.
@@ -113,7 +113,6 @@ def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
     """
     if not isinstance(stored, dict):
         raise ValueError('no keys and values')
-    stored = {config.RENAMED.get(key, key): value for key, value in stored.items()}
     for key, value in stored.items():
         if not (plain_data.flat(value) and suits(known, key, value)):
             raise ValueError(f'{key} cannot be {value!r}')

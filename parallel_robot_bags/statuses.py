@@ -18,29 +18,6 @@ from parallel_robot_control import messages, safety
 STORE = get_typestore(Stores.ROS2_JAZZY)
 LIMIT_TEXT = {safety.ACTED_CODE[bit]: text for bit, text in safety.ACTED_TEXT.items()}
 
-# What older bags, which hold no codes, say instead.
-OLD_FAULTS = {
-    'the guess is out of reach': 'guess_out_of_reach',
-    'no pose on the same assembly mode fits the joint angles': 'not_converged',
-    'an elbow has folded to the other side': 'wrong_working_mode',
-    'the law gave a torque that is not finite': 'torque_not_finite',
-    'a joint is faster than its limit': 'speed',
-    'a joint angle jumped: faster than its limit from one state to the next': 'position_jump',
-    'the reference jumped: faster than the limit from one sample to the next': 'reference_jump',
-    'a leg is close to being stretched or folded (type 1 singularity)': 'type_1_singularity',
-    'the platform is close to yielding (type 2 singularity)': 'type_2_singularity',
-    'no joint state came for too long': 'states_stale',
-    'no reference came for too long': 'reference_stale',
-    'joint states contradict one another: two publishers': 'states_disagree',
-    'references contradict one another: two publishers': 'references_disagree',
-    'emergency stop': 'emergency_stop',
-}
-OLD_LIMITS = {
-    'torque limit': 'torque',
-    'torque rate limit': 'rate',
-    'ramp after a take-over': 'ramp',
-}
-
 
 class ControllerStatus(NamedTuple):
     """A status of the controller.
@@ -48,7 +25,7 @@ class ControllerStatus(NamedTuple):
     Attributes:
         stamp: When it began [ns].
         law: Active law.
-        fault: Code of the fault, NO_FAULT without one; in older bags a sentence if it is unknown.
+        fault: Code of the fault, NO_FAULT without one.
         fault_text: The fault for people.
         limits: Codes of the limits that have acted since the start of the run.
     """
@@ -88,16 +65,10 @@ def decoded(message: bytes) -> ControllerStatus | None:
         array: Any = STORE.deserialize_cdr(message, STATUS.type)
         values = {item.key: item.value for item in array.status[0].values}
         law, text = values[messages.LAW], values[messages.FAULT]
-        limits = values[messages.LIMITS]
+        fault, codes = values[messages.FAULT_CODE], values[messages.LIMIT_CODES].split(',')
         stamp = array.header.stamp.sec * NANOSECONDS + array.header.stamp.nanosec
     except Exception:  # broken, or a topic of that name that is not the suite's
         return None
-    if messages.FAULT_CODE in values:
-        fault = values[messages.FAULT_CODE]
-        codes = values.get(messages.LIMIT_CODES, '').split(',')
-    else:
-        fault = OLD_FAULTS.get(text, text)
-        codes = [OLD_LIMITS.get(limit, limit) for limit in limits.split(', ') if limit != 'none']
     names = (law, fault, *codes)
     if not (text.isprintable() and all(map(is_name, names))):
         return None

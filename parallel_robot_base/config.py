@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,7 +19,6 @@ Group = TypeVar('Group')
 
 PRESET = 'paper'  # the gains in config/laws
 CUSTOM = {'custom_laws', 'custom_robots'}  # keys that name Python files
-RENAMED = {'own_laws': 'custom_laws'}  # keys of older versions
 DEFAULTS = 'defaults.yaml'
 CUSTOM_DEFAULT = 'custom module'  # source of a default in a Python file of a user
 OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
@@ -77,7 +75,7 @@ def resolve_with_sources(
         Key to value, and key to source: a file of ``config/``, the path of another file,
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
-    changed = points_file.filled(renamed(_plain(overrides or {})))
+    changed = points_file.filled(_plain(overrides or {}))
     name = scenario_file.name_of(scenario, directory() / 'scenarios')
     given = str(changed.pop('scenario', name))
     if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
@@ -134,17 +132,6 @@ def scenario_values(scenario: str) -> dict[str, Any]:
     return merged(values for _, values in _scenario(scenario, name))
 
 
-def renamed(values: Mapping[str, Any]) -> Placed:
-    """Values by the present names of their keys, with a hint for each older name."""
-    for old in RENAMED.keys() & values.keys():
-        logging.getLogger('parallel_robot').warning(f'{old} is called {RENAMED[old]} now')
-    places = places_of(values)
-    return Placed(
-        {RENAMED.get(key, key): value for key, value in values.items()},
-        {RENAMED.get(key, key): place for key, place in places.items()},
-    )
-
-
 def changed(
     values: Mapping[str, Any], changes: Mapping[str, Any], extend: Extend | None = None
 ) -> dict[str, Any]:
@@ -154,7 +141,7 @@ def changed(
         UnknownNameError: a key that it does not have.
         InputError: a custom module cannot be loaded.
     """
-    changes = points_file.filled(renamed(_plain(changes)))
+    changes = points_file.filled(_plain(changes))
     for key in CUSTOM & changes.keys():
         _check_paths(key, changes[key])
     gains = preset({**values, **changes}, extend)
@@ -282,7 +269,7 @@ def _scenario(scenario: str, name: str) -> list[Layer]:
     """
     layers: list[Layer] = []
     for path, values in scenario_file.layers(scenario, directory() / 'scenarios'):
-        values = points_file.filled(renamed(values))
+        values = points_file.filled(values)
         with locating(values):
             for key in CUSTOM & values.keys():
                 raise InputError(f'{key} is given on a command line alone: it is code', key)

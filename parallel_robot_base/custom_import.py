@@ -5,7 +5,6 @@ The file may end its process or never return: in that other process it can, and 
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import importlib.util
 import os
@@ -20,25 +19,6 @@ from parallel_robot_base import cache_directory, trial_process
 from parallel_robot_base.errors import InputError
 
 Rehearse = Callable[[ModuleType], None]
-MOVED = {  # names that files for older versions import, and where they are now
-    ('parallel_robot_control.coupling', 'sig'): 'parallel_robot_control.switching_functions',
-    ('parallel_robot_control.coupling', 'saturate'): 'parallel_robot_control.switching_functions',
-    ('parallel_robot_interface.errors', 'InputError'): 'parallel_robot_base.errors',
-    ('parallel_robot_interface.fields', 'Field'): 'parallel_robot_base.fields',
-    ('parallel_robot_model.dynamics', 'Model'): 'parallel_robot_model.contract',
-    ('parallel_robot_model.kinematics', 'multiply'): 'parallel_robot_compiler',
-    **{
-        (module, name): 'parallel_robot_compiler'
-        for module, names in {
-            'parallel_robot_model.kernel': ('inner', 'kernel'),
-            'parallel_robot_base.kernel': ('inlined', 'inner', 'kernel'),
-            'parallel_robot_base.linear_algebra': ('cross', 'dot', 'multiply', 'solve'),
-            'parallel_robot_base.vector_select': ('clip', 'every', 'select', 'some'),
-            'parallel_robot_base.vector_types': ('vector',),
-        }.items()
-        for name in names
-    },
-}
 
 
 def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
@@ -72,10 +52,9 @@ def import_file(file: Path, source: bytes) -> ModuleType:
     assert spec is not None  # a .py file always has one
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    tree = _Renamer().visit(ast.parse(source, str(file)))
     process = os.getpid()
     try:
-        exec(compile(ast.fix_missing_locations(tree), str(file), 'exec'), vars(module))
+        exec(compile(source, str(file), 'exec'), vars(module))
     finally:
         if os.getpid() != process:  # a copy that the file has forked: one command is enough
             os._exit(1)
@@ -83,21 +62,6 @@ def import_file(file: Path, source: bytes) -> ModuleType:
         if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == name:
             kind.__name__ = f'{name}.{kind.__qualname__}'
     return module
-
-
-class _Renamer(ast.NodeTransformer):
-    """Lets files for older versions import names from where they are now."""
-
-    def visit_ImportFrom(self, node: ast.ImportFrom) -> list[ast.ImportFrom]:
-        """Split an import by the modules that have its names now."""
-        found: dict[str | None, list[ast.alias]] = {}
-        for name in node.names:
-            module = MOVED.get((node.module or '', name.name), node.module)
-            found.setdefault(module, []).append(name)
-        return [
-            ast.copy_location(ast.ImportFrom(module, names, node.level), node)
-            for module, names in found.items()
-        ]
 
 
 def _trial(task: dict[str, Any]) -> None:

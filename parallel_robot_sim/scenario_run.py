@@ -175,8 +175,8 @@ def simulate(
     changed = merged(
         [
             {} if own else {'duration': DURATION},
-            *(config.renamed(parameter_file.read(path)) for path in _files(param_file)),
-            config.renamed(values),
+            *(parameter_file.read(path) for path in _files(param_file)),
+            values,
             {key: value for key, value in given.items() if value is not None},
         ]
     )

@@ -14,17 +14,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot_base import layouts, topics
-from parallel_robot_control import safety
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 5 * 10**9  # ns
 MS = 10**6  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')
-OLD_LIMITS = {
-    safety.TORQUE: 'torque limit',
-    safety.RATE: 'torque rate limit',
-    safety.RAMP: 'ramp after a take-over',
-}
 
 
 @contextlib.contextmanager
@@ -132,13 +126,3 @@ def streams(reference, position, effort=None, names=JOINTS, start=START):
         topic: [(int(stamp), row.tobytes()) for stamp, row in zip(stamps, rows, strict=True)]
         for topic, rows in records.items()
     }
-
-
-def old_status_message(stamp, status):
-    """A status as bags had it before it had codes."""
-    acted = ', '.join(text for bit, text in OLD_LIMITS.items() if status.acted & bit) or 'none'
-    fault = status.fault.text if status.fault else 'none'
-    values = {'law': status.law, 'fault': fault, 'limits that acted': acted}
-    return layouts.padded(
-        layouts.diagnostic_array('controller: status', 1, fault, values).encode(stamp)
-    )

@@ -225,14 +225,6 @@ def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
         config.directory()
 
 
-@pytest.mark.parametrize('key', ['own_laws', 'custom_laws'])
-def test_the_key_of_older_versions_is_taken_with_a_hint(key, caplog):
-    values = config.resolve('paper_circle', {key: ['docs/example_law.py']})
-    assert Path(values['custom_laws'][0]).name == 'example_law.py' and 'own_laws' not in values
-    hints = ['own_laws is called custom_laws now'] if key == 'own_laws' else []
-    assert caplog.messages == hints
-
-
 @pytest.mark.parametrize(
     'resolve',
     [config.resolve, robots.resolve, configuration.resolve],

@@ -1,7 +1,6 @@
-"""What a bag says beside the motion, in its own words or in those of older versions."""
+"""What a bag says beside the motion."""
 
-import pytest
-from bags import START, old_status_message
+from bags import START
 from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
@@ -14,14 +13,10 @@ from parallel_robot_base import plain_data, topics
 from parallel_robot_control import faults, safety
 from parallel_robot_control.messages import Status, status_message
 
-SENTENCES = {'joint_states': 'written 10, lost 3', 'pose': 'written 1, lost 0'}
 CODES = {'joint_states': Certificate(10, 3).dump(), 'pose': Certificate(1, 0).dump()}
 
 
-@pytest.mark.parametrize(
-    ('written', 'certified'), [(status_message, CODES), (old_status_message, SENTENCES)]
-)
-def test_faults_limits_and_losses_of_every_version(written, certified, tmp_path):
+def test_faults_limits_and_losses(tmp_path):
     told = [
         Status('pid', None, 0),
         Status('pid', None, safety.RATE | safety.TORQUE),
@@ -33,8 +28,8 @@ def test_faults_limits_and_losses_of_every_version(written, certified, tmp_path)
     with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
         for k, status in enumerate(told):
             stamp = START + k * 10**9
-            writer.write(topics.STATUS.name, stamp, written(stamp, status))
-        writer.note(MESSAGES, certified)
+            writer.write(topics.STATUS.name, stamp, status_message(stamp, status))
+        writer.note(MESSAGES, CODES)
     past = history.read(tmp_path / 'bag')
     assert [status.fault for status in past.statuses] == ['none', 'none', 'emergency_stop', 'none']
     assert [status.law for status in past.statuses] == ['pid', 'pid', 'pid', 'smc']

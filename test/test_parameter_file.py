@@ -71,7 +71,7 @@ def test_nodes_of_others_are_left_out_with_a_warning(file, caplog):
         ('/**: {ros__parameters: {law: pid}}\nlaw: smc\n', 'law stands outside ros__parameters'),
         ('ros__parameters: {law: pid}\n', 'must stand under the name of a node, or /**'),
         ('custom_laws: [evil.py]\n', 'custom_laws is code: give it by --set custom_laws=[FILE]'),
-        ('own_laws: [evil.py]\n', 'own_laws is code'),
+        ('custom_robots: [evil.py]\n', 'custom_robots is code'),
         ('/plant: {ros__parameters: {custom_robots: [evil.py]}}\n', 'custom_robots is code'),
     ],
 )

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from assembly import simulated as simulate
-from bags import old_status_message, streams, write_foreign
+from bags import streams, write_foreign
 
 from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.replay import replayed
@@ -74,7 +74,7 @@ def test_limits_and_faults_are_replayed(simulated):
     assert not again(bag).differing.any()
 
 
-def live(directory, script, common=True, skipped=(), says=True, status_bytes=status_message):
+def live(directory, script, common=True, skipped=(), says=True):
     """Write the bag of a controller in real time, to which things happen.
 
     `script` maps a state to a function of the controller, called before that state; or to a number
@@ -125,7 +125,7 @@ def live(directory, script, common=True, skipped=(), says=True, status_bytes=sta
                 torque = sample.torque
                 if sample.status != status:
                     status = sample.status
-                    bag.write('controller/status', stamp, status_bytes(stamp, status))
+                    bag.write('controller/status', stamp, status_message(stamp, status))
                 command(controller.command, stamp)
                 if controller.code & LOG:
                     tell(stamp)
@@ -148,8 +148,7 @@ def switch(**changes):
     return lambda controller: controller.apply(controller.prepare_change(changes))
 
 
-@pytest.mark.parametrize('status_bytes', [status_message, old_status_message])
-def test_switches_and_faults_of_a_live_run_are_replayed(status_bytes, tmp_path):
+def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
     bag = live(
         tmp_path / 'bag',
         {
@@ -158,7 +157,6 @@ def test_switches_and_faults_of_a_live_run_are_replayed(status_bytes, tmp_path):
             180: lambda controller: controller.clear_fault(),
             230: switch(law='s_fotsmc'),
         },
-        status_bytes=status_bytes,
     )
     log, found = run_log.read(bag), again(bag)
     assert found.known.all() and not found.differing.any() and found.late == 0

@@ -78,7 +78,7 @@ def test_the_file_of_a_shipped_scenario_is_that_scenario():
         ('circle:\n', 'mine.yaml, line 1: unknown parameter'),
         ('scenario: other\n', 'a scenario has the name of its file'),
         ('custom_laws: [a.py]\n', 'custom_laws is given on a command line alone: it is code'),
-        ('own_laws: [a.py]\n', 'custom_laws is given on a command line alone: it is code'),
+        ('custom_robots: [a.py]\n', 'custom_robots is given on a command line alone'),
         ('/**: {ros__parameters: {law: pid}}\n', 'is a parameter file of ROS'),
     ],
 )  # fmt: skip

@@ -1,11 +1,11 @@
-"""Statuses of the controller: codes, and the sentences of older bags."""
+"""Statuses of the controller, as codes."""
 
 import re
 
 import pytest
-from bags import START, old_status_message
+from bags import START
 
-from parallel_robot_bags.statuses import OLD_FAULTS, OLD_LIMITS, ControllerStatus, decoded
+from parallel_robot_bags.statuses import ControllerStatus, decoded
 from parallel_robot_base import layouts
 from parallel_robot_control import faults
 from parallel_robot_control.faults import EMERGENCY_STOP
@@ -32,20 +32,18 @@ def test_every_fault_has_a_code_and_a_text_of_its_own(robot):
     assert len(known) == len(robot.FAULTS) + len(faults.FAULTS)  # no number is used twice
 
 
-def test_limits_have_codes_and_old_bags_have_known_ones():
-    assert ACTED_CODE.keys() == ACTED_TEXT.keys()
-    codes = {fault.key for fault in faults.of(ROBOTS['planar_3rrr']).values()}
-    assert {*OLD_FAULTS.values()} == codes
-    assert {*OLD_LIMITS.values()} == {*ACTED_CODE.values()}
+def test_each_limit_has_a_code_of_its_own():
+    assert ACTED_CODE.keys() == ACTED_TEXT.keys() and len({*ACTED_CODE.values()}) == len(
+        ACTED_CODE
+    )
 
 
-@pytest.mark.parametrize('written', [status_message, old_status_message])
-def test_new_and_old_statuses_say_the_same(written):
+def test_a_status_is_read_as_it_was_written():
     quiet = ControllerStatus(START, 's_fotsmc', 'none', 'none', ())
-    assert decoded(written(START, Status('s_fotsmc', None, 0))) == quiet
+    assert decoded(status_message(START, Status('s_fotsmc', None, 0))) == quiet
     limits = ('torque', 'ramp')
     stopped = ControllerStatus(START, 'pid', 'emergency_stop', 'emergency stop', limits)
-    assert decoded(written(START, STOPPED)) == stopped
+    assert decoded(status_message(START, STOPPED)) == stopped
 
 
 def test_codes_do_not_depend_on_the_texts():
@@ -54,12 +52,13 @@ def test_codes_do_not_depend_on_the_texts():
     assert (found.fault, found.fault_text) == fault
 
 
-def test_a_sentence_that_nobody_knows_is_a_fault():
-    values = {'law': 'pid', 'fault': 'out of paper', 'limits that acted': 'none'}
-    assert decoded(message(values)).fault == 'out of paper'
-
-
-GOOD = {'law': 'pid', 'fault': 'none', 'limits that acted': 'none', 'fault code': 'none'}
+GOOD = {
+    'law': 'pid',
+    'fault': 'none',
+    'limits that acted': 'none',
+    'fault code': 'none',
+    'limit codes': '',
+}
 
 
 @pytest.mark.parametrize(
@@ -67,6 +66,8 @@ GOOD = {'law': 'pid', 'fault': 'none', 'limits that acted': 'none', 'fault code'
     [
         {},
         {'law': 'pid', 'fault code': 'none'},
+        {key: GOOD[key] for key in GOOD if key != 'limit codes'},
+        {key: GOOD[key] for key in GOOD if key != 'fault code'},
         GOOD | {'law': 'x' * 300},
         GOOD | {'fault': '\x1b[2J'},
         GOOD | {'fault code': '\x1b[2J'},

@@ -100,7 +100,7 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     layers: list[config.Layer] = []
     layers += [(str(path), parameter_file.read(path)) for path in arguments.param_files]
     layers.append((config.OVERRIDE, assignments.parse(arguments.assignments)))
-    return [(name, points_file.filled(config.renamed(values))) for name, values in layers]
+    return [(name, points_file.filled(values)) for name, values in layers]
 
 
 def given(arguments: argparse.Namespace) -> Placed:
