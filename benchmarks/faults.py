@@ -27,9 +27,9 @@ from reliability.bench import Bench
 from reliability.judging import Outcome, judge
 from reliability.rows import ROWS, Row
 
-from parallel_robot_analysis.processes import domain_lock
 from parallel_robot_base import assignments, config
 from parallel_robot_base.errors import ParallelRobotError, RunError
+from parallel_robot_base.processes import domain_lock
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure_plant

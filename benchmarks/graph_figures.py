@@ -21,8 +21,8 @@ from graph_processes import start
 from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
-from parallel_robot_analysis.processes import MODULES, processor_seconds
 from parallel_robot_base import topics
+from parallel_robot_base.processes import MODULES, processor_seconds
 from parallel_robot_ros.diagnostics import STATE_INDEX
 
 PERIOD = 1e-3  # s

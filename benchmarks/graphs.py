@@ -16,10 +16,10 @@ from typing import NamedTuple
 from checkout import ROOT
 from graph_processes import end, nodes_below, start
 
-from parallel_robot_analysis import node_graph
-from parallel_robot_analysis.processes import MODULES
+from parallel_robot_base import node_graph
+from parallel_robot_base.processes import MODULES
 
-COMMAND = ('-m', 'parallel_robot_analysis.command_line')
+COMMAND = ('-m', 'parallel_robot_cli.command_line')
 TWIN = ('benchmarks/empty_graph.py',)
 LOOP = ('trajectory', 'plant', 'controller')
 START_ORDER = ('recorder', 'trajectory', 'controller', 'plant')

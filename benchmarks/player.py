@@ -24,9 +24,9 @@ from rclpy.task import Future
 from rows import Row, row, show
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.processes import command
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_base import topics
+from parallel_robot_base.processes import command
 from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.subscription import qos_of
 
@@ -140,7 +140,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         bag = Path(directory) / 'bag'
         words = ['simulate', 'paper_circle', '--duration', duration, '--out', str(bag)]
-        module = 'parallel_robot_analysis.command_line'
+        module = 'parallel_robot_cli.command_line'
         subprocess.run(command(module, *words), check=True)
         found = reading(bag)
         for number, words in enumerate(([], ['--fast'])):

@@ -22,10 +22,10 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rows import row, show
 
-from parallel_robot_analysis.processes import command
 from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_base import layouts
 from parallel_robot_base.deadline import DeadlineThread
+from parallel_robot_base.processes import command
 from parallel_robot_base.topics import DEPTH
 from parallel_robot_ros.message_types import message_class
 

@@ -13,13 +13,13 @@ from pathlib import Path
 import checkout  # noqa: F401
 from rows import ratios, row, show
 
-from parallel_robot_analysis.study import study
-from parallel_robot_analysis.study.configurations import Configurations
-from parallel_robot_analysis.study.plan import plan
-from parallel_robot_analysis.study.run_chunk import run_chunk
-from parallel_robot_analysis.study.sweep import sweep
-from parallel_robot_analysis.study.workers import Processes
 from parallel_robot_control.configuration import resolve
+from parallel_robot_studies.sweep import study
+from parallel_robot_studies.sweep.configurations import Configurations
+from parallel_robot_studies.sweep.plan import plan
+from parallel_robot_studies.sweep.run_chunk import run_chunk
+from parallel_robot_studies.sweep.sweep import sweep
+from parallel_robot_studies.sweep.workers import Processes
 
 TEXT = study.read(study.file_of('uncertain_robot')).replace('laws: [', 'laws: [s_fotsmc] # ')
 

@@ -18,12 +18,12 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from parallel_robot_analysis.metrics import distances
-from parallel_robot_analysis.notebook import save
 from parallel_robot_analysis.report.animation import Postures, box, postures
 from parallel_robot_analysis.report.palette import STYLES
 from parallel_robot_analysis.report.paper_figures import RC
 from parallel_robot_analysis.report.runs import Run, read_runs
 from parallel_robot_sim import simulate
+from parallel_robot_studies.notebook import save
 
 SCENARIO = 'paper_circle'
 LAWS = ('smc', 's_smc', 'nftsmc', 's_fotsmc')  # the paper's; the robot is drawn under the last

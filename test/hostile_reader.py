@@ -13,14 +13,14 @@ import time
 import traceback
 from pathlib import Path
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import run
 from parallel_robot_bags import history, run_log
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.player import Player, PlayerOptions
 from parallel_robot_bags.printable_output import LONGEST_LINE
 from parallel_robot_base.errors import ParallelRobotError, RunError
 from parallel_robot_base.printable import printable
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import run
 
 WORDS = {
     'analyze': lambda bag, out: [

@@ -19,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 from warm_process import WarmProcess, warm_children
 
-from parallel_robot_analysis.processes import children, command
+from parallel_robot_base.processes import children, command
 from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.subscription import qos_of
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 import rclpy
 
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import config
+from parallel_robot_base.processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 
@@ -76,7 +76,7 @@ def test_wrong_words_for_ros_cost_one_line(name, words, message, node):
 
 @pytest.mark.parametrize(
     'words',
-    [[NODES['recorder']], ['parallel_robot_analysis.command_line', 'node', 'recorder']],
+    [[NODES['recorder']], ['parallel_robot_cli.command_line', 'node', 'recorder']],
     ids=['module', 'command of the scripts'],
 )
 def test_processes_give_help(words, tmp_path):

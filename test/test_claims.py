@@ -7,11 +7,11 @@ import re
 import pytest
 
 from parallel_robot_analysis import claims, readable_metrics
-from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.metrics import Errors, Metrics, Torque, Transient
 from parallel_robot_analysis.readable_metrics import shown
 from parallel_robot_bags.counts import TopicCount
 from parallel_robot_base import config
+from parallel_robot_cli.command_line import main
 
 
 def measured(error, settled, chattering):

@@ -10,9 +10,9 @@ import pytest
 from custom_law import LAW
 from ros_fixtures import until
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.processes import MODULES, command
 from parallel_robot_base import cache_directory, custom_module, trial_process
+from parallel_robot_base.processes import MODULES, command
+from parallel_robot_cli.command_line import main
 
 ROOT = Path(__file__).parents[1]
 ROBOT = (ROOT / 'docs' / 'example_robot.py').read_text()
@@ -171,9 +171,7 @@ def test_what_it_starts_there_is_ended(tmp_path, capsys):
 def test_one_that_forks_makes_no_second_command(tmp_path):
     file = written(tmp_path, 'forking', 'os.fork()\nprint("loaded")')
     words = ['compare', 'paper_circle', *SHORT, '--set', f'custom_laws=[{file}]', '--laws', 'pid']
-    done = subprocess.run(
-        command('parallel_robot_analysis', *words), capture_output=True, text=True
-    )
+    done = subprocess.run(command('parallel_robot_cli', *words), capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout.count('\npid ') == 1
     assert done.stdout.count('loaded') == 2  # its own doing: once in each copy
 

@@ -9,11 +9,11 @@ from assembly import prepare, simulated
 from custom_law import LAW, RETURN
 from rig import Rig
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import cache_directory, topics
 from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.processes import MODULES
+from parallel_robot_cli.command_line import main
 from parallel_robot_compiler import Vector
 from parallel_robot_control import law_loader, law_trial
 from parallel_robot_control.array_law import ArrayLaw

@@ -9,8 +9,8 @@ import pytest
 from test_rerun import by_hand
 from vectors import OnVectors
 
-from parallel_robot_analysis.command_line import main
 from parallel_robot_bags import history, run_log
+from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.robots import robot_of
@@ -243,7 +243,7 @@ def test_a_file_that_a_bag_only_names_is_not_loaded(command, attached, gone, tmp
         assert b'custom_robots/mine' in data
         file.write_bytes(data.replace(b'custom_robots/mine', b'custom_robotz/mine'))
     out = {'report': 'report.html', 'export': 'table.csv'}.get(command)
-    module = 'parallel_robot_analysis.command_line'
+    module = 'parallel_robot_cli.command_line'
     done = subprocess.run(
         [
             sys.executable,

@@ -16,13 +16,13 @@ import pandas
 import pytest
 from bags import content, full_disk
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import recover
 from parallel_robot_analysis.report import runs
 from parallel_robot_bags import history, run_log
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.limits import COPIES, RATIO, RECORD, Allowance
 from parallel_robot_base.errors import BagError
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import recover
 
 ROOT = Path(__file__).parents[1]
 EVERY = os.environ.get('HOSTILE_BAGS') == 'all'

@@ -13,9 +13,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_bags import simulation_bag
 from parallel_robot_base import config
+from parallel_robot_base.processes import MODULES
 from parallel_robot_control.laws import LAWS
 from parallel_robot_ros.message_types import message_class
 

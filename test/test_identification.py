@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_analysis.identification import (
-    identified,
-    readable,
-    recording,
-    regression_rows,
-)
-from parallel_robot_analysis.identification.recording import Recording
 from parallel_robot_bags.statuses import ControllerStatus
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import robot_of
+from parallel_robot_studies.identification import (
+    identified,
+    readable,
+    recording,
+    regression_rows,
+)
+from parallel_robot_studies.identification.recording import Recording
 
 CUTOFF = 10.0  # Hz
 # Table 1: a, b, h of a leg and Ip, mp of the platform; friction of section 4.

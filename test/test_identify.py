@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot_analysis.command_line import main
 from parallel_robot_base import config
+from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 
 TRUE = ['--set', 'true_robot.m1=6.0', '--set', 'true_robot.mp=5.5']

@@ -7,10 +7,9 @@ import pytest
 from assembly import make_plant
 from scipy import stats
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.study.run_chunk import run_chunk
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_cli.command_line import main
 from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.contract import Measurement
@@ -25,6 +24,7 @@ from parallel_robot_sim.random_numbers import mixed, uniform
 from parallel_robot_sim.sensors import keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
+from parallel_robot_studies.sweep.run_chunk import run_chunk
 
 H = 1e-3  # s
 N = 20_000

@@ -8,12 +8,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from parallel_robot_analysis import processes
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.namespaces import full
-from parallel_robot_analysis.ros_session import Session
 from parallel_robot_bags.ros_parameters import ParameterWatch
+from parallel_robot_base import processes
 from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.namespaces import full
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.ros_session import Session
 from parallel_robot_ros.diagnostics import STATE_INDEX
 
 pytest_plugins = ['ros_fixtures']

@@ -6,9 +6,9 @@ import pytest
 import rclpy
 from ros_fixtures import until
 
-from parallel_robot_analysis.node_graph import OUTPUTS, subscribers, subscriptions
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import topics
+from parallel_robot_base.node_graph import OUTPUTS, subscribers, subscriptions
+from parallel_robot_base.processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 

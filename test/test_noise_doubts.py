@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot_analysis.command_line import main
 from parallel_robot_base import config
+from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import adaptive_s_fotsmc
 from parallel_robot_sim.configuration import configure

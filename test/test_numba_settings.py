@@ -76,7 +76,7 @@ def test_the_environment_counts(trap, tmp_path):
 
 
 def test_without_the_compiler_there_is_one_line(tmp_path):
-    words = command('parallel_robot_analysis', 'compare', 'paper_circle')
+    words = command('parallel_robot_cli', 'compare', 'paper_circle')
     done = started(words, tmp_path, NUMBA_DISABLE_JIT='1')
     assert done.returncode == 2 and done.stdout == ''
     (line,) = done.stderr.splitlines()
@@ -86,10 +86,10 @@ def test_without_the_compiler_there_is_one_line(tmp_path):
 @pytest.mark.parametrize(
     'words',
     [
-        ('parallel_robot_analysis', 'show', 'paper_circle'),
-        ('parallel_robot_analysis', 'compare', 'paper_line', *SHORT),
+        ('parallel_robot_cli', 'show', 'paper_circle'),
+        ('parallel_robot_cli', 'compare', 'paper_line', *SHORT),
         ('parallel_robot_control.controller_node', '--ros-args', '-p', 'no_such_key:=1'),
-        ('parallel_robot_analysis.study.worker', '0'),
+        ('parallel_robot_studies.sweep.worker', '0'),
     ],
 )
 def test_no_process_of_the_suite_reads_it(words, trap):

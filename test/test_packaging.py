@@ -19,7 +19,7 @@ import yaml
 from conftest import QUICK
 from ros_fixtures import until
 
-from parallel_robot_analysis.commands.node import NODES
+from parallel_robot_cli.commands.node import NODES
 
 pytest_plugins = ['ros_fixtures']
 
@@ -47,7 +47,7 @@ ROS_PACKAGES = {  # of Jazzy
     *('launch_ros', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs'),
     *('std_srvs', 'trajectory_msgs', 'visualization_msgs'),
 }
-MAIN = 'parallel_robot_analysis.__main__'
+MAIN = 'parallel_robot_cli.__main__'
 LAUNCH_FILE = ROOT / 'launch' / 'run.launch.py'
 IMPORTED = '_multiarray_umath'  # by a process that has begun to import the suite
 

@@ -11,7 +11,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from ros_fixtures import PATIENCE, until
 
-from parallel_robot_analysis import processes
+from parallel_robot_base import processes
 from parallel_robot_base.errors import RunError
 from parallel_robot_base.user_directory import user_directories
 

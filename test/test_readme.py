@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from parallel_robot_analysis.command_line import build_parser
-from parallel_robot_analysis.commands.limit import is_study
-from parallel_robot_analysis.commands.simulate import given
 from parallel_robot_base import assignments, config, topics
+from parallel_robot_cli.command_line import build_parser
+from parallel_robot_cli.commands.limit import is_study
+from parallel_robot_cli.commands.simulate import given
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()

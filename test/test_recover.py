@@ -16,11 +16,11 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands.recover import recover
 from parallel_robot_bags import bag_writer, run_log, simulation_bag
 from parallel_robot_base import config, topics
 from parallel_robot_base.errors import BagError
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands.recover import recover
 
 CASES = 200
 RANDOM = random.Random(5)

@@ -7,13 +7,13 @@ import pytest
 from assembly import simulated as simulate
 from bags import streams, write_foreign
 
-from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.experiment import describe
 from parallel_robot_base import config, topics
 from parallel_robot_base.loop import STEP_START, LoopParameters
+from parallel_robot_cli.command_line import main
 from parallel_robot_control import faults
 from parallel_robot_control.answering import LOG
 from parallel_robot_control.configuration import configure, resolve

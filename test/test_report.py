@@ -11,12 +11,12 @@ from bags import WRITERS, content, streams, write_foreign, write_mcap
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot_analysis.command_line import main
 from parallel_robot_analysis.report import page, runs
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.paper_figures import draw
 from parallel_robot_base import topics
 from parallel_robot_base.errors import InputError
+from parallel_robot_cli.command_line import main
 
 pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
 
@@ -284,7 +284,7 @@ def test_names_of_a_bag_are_text(hostile, tmp_path):
 
 
 def test_scenario_names_make_no_paths(bags, tmp_path, monkeypatch):
-    from parallel_robot_analysis.commands import report
+    from parallel_robot_cli.commands import report
 
     monkeypatch.setattr(report, 'charts', lambda found: charts(found)[1:2])
     groups = {'../../x y': runs.read_runs(bags[:1])['paper_circle']}

@@ -9,14 +9,14 @@ from bags import content
 from mcap.reader import make_reader
 from test_replay import live, switch
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import rerun, run
 from parallel_robot_bags import history, limits, run_log
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.record_names import MISSING
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_base import config, topics
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import rerun, run
 from parallel_robot_control import faults
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_law.py'

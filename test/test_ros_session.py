@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from parallel_robot_analysis import ros_session
-from parallel_robot_analysis.processes import Work
-from parallel_robot_analysis.ros_session import Session
 from parallel_robot_base.errors import RunError
+from parallel_robot_base.processes import Work
+from parallel_robot_cli import ros_session
+from parallel_robot_cli.ros_session import Session
 from parallel_robot_ros.diagnostics import STATE_INDEX
 
 ASKING = 0.5  # s, that a question takes

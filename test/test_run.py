@@ -13,18 +13,18 @@ from rclpy.parameter import Parameter
 from ros_fixtures import PATIENCE, ROOT, SLOW_LOOP
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands.recover import recover
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log
 from parallel_robot_base import topics
+from parallel_robot_base.processes import MODULES
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands.recover import recover
 from parallel_robot_control.configuration import configure
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
-COMMAND_LINE = 'parallel_robot_analysis.command_line'
+COMMAND_LINE = 'parallel_robot_cli.command_line'
 
 
 @pytest.fixture
@@ -130,8 +130,8 @@ def test_a_node_that_dies_ends_the_run(begin, tmp_path):
 
 HASTY = (
     'import sys\n'
-    'from parallel_robot_analysis.command_line import main\n'
-    'from parallel_robot_analysis.commands import run\n'
+    'from parallel_robot_cli.command_line import main\n'
+    'from parallel_robot_cli.commands import run\n'
     'run.STANDSTILL = 5.0\n'
     'sys.exit(main())\n'
 )

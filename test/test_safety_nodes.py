@@ -10,8 +10,8 @@ from domain_coordinator import domain_id
 from ros_fixtures import DAMPING, PERIOD, RECENT, SLOW_LOOP, STATE_TIMEOUT, Peer, Process
 from std_srvs.srv import Trigger
 
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import topics
+from parallel_robot_base.processes import MODULES
 from parallel_robot_control import faults
 from parallel_robot_control.faults import EMERGENCY_STOP, STATES_DISAGREE, STATES_STALE
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_analysis.processes import command
 from parallel_robot_base import cache_directory
+from parallel_robot_base.processes import command
 
 pytest_plugins = ['ros_fixtures']
 
@@ -24,12 +24,14 @@ HOSTILE = (  # what the suite imports early or late, itself or for Numba and rcl
         'parallel_robot_base',
         'parallel_robot_compiler',
         'parallel_robot_analysis',
+        'parallel_robot_studies',
+        'parallel_robot_cli',
     ),
     *('controller', 'simulator', 'messages'),
 )
 CONSOLE_SCRIPT = (
     f'#!{sys.executable}\n'
-    'import sys; from parallel_robot_analysis.__main__ import main; sys.exit(main())\n'
+    'import sys; from parallel_robot_cli.__main__ import main; sys.exit(main())\n'
 )
 
 

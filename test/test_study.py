@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.study import study, table, uncertainty
-from parallel_robot_analysis.study.configurations import Configurations
-from parallel_robot_analysis.study.plan import plan, sample, sampling
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
+from parallel_robot_studies.sweep import study, table, uncertainty
+from parallel_robot_studies.sweep.configurations import Configurations
+from parallel_robot_studies.sweep.plan import plan, sample, sampling
 
 HEAD = 'scenarios: [paper_circle]\nlaws: [smc]\nruns: 4\n'
 

@@ -14,13 +14,13 @@ from bags import full_disk
 from ros_fixtures import PATIENCE
 from sweeping import TEXT, content, planned, runs, swept
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.study.run_chunk import Outcome
-from parallel_robot_analysis.study.store import Store
-from parallel_robot_analysis.study.table import schema, table
-from parallel_robot_analysis.study.tasks import Task, run_task, tasks, version
-from parallel_robot_analysis.study.workers import MOST_LOSSES, Processes, completed
 from parallel_robot_base.errors import RunError
+from parallel_robot_cli.command_line import main
+from parallel_robot_studies.sweep.run_chunk import Outcome
+from parallel_robot_studies.sweep.store import Store
+from parallel_robot_studies.sweep.table import schema, table
+from parallel_robot_studies.sweep.tasks import Task, run_task, tasks, version
+from parallel_robot_studies.sweep.workers import MOST_LOSSES, Processes, completed
 
 pytest_plugins = ['sweeping']
 
@@ -36,8 +36,8 @@ def test_two_processes_make_the_same_file(whole, tmp_path):
 STRUCK = """
 import os, sys
 from pathlib import Path
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.study.store import Store
+from parallel_robot_cli.command_line import main
+from parallel_robot_studies.sweep.store import Store
 
 add, number, pid = Store.add, int(sys.argv.pop(1)), os.getpid()
 
@@ -54,7 +54,7 @@ sys.exit(main())
 
 def command(out, *words, signal=None):
     """A sweep as a process; one that gets a signal when it has added rows prints its workers."""
-    start = ['-m', 'parallel_robot_analysis'] if signal is None else ['-c', STRUCK, str(signal)]
+    start = ['-m', 'parallel_robot_cli'] if signal is None else ['-c', STRUCK, str(signal)]
     file = out.with_suffix('.yaml')
     file.write_text(TEXT)
     return [sys.executable, *start, 'sweep', str(file), '--out', str(out), *words]
@@ -158,7 +158,7 @@ def test_a_row_that_kills_its_workers_is_a_failure_and_no_other_row_is():
 
 
 def test_workers_that_cannot_start_end_the_sweep_with_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr('parallel_robot_analysis.study.workers.MODULE', 'parallel_robot_missing')
+    monkeypatch.setattr('parallel_robot_studies.sweep.workers.MODULE', 'parallel_robot_missing')
     with pytest.raises(RunError, match=r'cannot start: .*parallel_robot_missing'):
         swept(tmp_path / 'out', workers=Processes(2))
     assert not list(tmp_path.iterdir())

@@ -10,10 +10,10 @@ from bags import MS, streams, write_foreign
 from test_replay import live
 
 from parallel_robot_analysis import timing
-from parallel_robot_analysis.command_line import main
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.statuses import ControllerStatus
 from parallel_robot_base import config, layouts, topics
+from parallel_robot_cli.command_line import main
 from parallel_robot_control.messages import answers_message
 
 START = 1_700_000_000 * 10**9  # ns

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import top
-from parallel_robot_analysis.top import view
-from parallel_robot_analysis.top.app import Top
-from parallel_robot_analysis.top.robots import ERROR, GONE, OK, SILENT, Robots
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import top
+from parallel_robot_cli.top import view
+from parallel_robot_cli.top.app import Top
+from parallel_robot_cli.top.robots import ERROR, GONE, OK, SILENT, Robots
 
 pytest_plugins = ['ros_fixtures']
 
@@ -328,7 +328,7 @@ def test_a_robot_that_appears_later_is_found(robots):
 def test_without_its_libraries_the_command_says_how_to_get_them():
     code = (
         'import sys; sys.modules.update(textual=None, rich=None)\n'
-        "from parallel_robot_analysis.command_line import main; sys.exit(main(['top']))"
+        "from parallel_robot_cli.command_line import main; sys.exit(main(['top']))"
     )
     done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 2 and done.stderr.count('\n') == 1

@@ -3,12 +3,12 @@
 import pytest
 from ros_fixtures import PATIENCE, SLOW_LOOP, until
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import top
-from parallel_robot_analysis.processes import MODULES
-from parallel_robot_analysis.top import ros_graph
-from parallel_robot_analysis.top.robots import Robots
-from parallel_robot_analysis.top.ros_graph import RosGraph
+from parallel_robot_base.processes import MODULES
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import top
+from parallel_robot_cli.top import ros_graph
+from parallel_robot_cli.top.robots import Robots
+from parallel_robot_cli.top.ros_graph import RosGraph
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')

@@ -8,7 +8,7 @@ import sys
 import pytest
 from custom_law import LAW
 
-from parallel_robot_analysis.command_line import main
+from parallel_robot_cli.command_line import main
 
 DIGEST = hashlib.sha256(LAW.encode()).hexdigest()
 MARK = '\nimport pathlib\npathlib.Path(__file__).with_name("ran").touch()\n'

@@ -9,15 +9,21 @@ from typing import get_args, get_type_hints
 import pytest
 import yaml
 
-from parallel_robot_analysis.command_line import main
-from parallel_robot_analysis.commands import tune
-from parallel_robot_analysis.tuning import convergence, effort
-from parallel_robot_analysis.tuning.convergence import Rule
-from parallel_robot_analysis.tuning.effort import Effort
-from parallel_robot_analysis.tuning.front import choose, front
-from parallel_robot_analysis.tuning.picture import SUFFIXES
-from parallel_robot_analysis.tuning.sampler import distributions, within
-from parallel_robot_analysis.tuning.space import (
+from parallel_robot_base import parameter_file
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import parameters
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import tune
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.estimator import EstimatorParameters
+from parallel_robot_control.laws import LAWS
+from parallel_robot_studies.tuning import convergence, effort
+from parallel_robot_studies.tuning.convergence import Rule
+from parallel_robot_studies.tuning.effort import Effort
+from parallel_robot_studies.tuning.front import choose, front
+from parallel_robot_studies.tuning.picture import SUFFIXES
+from parallel_robot_studies.tuning.sampler import distributions, within
+from parallel_robot_studies.tuning.space import (
     Range,
     at_ends,
     doubts,
@@ -25,14 +31,8 @@ from parallel_robot_analysis.tuning.space import (
     space_of,
     unit_of,
 )
-from parallel_robot_analysis.tuning.trial import Trial
-from parallel_robot_analysis.tuning.tune import infeasible
-from parallel_robot_base import parameter_file
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import parameters
-from parallel_robot_control.configuration import resolve
-from parallel_robot_control.estimator import EstimatorParameters
-from parallel_robot_control.laws import LAWS
+from parallel_robot_studies.tuning.trial import Trial
+from parallel_robot_studies.tuning.tune import infeasible
 
 pytest.importorskip('optuna')
 OPTIONS = ['--duration', '0.05', '--workers', '1']

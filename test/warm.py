@@ -7,14 +7,14 @@ Usage: python test/warm.py
 
 import multiprocessing
 
-from parallel_robot_analysis.ideal_torque import torque_of
-from parallel_robot_analysis.limit.causes import least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
+from parallel_robot_studies.ideal_torque import torque_of
+from parallel_robot_studies.limit.causes import least_error
 
 SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each robot
 

@@ -13,10 +13,10 @@ import sys
 import traceback
 from pathlib import Path
 
-from parallel_robot_analysis import command_line  # noqa: F401  imported for the processes
-from parallel_robot_analysis.processes import MODULES
 from parallel_robot_base import config
 from parallel_robot_base.module_process import START
+from parallel_robot_base.processes import MODULES
+from parallel_robot_cli import command_line  # noqa: F401  imported for the processes
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure_plant

@@ -1,0 +1,171 @@
+"""The command ``identify``: inertia and friction of the robot from the motion in a bag."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from parallel_robot_analysis.report import figures
+from parallel_robot_bags import new_files
+from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_base import assignments
+from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_cli.commands import simulate
+from parallel_robot_control.configuration import resolve
+from parallel_robot_studies.identification import (
+    design,
+    identified,
+    readable,
+    recording,
+    robot_file,
+)
+from parallel_robot_studies.identification.regression_rows import CUTOFF
+
+TRIALS = 2500
+SEED = 0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, nargs='?', help='bag with a motion that excites')
+    parser.add_argument(
+        '--validate', type=Path, metavar='BAG', help='another bag, whose torques are predicted'
+    )
+    parser.add_argument(
+        '--out', type=Path, metavar='FILE', help='write the robot as YAML, for --param-file'
+    )
+    parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='FILE',
+        help='torques, measured and predicted: png, pdf, svg',
+    )
+    parser.add_argument(
+        '--format', choices=('text', 'json'), default='text', help='of the results, default: text'
+    )
+    parser.add_argument(
+        '--cutoff', type=float, default=CUTOFF, metavar='HZ', help=f'bandwidth, default {CUTOFF:g}'
+    )
+    parser.add_argument(
+        '--design',
+        metavar='SCENARIO',
+        help='no bag: search for the coefficients of its exciting trajectory, write them to --out',
+    )
+    parser.add_argument(
+        '--trials', type=int, default=TRIALS, metavar='N', help=f'of --design, default {TRIALS}'
+    )
+    parser.add_argument('--seed', type=int, default=SEED, help='of --design, default 0')
+    simulate.add_set_argument(parser)
+    add_memory_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.out:
+        new_files.check(arguments.out, '--out')
+    if (arguments.bag is None) == (arguments.design is None):
+        raise InputError('identify takes either a bag or --design SCENARIO')
+    if arguments.design is not None:
+        return _design(arguments)
+    if arguments.assignments:
+        raise InputError('--set goes with --design alone')
+    return _identify(arguments)
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    """Identify a robot, check it on a second bag, write what was asked for."""
+    if not np.isfinite(arguments.cutoff):
+        raise InputError(f'--cutoff must be a frequency in Hz, not {arguments.cutoff:g}')
+    if arguments.figure:
+        figures.check_format(arguments.figure)
+        new_files.check(arguments.figure, '--figure')
+    if arguments.validate and arguments.validate.resolve() == arguments.bag.resolve():
+        raise InputError(f'--validate needs another bag than {arguments.bag}')
+    memory = arguments.max_memory
+    log, recorded = recording.read(arguments.bag, memory)
+    nominal = identified.nominal_of(log)
+    second = None
+    if arguments.validate:
+        second = recording.read(arguments.validate, memory)
+        identified.check_same_robot(log, second[0])
+        _warn(arguments.validate, (*second[0].warnings, *second[1].left_out))
+    _warn(arguments.bag, (*log.warnings, *recorded.left_out))
+    with _naming(arguments.bag):
+        found = identified.identify(nominal, recorded, arguments.cutoff)
+    if second is None:
+        title, checked = 'torque error, rms, same bag [N m]', identified.compare(found, found.rows)
+    else:
+        title = 'torque error, rms, validation [N m]'
+        with _naming(arguments.validate):
+            guess = identified.nominal_of(second[0]).guess
+            checked = identified.predict(found, second[1], guess, arguments.cutoff)
+    try:
+        with contextlib.ExitStack() as written:
+            if arguments.out:
+                content = robot_file.text(found, str(arguments.bag)).encode()
+                written.enter_context(new_files.written(arguments.out, content))
+            if arguments.figure:
+                rows = checked.rows
+                figures.draw_prediction(
+                    rows.time, log.joints, rows.torque, checked.torque, arguments.figure
+                )
+    except OSError as error:
+        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+    if arguments.format == 'json':
+        print(json.dumps(readable.as_data(found, checked, log.joints), indent=2))
+        return 0
+    print('\n'.join([*readable.table(found), *readable.prediction(title, checked, log.joints)]))
+    for name, path in (('robot', arguments.out), ('figure', arguments.figure)):
+        if path:
+            print(f'{name:<7} {path}')
+    return 0
+
+
+def _design(arguments: argparse.Namespace) -> int:
+    """Search for an exciting trajectory and write its parameters."""
+    if arguments.out is None:
+        raise InputError('--design needs --out FILE for the coefficients')
+    if arguments.trials < 1:
+        raise InputError(f'--trials must be at least 1, not {arguments.trials}')
+    if arguments.seed < 0:
+        raise InputError(f'--seed must not be negative, not {arguments.seed}')
+    values = resolve(arguments.design, assignments.parse(arguments.assignments))
+    found = design.design(values, arguments.trials, arguments.seed)
+    comment = (
+        f'# Exciting trajectory for {values["robot_model"]}: condition number '
+        f'{found.quality.condition:.4g} ({arguments.trials} trials, seed {arguments.seed}).\n'
+    )
+    tree = {design.SHAPE: found.parameters, 'plant': {'initial_pose': found.parameters['center']}}
+    try:
+        new_files.write(arguments.out, (comment + robot_file.dump(tree)).encode())
+    except OSError as error:
+        raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
+    for name, quality in (('before', found.before), ('now', found.quality)):
+        if quality is not None:
+            print(
+                f'{name:<13}weakest combination {quality.weakest:.4g} N m, '
+                f'condition number {quality.condition:.4g}'
+            )
+    print(f'{"coefficients":<13}{arguments.out}')
+    return 0
+
+
+def _warn(bag: Path, lines: Iterable[str]) -> None:
+    for line in lines:
+        text = line if line.startswith(str(bag)) else f'{bag}: not used: {line}'
+        print(f'warning: {text}', file=sys.stderr)
+
+
+@contextlib.contextmanager
+def _naming(bag: Path) -> Iterator[None]:
+    """Errors of a bag with its name."""
+    try:
+        yield
+    except BagError as error:
+        raise BagError(f'{bag}: {error}') from None

@@ -1,0 +1,218 @@
+"""The command ``rerun``: the experiment of a bag once more, from the bag alone."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from parallel_robot_analysis.replay import recorded_controller
+from parallel_robot_bags import history, run_log
+from parallel_robot_bags.experiment import SIMULATION, software
+from parallel_robot_bags.history import History
+from parallel_robot_bags.indexed_reader import BagReader
+from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
+from parallel_robot_bags.trust import add_trust_argument, custom_files
+from parallel_robot_base import config, plain_data
+from parallel_robot_base.errors import BagError
+from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.printable import printable
+from parallel_robot_cli.commands import run, simulate
+from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
+from parallel_robot_model.robots import is_known
+
+LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
+OBJECT = 200  # bytes that a message takes beside its own
+BASE = 'paper_circle'  # of a scenario that is not shipped
+MODULES = ('robot_model', *sorted(config.CUSTOM))  # keys that decide which other keys there are
+MADE_BY = ('version', 'revision')  # facts that say which code made a bag
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag of simulate or run')
+    parser.add_argument(
+        '--out', type=Path, metavar='DIR', help='new bag; must not exist; default: BAG_rerun'
+    )
+    parser.add_argument(
+        '--duration', type=float, metavar='S', help='seconds of motion, default: as recorded'
+    )
+    add_trust_argument(parser)
+    add_memory_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    bag, memory = Path(os.path.realpath(arguments.bag)), arguments.max_memory
+    out = arguments.out or bag.parent / f'{bag.name.removesuffix(".mcap")}_rerun'
+    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    if not past.facts:
+        raise BagError(f'{bag} does not say what experiment made it')
+    planned = config.group(log.config, LoopParameters, '').last_index or 0
+    if arguments.duration is None and planned > max(LONGER * len(log.time), SHORT):
+        raise BagError(
+            f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
+        )
+    simulated = past.facts.get('source') == SIMULATION
+    with tempfile.TemporaryDirectory() as directory:
+        robot = str(log.config['robot_model'])
+        files = custom_files(bag, past.sources, robot, Path(directory), arguments.trust)
+        values = log.config | files
+        if not is_known(values):
+            raise BagError(f'{bag} does not hold the robot {robot}')
+        values = custom_defaults(values) | values  # a recorder started by hand has no gains
+        if values['law'] not in available(values):
+            raise BagError(f'{bag} does not hold the law {values["law"]}')
+        recorded = values['duration'] or length(log)
+        values['duration'] = recorded if arguments.duration is None else arguments.duration
+        for text in (*log.warnings, *doubts(values, past)):
+            print(f'warning: {text}', file=sys.stderr)
+        record = simulate.record if simulated else run.record
+        code = record(*again(values, Path(directory)), out)
+    unlike = ''
+    if not simulated and values['time_mode'] != 'lockstep':
+        unlike = 'a run in real time'
+    elif past.facts.get('start_stamp', '0') == '0':
+        unlike = 'nodes that were started by hand'
+    elif values['duration'] != recorded:
+        unlike = f'a bag of {recorded:g} s'
+    if unlike:
+        print(f'{unlike}: bytes cannot be compared')
+        return code
+    count, difference = compare(bag, out, memory)
+    print(f'differs: {difference}' if difference else f'identical: {count} messages')
+    return code or int(bool(difference))
+
+
+def length(log: run_log.RunLog) -> float:
+    """Length of the motion that a bag holds, in whole periods [s]."""
+    period = log.config['period']
+    return float(round(round(log.time[-1] / period) * period, 9))
+
+
+def again(values: Mapping[str, Any], directory: Path) -> tuple[str, dict[str, Any]]:
+    """What to run for a recorded configuration, whether or not its scenario is shipped.
+
+    Args:
+        values: The configuration.
+        directory: Where to write a scenario that is not.
+
+    Returns:
+        Name or path of the scenario, and what changes in it.
+
+    Raises:
+        BagError: no file can hold the scenario.
+        InputError: a custom law or robot is not valid.
+    """
+    name = str(values['scenario'])
+    modules = {key: values[key] for key in MODULES}
+    if name in config.scenarios():
+        return name, modules | changes(values, name, modules)
+    code = {key: values[key] for key in config.CUSTOM}  # which no scenario can name
+    robot = {'robot_model': values['robot_model']}
+    found = {'base': BASE, **robot, **changes(values, BASE, modules)}
+    path = directory / f'{name.replace("/", "_")}.yaml'  # a bag may hold any name
+    try:
+        path.write_text(plain_data.dump(found), encoding='utf-8')
+    except (OSError, ValueError):  # too long, no characters
+        raise BagError(f'no file can hold the scenario {printable(name)}') from None
+    return str(path), code
+
+
+def changes(
+    values: Mapping[str, Any], scenario: str, modules: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What of a recorded configuration a scenario with its robot and custom modules does not give.
+
+    Raises:
+        InputError: a custom law or robot is not valid.
+    """
+    known = resolve(scenario, modules)
+    left = {*modules, 'scenario', 'preset', *run.OWN}
+    found = {
+        key: value
+        for key, value in values.items()
+        if key in known and key not in left and known[key] != value
+    }
+    # A true_robot key that is not set would follow its robot key, changed or not.
+    followers = {f'true_{key}' for key in found if key.startswith('robot.')} & values.keys()
+    return found | {key: values[key] for key in followers}
+
+
+def doubts(values: dict[str, Any], past: History) -> list[str]:
+    """Why a rerun may not be the same."""
+    lines = []
+    now = software()
+    others = [f'{key} {printable(past.facts[key])}' for key in MADE_BY if key in past.facts]
+    ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
+    if others != ours:
+        lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
+    happened = recorded_controller.events(past, configure(values))
+    if happened:
+        lines.append(
+            f'{len(happened)} changes of law, gains or fault during the run are not repeated'
+        )
+    return lines
+
+
+class _Difference(NamedTuple):
+    """Where two streams part: time [ns], topic and what is there."""
+
+    log_time: int
+    topic: str
+    what: str
+
+
+def compare(bag: str | Path, other: str | Path, memory: int = MEMORY) -> tuple[int, str]:
+    """Compare two bags topic by topic, message by message.
+
+    Args:
+        bag: A bag.
+        other: Another.
+        memory: What may be held of them [bytes].
+
+    Returns:
+        How many messages the first has, and the first difference in words; empty without one.
+
+    Raises:
+        BagError: one cannot be read to its end, or takes too much.
+    """
+    first, second = _streams(bag, memory), _streams(other, memory)
+    found = []
+    for topic in sorted({*first, *second}):
+        pair = first.get(topic, []), second.get(topic, [])
+        for (time, data), (other_time, other_data) in zip(*pair, strict=False):
+            if (time, data) != (other_time, other_data):
+                what = 'another time' if data == other_data else 'other bytes'
+                found.append(_Difference(time, topic, what))
+                break
+        else:
+            longer = max(pair, key=len)
+            shared = min(map(len, pair))
+            if len(longer) > shared:
+                what = f'{len(pair[0])} messages, now {len(pair[1])}'
+                found.append(_Difference(longer[shared][0], topic, what))
+    count = sum(map(len, first.values()))
+    if not found:
+        return count, ''
+    earliest = min(found)
+    start = min(stream[0][0] for stream in first.values() if stream)
+    return count, (
+        f'first on {earliest.topic} at t = {(earliest.log_time - start) / 1e9:.3f} s: '
+        f'{earliest.what}; {len(found)} topics differ'
+    )
+
+
+def _streams(bag: str | Path, memory: int) -> dict[str, list[tuple[int, bytes]]]:
+    """Time and bytes of all messages by topic."""
+    reader, allowance = BagReader(bag, memory), Allowance(Path(bag), 0, memory)
+    streams: dict[str, list[tuple[int, bytes]]] = {}
+    for message in reader.messages(reader.topics, reader.start):
+        allowance.hold(OBJECT + len(message.data))
+        streams.setdefault(message.topic, []).append((message.log_time, message.data))
+    reader.close()
+    return streams

@@ -1,0 +1,234 @@
+"""The command ``run``: the nodes in processes of their own, with a common start, recorded."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from parallel_robot_analysis import metrics, readable_metrics, timing, true_motion
+from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_bags.experiment import command_line
+from parallel_robot_bags.limits import TRUSTED
+from parallel_robot_bags.progress import Progress
+from parallel_robot_base import assignments, cache_directory
+from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
+from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.namespaces import add_namespace_argument, full
+from parallel_robot_base.node_graph import subscribers
+from parallel_robot_base.placed import locating
+from parallel_robot_base.processes import MODULES, NodeProcesses, domain_lock
+from parallel_robot_base.scenario_file import absolute
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_cli.commands import simulate
+from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.assembly import assemble
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.noise_doubts import noise_doubts
+from parallel_robot_sim.simulation import ENDLESS
+
+READY = 60.0  # s, for nodes that do nothing and yet are not ready
+LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
+START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
+STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
+OWN = (
+    'start_stamp',
+    'subscribers',
+    'recorder.out',
+    'recorder.command_line',
+)  # keys that run gives to its nodes
+LOOK = 0.1  # s, between two looks at the processes
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    simulate.add_arguments(parser)
+    parser.add_argument(
+        '--time-mode',
+        choices=['wall', 'lockstep'],
+        help='wall (default): real time; lockstep: the plant waits for each command',
+    )
+    add_namespace_argument(parser, 'of the nodes, so that several robots share a ROS domain')
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    changed = simulate.overrides(arguments)
+    if arguments.time_mode is not None:
+        changed = changed | {'time_mode': arguments.time_mode}
+    for key in OWN:
+        if key in assignments.parse(arguments.assignments):
+            raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
+        changed.pop(key, None)  # of a parameter file, which may be one for other runs
+    return record(arguments.scenario, changed, arguments.out, full(arguments.namespace))
+
+
+def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '') -> int:
+    """Run a scenario with changes of its configuration into a bag.
+
+    Args:
+        scenario: Its name, or the path of its file.
+        changed: Key to value.
+        out: Directory of the bag.
+        namespace: Full name of the namespace of the nodes; empty for none.
+
+    Returns:
+        An exit code: 0, or that of the signal that stopped the run.
+
+    Raises:
+        InputError: the configuration is wrong, or the bag cannot be written there.
+        RunError: the run did not come to its end.
+    """
+    configuration = configure(resolve(scenario, changed))
+    if not configuration.loop.duration:
+        with locating(configuration.values):
+            raise InputError(ENDLESS, 'duration')
+    experiment = assemble(configuration)
+    loop = experiment.loop
+    new_files.check_directory(out)
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+
+    common = {**changed, 'scenario': absolute(scenario), 'start_stamp': WAIT}
+    common['middleware'] = loop.middleware  # which a node must know before it reads a scenario
+    parameters: dict[str, dict[str, Any]] = {name: {**common} for name in MODULES}
+    for name, count in subscribers(MODULES, loop.lockstep).items():
+        parameters[name]['subscribers'] = count
+    parameters['recorder']['recorder.out'] = str(out)
+    parameters['recorder']['recorder.command_line'] = command_line()
+    end = _supervise(parameters, loop, namespace)
+    try:
+        log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
+    except BagError:
+        if end.signal:  # before the first state
+            raise StoppedError(end.signal) from None
+        raise
+    timed = timing.evaluate(log, past)
+    remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
+    remarks += timing.remarks(timed, past)
+    remarks += readable_metrics.sensor_remarks(
+        log.config, lambda: true_motion.of_bag(out, log, TRUSTED)
+    )
+    doubts = (*experiment.control.law.warnings, *noise_doubts(configuration))
+    for text in (*doubts, *remarks):
+        print(f'warning: {text}', file=sys.stderr)
+    if end.signal:
+        print(f'{StoppedError(end.signal)} after {log.time[-1]:.1f} s')
+    if timing.verdict(timed):
+        print(timing.verdict(timed))
+    print(simulate.result(out, lambda: evaluate(log)))
+    if end.driven_out:
+        raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
+    return StoppedError(end.signal).exit_code if end.signal else 0
+
+
+def evaluate(log: run_log.RunLog) -> list[str]:
+    """The metrics of a run up to the first state without a pose, in lines."""
+    part, poses, _ = metrics.with_poses(log)
+    found = metrics.evaluate(part, poses)
+    planned = float(log.config['duration'])
+    head = readable_metrics.head(log.scenario, log.law, found.duration_s, planned)
+    return [head, *readable_metrics.brief(found, log.messages)]
+
+
+class End(NamedTuple):
+    """Whether a motion ended because the robot was driven out, or by which signal; 0: none."""
+
+    driven_out: bool = False
+    signal: int = 0
+
+
+def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str) -> End:
+    """Start the nodes, give them their common start, and wait for the end of the motion.
+
+    Raises:
+        RunError: a node failed.
+        StoppedError: a signal came before the motion began.
+    """
+    from parallel_robot_cli.ros_session import Session  # only this command needs ROS
+
+    caught: list[int] = []
+    handlers = {
+        number: signal.signal(number, lambda number, _: caught.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
+
+            def watch() -> None:
+                if caught:
+                    raise StoppedError(caught[0])
+                processes.check()
+
+            with Session(MODULES, watch, namespace, loop.middleware) as session:
+                with Progress(len(MODULES), 'nodes ready') as progress:
+                    session.wait_until_ready(
+                        READY, processes.work, waiting_display(processes, progress)
+                    )
+                now = time.time_ns()
+                start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
+                for name in ('recorder', 'trajectory', 'controller', 'plant'):
+                    session.start(name, start)
+                try:
+                    with Progress(loop.duration, 's') as progress:
+                        follow(processes, session, loop.last_index or 0, loop.duration, progress)
+                except StoppedError as error:
+                    return End(signal=error.signal)
+                for name in session.silent(filter(processes.running, MODULES)):
+                    print(f'warning: {name} does not answer any more', file=sys.stderr)
+                return End(session.driven_out)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def waiting_display(
+    processes: NodeProcesses, progress: Progress
+) -> Callable[[Collection[str]], None]:
+    """Make a function that shows which nodes are not ready, and says once that some compile."""
+    announced = False
+
+    def show(waiting: Collection[str]) -> None:
+        nonlocal announced
+        compiling = [name for name in waiting if processes.compiling(name)]
+        if compiling and not announced:
+            announced = True
+            print(f'parallel_robot run: the nodes are {cache_directory.NOTICE}', file=sys.stderr)
+        what = (
+            f'({", ".join(compiling)} compiling; {cache_directory.compiled()})'
+            if compiling
+            else ''
+        )
+        progress.show(len(MODULES) - len(waiting), what)
+
+    return show
+
+
+def follow(
+    processes: NodeProcesses, session: Any, samples: int, duration: float, progress: Progress
+) -> None:
+    """Wait until the recorder has all of the motion, or the robot has left its workspace.
+
+    Raises:
+        RunError: the motion stands still.
+    """
+    seen, since = session.state, time.monotonic()
+    while processes.running('recorder'):
+        session.spin(LOOK)
+        if session.driven_out:
+            return
+        if session.state != seen:
+            seen, since = session.state, time.monotonic()
+            progress.show(round(duration * min(1.0, seen / samples), 1))
+        elif time.monotonic() - since > STANDSTILL:
+            where = f'the motion stands still at state {seen} of {samples}'
+            silent = session.silent(MODULES)
+            said = [f'{name}: {text}' for name, text in session.alarms.items() if text]
+            if silent:
+                said = [f'no answer of {" and ".join(silent)}']
+            raise RunError(': '.join([where, *said[:1]]))
+    processes.check()

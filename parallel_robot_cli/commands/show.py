@@ -1,0 +1,171 @@
+"""The command ``show``: the effective configuration, and where each value comes from."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from parallel_robot_analysis.monitor import MonitorParameters
+from parallel_robot_base import config, scenario_file
+from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.parameter_file import MARK
+from parallel_robot_base.placed import merged
+from parallel_robot_base.printable import printable
+from parallel_robot_base.yaml_file import text_of
+from parallel_robot_cli.commands.run import OWN
+from parallel_robot_cli.commands.simulate import (
+    add_scenario_argument,
+    add_set_argument,
+    given_layers,
+)
+from parallel_robot_control.configuration import available, custom_defaults
+from parallel_robot_model.robots import module_of
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.parameter_groups import members
+
+BY_COMMANDS = (*OWN, 'duration')  # left out of files unless somebody set them
+UNKNOWN = Field('', '')  # of the keys of the recorder
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_scenario_argument(parser)
+    parser.add_argument('--law', help='control law, default: that of the configuration')
+    add_set_argument(parser)
+    parser.add_argument(
+        '--format',
+        choices=FORMATS,
+        default='table',
+        help='table (default); yaml: a scenario; ros: a parameter file for nodes; json',
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    layers = given_layers(arguments)
+    if arguments.law is not None:
+        layers.append(('--law', {'law': arguments.law}))
+    changed = merged(values for _, values in layers)
+    values, sources = config.resolve_with_sources(arguments.scenario, changed, custom_defaults)
+    loop = configure(values).loop  # a wrong value is refused here as in a run
+    values['realtime'] = loop.realtime  # YAML reads an unquoted off as false
+    overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
+    for name, layer in layers:
+        sources |= {key: name for key in layer if key in overridden}
+    place = scenario_file.absolute(arguments.scenario)
+    print(FORMATS[arguments.format](values, sources, place))
+    return 0
+
+
+def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
+    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
+    known = members(module_of(values), available(values))
+    known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
+    return {key: parameter.field for key, parameter in known}
+
+
+def as_table(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """One line for each key: value, unit and source."""
+    units = {key: field.unit for key, field in fields_of(values).items()}
+    rows = [('key', 'value', 'source')]
+    for key in ordered(values):
+        rows.append(
+            (key, f'{_short(values[key])} {units.get(key, "")}'.strip(), _source(key, sources))
+        )
+    widths = [min(WIDEST, max(len(row[i]) for row in rows)) for i in (0, 1)]
+    return '\n'.join(f'{a:<{widths[0]}}  {b:<{widths[1]}}  {c}' for a, b, c in rows)
+
+
+def as_json(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """Key to value, unit, meaning and source."""
+    fields = fields_of(values)
+    data = {
+        key: {
+            'value': values[key],
+            'unit': fields.get(key, UNKNOWN).unit,
+            'description': fields.get(key, UNKNOWN).description,
+            'source': sources[key],
+        }
+        for key in ordered(values)
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False)
+
+
+def as_scenario(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """A scenario of one's own that resolves to the same values."""
+    code = {key: values[key] for key in sorted(config.CUSTOM) if values[key]}
+    head = [f'# All values of the scenario {values["scenario"]}, as parallel_robot show has them.']
+    head += [f'# It needs --set {key}={text_of(paths)}' for key, paths in code.items()]
+    keys = [key for key in _own(values, sources) if key not in config.CUSTOM]
+    return '\n'.join([*head, *_lines(keys, values, sources)])
+
+
+def as_ros(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """A parameter file for the nodes, as ``--params-file`` takes it."""
+    shown = {**values, 'scenario': place}
+    # ROS has no type for an empty list, nor for one of whole and other numbers.
+    keys = ['scenario', *(key for key in _own(values, sources) if values[key] != [])]
+    for key in keys:
+        if isinstance(shown[key], list) and any(type(item) is float for item in shown[key]):
+            shown[key] = [float(item) for item in shown[key]]
+    lines = _lines(keys, shown, sources)
+    return '\n'.join(['/**:', f'  {MARK}:', *(f'    {line}' for line in lines)])
+
+
+FORMATS = {'table': as_table, 'yaml': as_scenario, 'ros': as_ros, 'json': as_json}
+WIDEST = 44  # characters of a column; what is wider sticks out
+
+
+def ordered(values: Iterable[str]) -> list[str]:
+    """Keys without a group first, then group by group in the order in which they came."""
+    groups = list(dict.fromkeys(key.partition('.')[0] for key in values if '.' in key))
+    return sorted(
+        values, key=lambda key: groups.index(key.partition('.')[0]) if '.' in key else -1
+    )
+
+
+def _own(values: Mapping[str, Any], sources: Mapping[str, str]) -> list[str]:
+    """Keys for a file: none that follow from others, none that a command sets itself."""
+    return [
+        key
+        for key in ordered(values)
+        if sources[key] != key.removeprefix('true_')
+        and key not in ('scenario', 'preset')
+        and not (key in BY_COMMANDS and sources[key] == config.DEFAULTS)
+    ]
+
+
+def _lines(
+    keys: Iterable[str], values: Mapping[str, Any], sources: Mapping[str, str]
+) -> list[str]:
+    """Keys and values as YAML, with unit and source in a comment."""
+    fields = fields_of(values)
+    lines, before = [], ''
+    for key in keys:
+        group, dot, name = key.partition('.')
+        if dot and group != before:
+            lines.append(f'{group}:')
+            before = group
+        unit = fields.get(key, UNKNOWN).unit
+        source = printable(sources[key])
+        comment = f'{unit}; {source}' if unit else source
+        start = f'  {text_of(name)}' if dot else text_of(key)
+        lines.append(f'{start}: {text_of(values[key])}  # {comment}')
+    return lines
+
+
+def _source(key: str, sources: Mapping[str, str]) -> str:
+    """Source of a value for people."""
+    source = sources[key]
+    return f'from {source}' if source in sources else source
+
+
+def _short(value: Any) -> str:
+    """A value for people: numbers with ten digits, words without quotes."""
+    if isinstance(value, list):
+        return f'[{", ".join(map(_short, value))}]'
+    if isinstance(value, str) and value.isalpha():  # also off, which YAML quotes
+        return value
+    return f'{value:.10g}' if isinstance(value, float) else text_of(value)

@@ -1,0 +1,203 @@
+"""The command ``simulate``: the closed loop without ROS, written as a bag."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_analysis import metrics, readable_metrics, true_motion
+from parallel_robot_analysis.simulated_motion import SimulatedMotion
+from parallel_robot_bags import new_files, simulation_bag
+from parallel_robot_bags.history import remark_lines
+from parallel_robot_base import assignments, config, parameter_file, points_file, topics
+from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
+from parallel_robot_base.loop import DURATION
+from parallel_robot_base.placed import Placed, merged
+from parallel_robot_cli import invocation
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.messages import limits_text
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.noise_doubts import noise_doubts
+from parallel_robot_sim.simulation import Simulation, simulate
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_scenario_arguments(parser)
+    parser.add_argument('--law', help='control law, default: that of the configuration')
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
+    )
+    parser.add_argument(
+        '--row',
+        type=int,
+        metavar='N',
+        help='one run of a study: SCENARIO is the directory of its sweep, its file or its name',
+    )
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of every command that makes a run."""
+    add_scenario_argument(parser)
+    parser.add_argument(
+        '--duration',
+        type=float,
+        metavar='S',
+        help=f'seconds of motion, default: that of the scenario, else {DURATION:g}',
+    )
+    add_set_argument(parser)
+
+
+def add_scenario_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare the scenario."""
+    parser.add_argument(
+        'scenario', help='name of a scenario in config/scenarios, or the path of a YAML file'
+    )
+
+
+def add_set_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare what changes the configuration: ``--param-file`` and ``--set``."""
+    parser.add_argument(
+        '--param-file',
+        action='append',
+        default=[],
+        dest='param_files',
+        type=Path,
+        metavar='FILE',
+        help='YAML file with keys of the configuration, also as ROS has them; may be repeated, '
+        'the later wins',
+    )
+    parser.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        dest='assignments',
+        metavar='KEY=VALUE',
+        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated and wins '
+        'over --param-file',
+    )
+
+
+def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
+    """What ``--param-file`` and ``--set`` change, each with its name; later ones win.
+
+    Raises:
+        InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
+    """
+    layers = [(str(path), parameter_file.read(path)) for path in arguments.param_files]
+    layers.append((config.OVERRIDE, Placed(assignments.parse(arguments.assignments))))
+    return [(name, points_file.filled(values)) for name, values in layers]
+
+
+def given(arguments: argparse.Namespace) -> Placed:
+    """What ``--param-file`` and ``--set`` change together; see :func:`given_layers`."""
+    return merged(values for _, values in given_layers(arguments))
+
+
+def overrides(arguments: argparse.Namespace) -> Placed:
+    """What the arguments change in the configuration.
+
+    Raises:
+        InputError: no such scenario, or an argument is wrong.
+    """
+    options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
+    own = config.scenario_values(arguments.scenario).get('duration')
+    return merged(
+        [
+            {} if own else {'duration': DURATION},
+            given(arguments),
+            {key: value for key, value in options.items() if value is not None},
+        ]
+    )
+
+
+def remarks(simulation: Simulation) -> list[str]:
+    """Remarks on a simulation: gains that the theory doubts, limits that acted, a fault."""
+    acted = int(np.bitwise_or.reduce(simulation.run.acted))
+    fault = None
+    if simulation.fault is not None:
+        fault = simulation.fault[0], simulation.fault_text
+    limits = limits_text(acted) if acted else ''
+    return [*simulation.experiment.control.law.warnings, *remark_lines(limits, fault)]
+
+
+def true_error(made: Simulation) -> true_motion.TrueError | None:
+    """The true error of a simulation, the same as that of its bag; None without a plane."""
+    if not made.experiment.trajectory.robot.module.PLANAR:
+        return None
+    slow = slice(0, made.run.steps, topics.SLOW)
+    return true_motion.of_poses(made.run.pose[slow], made.reference.pose[slow])
+
+
+def evaluate(values: Mapping[str, Any], made: Simulation) -> list[str]:
+    """The metrics of a simulation, the same as those of its bag, in lines."""
+    joints = SimulatedMotion.of(made)
+    found = metrics.evaluate(joints, metrics.poses_of(values, joints))
+    loop = made.experiment.loop
+    head = readable_metrics.head(loop.scenario, loop.law, found.duration_s, loop.duration)
+    return [head, *readable_metrics.brief(found, {})]
+
+
+def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
+    """Last lines of a command that made a bag: metrics, its directory, the next command.
+
+    Args:
+        bag: Directory of the bag.
+        evaluate: Returns the lines of the metrics. Whatever it raises, the bag is good.
+    """
+    try:
+        lines = evaluate()
+    except ParallelRobotError as error:
+        lines = [f'no metrics: {error}']
+    except Exception as error:
+        lines = [f'no metrics: {first_line(error)}']
+    command = shlex.join([*invocation.words(), 'analyze', str(bag)])
+    return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.row is None:
+        return record(arguments.scenario, overrides(arguments), arguments.out)
+    from parallel_robot_studies.sweep.single_row import row_of  # needed for rows alone
+
+    for option in ('law', 'duration'):
+        if getattr(arguments, option) is not None:
+            raise InputError(f'--{option} and --row exclude each other: the study has it')
+    fixed = assignments.parse(arguments.assignments)
+    row, doubts = row_of(arguments.scenario, arguments.row, fixed)
+    for text in doubts:
+        print(f'warning: {text}', file=sys.stderr)
+    return record(row.scenario, dict(row.overrides), arguments.out)
+
+
+def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+    """Simulate a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Raises:
+        InputError: something is wrong with the configuration or the place of the bag.
+        RunError: the robot left its workspace, or the disk is full.
+    """
+    new_files.check_directory(out)
+    changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
+    values = resolve(scenario, changed)
+    configuration = configure(values)
+    simulation = simulate(configuration)
+    sensed = readable_metrics.sensor_remarks(values, lambda: true_error(simulation))
+    for text in (*noise_doubts(configuration), *remarks(simulation), *sensed):
+        print(f'warning: {text}', file=sys.stderr)
+    try:
+        simulation_bag.write(out, values, simulation)
+    except OSError as error:
+        raise RunError(f'cannot write {out}: {error.strerror}') from None
+    duration = simulation.experiment.loop.duration
+    rate = duration / simulation.loop_time
+    print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
+    print(result(out, lambda: evaluate(values, simulation)))
+    return 0

@@ -1,0 +1,98 @@
+"""The ideal torque of a simulated run: it holds the true robot exactly on the reference.
+
+Only a simulation knows it: it takes the true robot, its friction, and the disturbances that acted.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.fields import PerJoint
+from parallel_robot_compiler import Boxed, kernel, read_row, write_row
+from parallel_robot_model.joint_load import JointLoad, net_torque
+from parallel_robot_sim.actuators import held_disturbance
+from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.plant import PlantSetup
+from parallel_robot_studies.limit.linear_motion import performed, smooth
+from trajectory_gen.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+KEPT = 96  # ideal torques: those of the samples that the laws of a study share
+
+
+def torque_of(configuration: Configuration) -> Array:
+    """The ideal torque of an experiment, whatever its law.
+
+    That of inverse dynamics of the true robot along the reference, and against friction and
+    the disturbance of each sample. Noise of the motors is none of it.
+
+    Returns:
+        The torque of the step that ends at each sample [N m], shape (N, n), as the plant tells
+        the torque that acted.
+
+    Raises:
+        InputError: the robot does not reach the motion.
+    """
+    plant = configuration.plant
+    loop = plant.loop._replace(law='', preset='custom')  # else each law would have its own
+    return _torque(configuration.trajectory, plant._replace(loop=loop))
+
+
+@functools.lru_cache(maxsize=KEPT)
+def _torque(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
+    from scipy.interpolate import make_interp_spline  # slow to import
+
+    count, period = plant.loop.last_index or 0, plant.loop.period
+    # 1. What moves the robot against viscous friction is smooth: few points of it will do.
+    motion = performed(trajectory, smooth(plant))
+    degree = min(3, len(motion.times) - 1)
+    middles, velocity = _middles(trajectory, period, count)
+    spline = make_interp_spline(motion.times + 0.5 * period, motion.torque, degree)
+    torque = np.ascontiguousarray(spline(middles))
+    # 2. Dry friction and disturbances are not.
+    friction, disturbance = plant.load
+    still = PerJoint((0.0,) * len(plant.loop.joints))
+    rest = JointLoad(friction._replace(viscous=still), disturbance)
+    state = motion.plant.state
+    setup = motion.plant.setup._replace(
+        imperfections=Boxed(plant.imperfections.with_memory(state.torque))
+    )
+    found: Array = _with_loads(setup, rest, state.torque, torque, velocity, period)
+    return found
+
+
+@functools.lru_cache(maxsize=2)
+def _middles(trajectory: Trajectory, period: float, count: int) -> tuple[Array, Array]:
+    """The middle of the step before each sample [s], and the rates of the joints [rad/s]."""
+    middles = np.maximum(np.arange(count + 1) - 0.5, 0.0) * period
+    return middles, trajectory.sample(middles).velocity
+
+
+@kernel
+def _with_loads(
+    setup: PlantSetup, load: JointLoad, like: Array, torque: Array, velocity: Array, period: float
+) -> Array:
+    """Torques with what the loads of each step take.
+
+    Args:
+        setup: The plant, with memory of its own.
+        load: Friction and disturbance that are not in the torques yet.
+        like: Any torque.
+        torque: Torques of the step before each sample [N m], shape (N, n).
+        velocity: Rates of the joints in the middle of it [rad/s], shape (N, n).
+        period: Of the samples [s].
+    """
+    found = torque.copy()
+    for k in range(1, len(torque)):
+        begin = (k - 1) * period
+        rate = read_row(velocity, k, like)
+        # net_torque(t) = t - loads, so -net_torque(-t) = t + loads.
+        needed = -net_torque(load, -read_row(torque, k, like), rate, begin + 0.5 * period)
+        if setup.imperfections.on:
+            needed = needed + held_disturbance(setup, like, begin, period)
+        write_row(found, k, needed)
+    return found
