@@ -85,9 +85,8 @@ def evaluate(made: simulation.Simulation, ideal: np.ndarray) -> metrics.Metrics:
     """
     planar = made.experiment.trajectory.robot.module.PLANAR
     poses = metrics.Poses(made.run.pose, made.reference.pose, planar)
-    joints = SimulatedMotion.of(made)._replace(
-        position=made.run.joints
-    )  # not as they are measured
+    measured = SimulatedMotion.of(made)
+    joints = measured._replace(position=made.run.joints)
     return metrics.evaluate(joints, poses, ideal)
 
 
