@@ -22,7 +22,7 @@ unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOO
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo docs bench faults soak test clean
+.PHONY: help setup demo docs bench faults soak style check test clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -49,12 +49,17 @@ faults: setup ## inject faults into a running loop, a quarter of an hour; writes
 soak: setup ## run the loop for ten minutes, look at memory and losses; writes docs/reliability.md
 	$(BIN)/python benchmarks/soak.py
 
-# In three parts, because workers keep every kernel that they have met: 2 GB each after all tests.
-test: setup ## check style, types and layers, then run the tests
+style: setup
 	$(BIN)/ruff check --quiet
 	$(BIN)/ruff format --quiet --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+
+check: style ## check style, types and layers, then run the quick tests, which start no process
+	$(BIN)/python -m pytest -n 2 --quick
+
+# In three parts, because workers keep every kernel that they have met: 2 GB each after all tests.
+test: style ## check style, types and layers, then run all tests
 	PYTHONPATH=. $(BIN)/python test/warm.py
 	@failed=0; for part in a-d e-o p-z; do \
 	echo "Tests, test/test_[$$part]*.py:"; \

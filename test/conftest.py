@@ -1,4 +1,6 @@
-"""Fixtures that many tests share; which tests run under the pytest of a ROS installation."""
+"""Fixtures that many tests share; which tests are quick, which run under the pytest of ROS."""
+
+import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +18,19 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 )
 
 
+PROCESSES = (  # tests that start processes, or take long: not for make check
+    *('across_hosts', 'any_robot', 'arguments', 'cluster', 'command_line', 'completion'),
+    *('config', 'custom_import', 'custom_laws', 'custom_robots', 'docs', 'empty_graph'),
+    *('hostile_bags', 'hostile_loop', 'hostile_wire', 'joins', 'kernel_cache', 'life_cycle'),
+    *('lockstep', 'monitor_node', 'node_parameters', 'nodes', 'notebook', 'numba_settings'),
+    *('own_scenarios', 'packaging', 'player_node', 'processes', 'python', 'realtime'),
+    *('recorder', 'recorder_node', 'replay', 'report', 'rerun', 'run', 'run_log'),
+    *('safety_nodes', 'show', 'start', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes'),
+    *('trust', 'tune'),
+)
+STARTS = ('subprocess.Popen', 'os.fork', 'os.posix_spawn')  # audit events
+
+
 class LeftOut(pytest.Module):
     """A file of tests that is skipped, not even imported."""
 
@@ -27,14 +42,32 @@ class LeftOut(pytest.Module):
 
 
 def pytest_addoption(parser):
+    parser.addoption('--quick', action='store_true', help='only tests that start no process')
     if STOCK:
         parser.addini('faulthandler_exit_on_timeout', 'of pytest 9')
+
+
+def pytest_ignore_collect(collection_path, config):
+    quick = config.getoption('quick')
+    return (quick and collection_path.stem.removeprefix('test_') in PROCESSES) or None
 
 
 def pytest_pycollect_makemodule(module_path, parent):
     if STOCK and module_path.stem.removeprefix('test_') not in QUICK:
         return LeftOut.from_parent(parent, path=module_path)
     return None
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _no_process(pytestconfig):
+    """Where only quick tests are wanted, none starts a process."""
+
+    def refuse(event, _):
+        if event in STARTS:
+            pytest.fail('it starts a process: see PROCESSES in conftest.py')
+
+    if pytestconfig.getoption('quick'):
+        sys.addaudithook(refuse)
 
 
 settings.register_profile(

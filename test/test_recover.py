@@ -22,7 +22,7 @@ from parallel_robot_base.errors import BagError
 from parallel_robot_cli.command_line import main
 from parallel_robot_cli.commands.recover import recover
 
-CASES = 200
+CASES = 100
 RANDOM = random.Random(5)
 VALUES = config.resolve('paper_circle', {'duration': 0.08, 'time_mode': 'lockstep'})
 
@@ -134,7 +134,7 @@ def test_a_byte_that_is_changed_anywhere(broken, whole, tmp_path):
 
 def test_a_part_that_is_zero_or_gone(broken, whole, tmp_path):
     data, found = whole
-    for _ in range(40):
+    for _ in range(20):
         begin, end = sorted(RANDOM.sample(range(len(data)), 2))
         for filling in (bytes(end - begin), RANDOM.randbytes(end - begin)):
             changed = data[:begin] + filling + data[end:]
@@ -251,7 +251,7 @@ def test_bags_of_others_that_are_cut_or_hit(kind, tmp_path):
     zeros = np.random.default_rng(0).normal(size=(100, 3))
     write_mcap(path, streams(zeros, zeros), chunk_size=4000, **FOREIGN[kind])
     data, every = path.read_bytes(), messages(path.parent)
-    for _ in range(40):
+    for _ in range(20):
         changed, offset = bytearray(data), RANDOM.randrange(len(data))
         changed[offset] ^= RANDOM.randrange(1, 256)
         path.write_bytes(RANDOM.choice([changed, data[:offset]]))

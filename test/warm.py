@@ -1,12 +1,16 @@
 """Compile the kernels of all laws for all robots into the cache, before the tests.
 
 The workers of the tests then load them. A worker that had compiled all of them would hold 2 GB.
+Where it was done before, nothing is done: a note lies beside the kernels of these sources.
 
 Usage: python test/warm.py
 """
 
+import hashlib
 import multiprocessing
+from pathlib import Path
 
+from parallel_robot_base import cache_directory
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS
@@ -16,6 +20,7 @@ from parallel_robot_sim.simulator import Simulator
 from parallel_robot_studies.ideal_torque import torque_of
 from parallel_robot_studies.limit.causes import least_error
 
+NOTE = 'warm_for_tests'
 SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each robot
 
 
@@ -40,6 +45,9 @@ def of_simulations(scenario, law):
 
 def main():
     """Compile with two processes, which are replaced before they grow."""
+    version = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+    if cache_directory.marked(NOTE) == version:
+        return
     with multiprocessing.get_context('spawn').Pool(2, maxtasksperchild=4) as pool:
         jobs = [pool.apply_async(of_nodes, (scenario,)) for scenario in SCENARIOS]
         jobs += [pool.apply_async(of_the_analysis, (scenario,)) for scenario in SCENARIOS]
@@ -47,6 +55,7 @@ def main():
             jobs += [pool.apply_async(of_simulations, (scenario, law)) for law in LAWS]
         for job in jobs:
             job.get()
+    cache_directory.mark(NOTE, version)
 
 
 if __name__ == '__main__':
