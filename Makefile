@@ -35,8 +35,9 @@ demo: setup ## run the paper's circle in real time over ROS 2, record and measur
 	@$(BIN)/parallel_robot run paper_circle --law s_fotsmc --time-mode wall --duration 12 \
 	--out runs/demo_$$(date +%Y%m%d_%H%M%S)
 
-docs: setup ## write docs/parameters.md anew, run docs/notebook.ipynb, draw the moving robot
+docs: setup ## write docs/parameters.md and architecture.md anew, run docs/notebook.ipynb, draw the moving robot
 	$(BIN)/python docs/parameters.py docs/parameters.md
+	$(BIN)/python docs/architecture.py docs/architecture.md
 	$(BIN)/python docs/notebook.py
 	$(BIN)/python docs/animation.py docs/images/moving_robot.gif
 

@@ -106,7 +106,7 @@ setup(
             *CLUSTER,
             *TUNE,
             'hypothesis>=6.100',
-            'import-linter>=2.3,<3',
+            'import-linter>=2.16,<3',
             'ipykernel>=6.29',
             'mcap-ros2-support>=0.5',
             'ros-jazzy-domain-coordinator==0.12.0',

@@ -33,6 +33,11 @@ def test_the_page_of_parameters_is_the_one_that_the_code_writes():
     assert (DOCS / 'parameters.md').read_text() == script('parameters').text(), 'run make docs'
 
 
+def test_the_packages_are_drawn_from_their_imports():
+    page = (DOCS / 'architecture.md').read_text()
+    assert page == script('architecture').text(page), 'run make docs'
+
+
 def test_the_moving_robot_can_be_drawn_again(tmp_path, monkeypatch):
     animation = script('animation')
     monkeypatch.setattr(animation, 'DURATION', 0.3)
