@@ -11,6 +11,12 @@ from trajectory_gen.trajectory import Trajectory
 MOST_SAMPLES = 100_000  # samples of a motion that are checked
 
 
+def grid(trajectory: Trajectory, period: float) -> np.ndarray:
+    """Times of the samples of a motion that are checked [s], shape (N,)."""
+    count = min(np.ceil(trajectory.span / period), MOST_SAMPLES)
+    return np.linspace(0.0, max(trajectory.span, count * period), int(count) + 1)
+
+
 def check(trajectory: Trajectory, period: float) -> None:
     """Refuse a motion that the robot cannot perform.
 
@@ -24,8 +30,7 @@ def check(trajectory: Trajectory, period: float) -> None:
     Raises:
         MotionError: it names the time, the part that fails and the allowed value.
     """
-    count = min(np.ceil(trajectory.span / period), MOST_SAMPLES)
-    times = np.linspace(0.0, max(trajectory.span, count * period), int(count) + 1)
+    times = grid(trajectory, period)
     reference = trajectory.sample(times)
     robot, fastest = trajectory.robot, trajectory.parameters.max_joint_speed
     failures = robot.module.infeasible(robot.parameters, trajectory.limits, reference)

@@ -72,6 +72,9 @@ class TrajectoryParameters(NamedTuple):
         Field('', 'the motion'),
     ]
     lookahead: Annotated[float, Field('s', 'how long before its stamp a sample is sent', 0.0, 0.5)]
+    speed_factor: Annotated[
+        float, Field('', 'how fast the motion runs; 2: twice as fast as its shape', 1e-6, 1e6)
+    ]
     max_joint_speed: Annotated[float, Field('rad/s', 'largest joint speed allowed', 0.0)]
 
 
@@ -121,7 +124,7 @@ class Trajectory:
         validate = getattr(shape, 'validate', lambda parameters: parameters)
         prepare = getattr(shape, 'prepare', lambda parameters: parameters)
         self.shape = prepare(validate(config.group(values, shape.Parameters, name)))
-        self.span = shape.span(self.shape)
+        self.span = shape.span(self.shape) / self.parameters.speed_factor
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
         given = len(shape.motion(self.shape, 0.0).pose)
@@ -150,7 +153,8 @@ class Trajectory:
         """
         grid = np.atleast_1d(np.asarray(times, dtype=np.float64))
         robot = self.robot.constants
-        return _sample(self._motion, self._joints, self.shape, robot, self._pose, grid)
+        speed = self.parameters.speed_factor
+        return _sample(self._motion, self._joints, self.shape, robot, self._pose, grid, speed)
 
 
 def first_pose(values: Mapping[str, Any]) -> Array:
@@ -160,10 +164,16 @@ def first_pose(values: Mapping[str, Any]) -> Array:
 
 @kernel
 def _sample(
-    motion: Any, joint_motion: Any, shape: Any, robot: Any, like: Array, times: Array
+    motion: Any,
+    joint_motion: Any,
+    shape: Any,
+    robot: Any,
+    like: Array,
+    times: Array,
+    speed: float,
 ) -> Reference:
-    """Pose and joints at every time; `like` is any pose."""
-    first = _at(motion, shape, like, 0.0)
+    """Pose and joints at every time; `like` is any pose, `speed` that of the shape's time."""
+    first = _at(motion, shape, like, 0.0, speed)
     joints = joint_motion(robot, first)
     count, size, n, p = len(times), len(like), len(joints.position), len(joints.passive)
     pose = np.empty((count, size))
@@ -175,7 +185,7 @@ def _sample(
     passive = np.empty((count, p))
     out_of_reach = np.empty(count, dtype=np.int64)
     for k in range(count):
-        desired = _at(motion, shape, like, times[k])
+        desired = _at(motion, shape, like, times[k], speed)
         joints = joint_motion(robot, desired)
         write_row(pose, k, desired.pose)
         write_row(pose_rate, k, desired.rate)
@@ -198,11 +208,11 @@ def _sample(
 
 
 @inlined
-def _at(motion: Any, shape: Any, like: Array, time: float) -> PoseMotion:
+def _at(motion: Any, shape: Any, like: Array, time: float, speed: float) -> PoseMotion:
     """Motion at a time, as many coordinates as `like`: a robot in a plane may not have phi."""
-    full = motion(shape, time)
+    full = motion(shape, speed * time)
     return PoseMotion(
         read_row(full.pose, 0, like),
-        read_row(full.rate, 0, like),
-        read_row(full.acceleration, 0, like),
+        speed * read_row(full.rate, 0, like),
+        speed**2 * read_row(full.acceleration, 0, like),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -23,6 +24,7 @@ from parallel_robot_cli.commands.simulate import (
 from parallel_robot_control.configuration import available, custom_defaults
 from parallel_robot_model.robots import module_of
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.fastest import fastest
 from parallel_robot_sim.parameter_groups import members
 
 BY_COMMANDS = (*OWN, 'duration')  # left out of files unless somebody set them
@@ -34,6 +36,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_argument(parser)
     parser.add_argument('--law', help='control law, default: that of the configuration')
     add_set_argument(parser)
+    parser.add_argument(
+        '--fit-speed',
+        action='store_true',
+        help='say how fast the motion may run until a joint meets a limit of speed or torque',
+    )
     parser.add_argument(
         '--format',
         choices=FORMATS,
@@ -49,8 +56,15 @@ def execute(arguments: argparse.Namespace) -> int:
         layers.append(('--law', {'law': arguments.law}))
     changed = merged(values for _, values in layers)
     values, sources = config.resolve_with_sources(arguments.scenario, changed, custom_defaults)
-    loop = configure(values).loop  # a wrong value is refused here as in a run
-    values['realtime'] = loop.realtime  # YAML reads an unquoted off as false
+    made = configure(values)  # a wrong value is refused here as in a run
+    if arguments.fit_speed:
+        found = fastest(made)
+        print(
+            f'fastest: trajectory.speed_factor {found.factor:.4g}, span {found.span:.4g} s; '
+            f'there {found.text}',
+            file=sys.stderr,
+        )
+    values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
     for name, layer in layers:
         sources |= {key: name for key in layer if key in overridden}

@@ -18,11 +18,13 @@ from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file, points_file, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_base.loop import DURATION
+from parallel_robot_base.options import number
 from parallel_robot_base.placed import Placed, merged
 from parallel_robot_cli import invocation
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import Simulation, simulate
 
@@ -33,6 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--law', help='control law, default: that of the configuration')
     parser.add_argument(
         '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
+    )
+    parser.add_argument(
+        '--fit-speed',
+        type=number,
+        metavar='SHARE',
+        help='run the motion at this share, e.g. 0.5, of the fastest speed that limits of joint '
+        'speed and torque allow',
     )
     parser.add_argument(
         '--row',
@@ -108,13 +117,29 @@ def overrides(arguments: argparse.Namespace) -> Placed:
     """
     options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
     own = config.scenario_values(arguments.scenario).get('duration')
-    return merged(
+    changed = merged(
         [
             {} if own else {'duration': DURATION},
             given(arguments),
             {key: value for key, value in options.items() if value is not None},
         ]
     )
+    share = getattr(arguments, 'fit_speed', None)
+    return changed if share is None else _fitted(arguments.scenario, changed, share)
+
+
+def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
+    """Changes with the motion at a share of its fastest feasible speed.
+
+    Raises:
+        InputError: the share is none, or the motion has no such speed.
+    """
+    if not 0.0 < share <= 1.0:
+        raise InputError(f'--fit-speed must be a share above 0, up to 1, not {share:g}')
+    found = fastest(configure(resolve(scenario, changed)))
+    factor = share * found.factor
+    print(f'{FACTOR}={factor:.6g}; at {found.factor:.4g} {found.text}', file=sys.stderr)
+    return changed | {FACTOR: factor}
 
 
 def remarks(simulation: Simulation) -> list[str]:

@@ -1,0 +1,126 @@
+"""How fast a motion may run until a joint meets a limit of speed or torque."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.printable import apart
+from parallel_robot_compiler import FirstClass, kernel, read_row, vector, write_row
+from parallel_robot_model.contract import inverse_dynamics
+from parallel_robot_sim.configuration import Configuration
+from trajectory_gen import preflight
+from trajectory_gen.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+FACTOR = 'trajectory.speed_factor'
+RESERVE = 1e-4  # of the factor: the fastest moment may lie between two samples
+
+
+class Fastest(NamedTuple):
+    """The fastest feasible speed of a motion.
+
+    Attributes:
+        factor: Value of ``trajectory.speed_factor`` at which a joint meets its limit.
+        span: What the motion takes then until it repeats or rests [s].
+        text: The limit for people, with joint and time.
+    """
+
+    factor: float
+    span: float
+    text: str
+
+
+def fastest(configuration: Configuration) -> Fastest:
+    """Find how fast a motion may run.
+
+    The torque is that of the nominal robot on the motion, with friction, without a reserve for
+    the control of errors. A motion that runs k times as fast takes k^2 I + k V + C, where I is
+    the torque of inertia, V that of viscous friction and C that of dry friction and gravity.
+
+    Raises:
+        InputError: the motion stands still, a motor cannot even hold the robot on it, or the
+            robot cannot perform it at any speed.
+    """
+    trajectory, values = configuration.trajectory, configuration.values
+    times = preflight.grid(trajectory, configuration.loop.period)
+    reference = trajectory.sample(times)
+    if not reference.velocity.any():
+        raise InputError('the motion stands still: it has no fastest speed', 'trajectory.shape')
+    # 1. The speed of the joints.
+    safety, plant = configuration.control.safety, configuration.plant
+    speed = np.minimum(trajectory.parameters.max_joint_speed, np.array(safety.speed_limit))
+    with np.errstate(divide='ignore', invalid='ignore'):
+        by_speed = speed / np.abs(reference.velocity)
+        # 2. Their torque: k^2 I + k V + C = +-limit.
+        torque = np.minimum(safety.torque_limit, plant.parameters.torque_limit)
+        inertia, gravity = _torques(configuration, reference)
+        friction = plant.load.friction
+        viscous = np.array(friction.viscous) * reference.velocity
+        dry = np.array(friction.coulomb) * np.sign(reference.velocity) + gravity
+        by_torque = np.minimum(
+            _least_root(inertia, viscous, dry - torque),
+            _least_root(inertia, viscous, dry + torque),
+        )
+        by_torque = np.where(np.abs(dry) < torque, by_torque, 0.0)
+    both = np.nan_to_num(np.minimum(by_speed, by_torque), nan=np.inf)
+    k, joint = np.unravel_index(both.argmin(), both.shape)
+    scale, name = float(both[k, joint]), configuration.loop.joints[joint]
+    at_speed = by_speed[k, joint] <= by_torque[k, joint]
+    limit, unit = (speed, 'rad/s') if at_speed else (torque, 'N m')
+    if not scale:
+        raise InputError(f'{torque[joint]:g} N m do not hold {name} on the motion', FACTOR)
+    # 3. What does not depend on the speed, as reach, is checked as ever.
+    factor = scale * trajectory.parameters.speed_factor * (1.0 - RESERVE)
+    found = Trajectory({**values, FACTOR: factor})
+    preflight.check(found, configuration.loop.period)
+    shown, _ = apart(float(limit[joint]), 0.0, 6)
+    text = f'{name} is at {shown} {unit} at t = {times[k] / scale:.3f} s'
+    return Fastest(factor, found.span, text)
+
+
+def _least_root(a: Array, b: Array, c: Array) -> Array:
+    """Least positive root of a k^2 + b k + c = 0; infinite where there is none."""
+    root = np.sqrt(b * b - 4.0 * a * c)
+    q = -0.5 * (b + np.copysign(root, b))
+    roots = np.stack([q / a, c / q])
+    found: Array = np.where(roots > 0.0, roots, np.inf).min(axis=0)
+    return found
+
+
+def _torques(configuration: Configuration, reference: Any) -> tuple[Array, Array]:
+    """Torque of inertia and of gravity along a motion [N m], each shape (N, n)."""
+    robot = configuration.trajectory.robot
+    margins = configuration.control.margins
+    pose, joints = vector(reference.pose[0]), vector(reference.position[0])
+    estimate = robot.kernel('estimate', margins, joints, joints, pose)
+    rows = reference.position, reference.velocity, reference.acceleration
+    held, moved = _along(estimate, robot.constants, margins, pose, joints, reference.pose, *rows)
+    return moved - held, held
+
+
+@kernel
+def _along(
+    estimate: FirstClass,
+    robot: Any,
+    margins: Any,
+    like_pose: Array,
+    like: Array,
+    pose: Array,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+) -> tuple[Array, Array]:
+    """Torques that hold the robot and that move it [N m], each shape (N, n)."""
+    held, moved = np.empty_like(position), np.empty_like(position)
+    for k in range(len(position)):
+        rate = read_row(velocity, k, like)
+        at = read_row(position, k, like)
+        model = estimate(robot, margins, at, rate, read_row(pose, k, like_pose)).model
+        write_row(held, k, model.gravity)
+        write_row(moved, k, inverse_dynamics(model, read_row(acceleration, k, like), rate))
+    return held, moved
