@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.printable import apart
-from parallel_robot_compiler import FirstClass, kernel, read_row, vector, write_row
+from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.contract import inverse_dynamics
 from parallel_robot_sim.configuration import Configuration
 from trajectory_gen import preflight
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.trajectory import Reference, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -52,21 +52,15 @@ def fastest(configuration: Configuration) -> Fastest:
     if not reference.velocity.any():
         raise InputError('the motion stands still: it has no fastest speed', 'trajectory.shape')
     # 1. The speed of the joints.
-    safety, plant = configuration.control.safety, configuration.plant
-    speed = np.minimum(trajectory.parameters.max_joint_speed, np.array(safety.speed_limit))
+    speed = speed_limit(configuration)
+    # 2. Their torque: k^2 I + k V + C = +-limit.
+    torque = torque_limit(configuration)
+    inertia, viscous, dry = torques(configuration, reference)
     with np.errstate(divide='ignore', invalid='ignore'):
         by_speed = speed / np.abs(reference.velocity)
-        # 2. Their torque: k^2 I + k V + C = +-limit.
-        torque = np.minimum(safety.torque_limit, plant.parameters.torque_limit)
-        inertia, gravity = _torques(configuration, reference)
-        friction = plant.load.friction
-        viscous = np.array(friction.viscous) * reference.velocity
-        dry = np.array(friction.coulomb) * np.sign(reference.velocity) + gravity
-        by_torque = np.minimum(
-            _least_root(inertia, viscous, dry - torque),
-            _least_root(inertia, viscous, dry + torque),
-        )
-        by_torque = np.where(np.abs(dry) < torque, by_torque, 0.0)
+        upper = _least_root(inertia, viscous, dry - torque)
+        lower = _least_root(inertia, viscous, dry + torque)
+    by_torque = np.where(np.abs(dry) < torque, np.fmin(upper, lower), 0.0)
     both = np.nan_to_num(np.minimum(by_speed, by_torque), nan=np.inf)
     k, joint = np.unravel_index(both.argmin(), both.shape)
     scale, name = float(both[k, joint]), configuration.loop.joints[joint]
@@ -92,20 +86,43 @@ def _least_root(a: Array, b: Array, c: Array) -> Array:
     return found
 
 
-def _torques(configuration: Configuration, reference: Any) -> tuple[Array, Array]:
-    """Torque of inertia and of gravity along a motion [N m], each shape (N, n)."""
-    robot = configuration.trajectory.robot
+def speed_limit(configuration: Configuration) -> Array:
+    """Joint speeds that the motion or the controller forbids [rad/s], shape (n,)."""
+    most = configuration.trajectory.parameters.max_joint_speed
+    found: Array = np.minimum(most, configuration.control.safety.speed_limit)
+    return found
+
+
+def torque_limit(configuration: Configuration) -> Array:
+    """Torques that the controller or the motors do not exceed [N m], shape (n,)."""
+    motors = configuration.plant.parameters.torque_limit
+    found: Array = np.minimum(motors, configuration.control.safety.torque_limit)
+    return found
+
+
+def torques(configuration: Configuration, reference: Reference) -> tuple[Array, Array, Array]:
+    """Torque that the nominal robot with friction needs on a motion [N m], each shape (N, n).
+
+    Args:
+        configuration: The experiment.
+        reference: The motion.
+
+    Returns:
+        That of inertia, that of viscous friction, that of dry friction and gravity.
+    """
+    robot, friction = configuration.trajectory.robot, configuration.plant.load.friction
     margins = configuration.control.margins
     pose, joints = vector(reference.pose[0]), vector(reference.position[0])
     estimate = robot.kernel('estimate', margins, joints, joints, pose)
     rows = reference.position, reference.velocity, reference.acceleration
     held, moved = _along(estimate, robot.constants, margins, pose, joints, reference.pose, *rows)
-    return moved - held, held
+    dry = np.array(friction.coulomb) * np.sign(reference.velocity)
+    return moved - held, np.array(friction.viscous) * reference.velocity, dry + held
 
 
 @kernel
 def _along(
-    estimate: FirstClass,
+    estimate: Any,
     robot: Any,
     margins: Any,
     like_pose: Array,

@@ -70,11 +70,11 @@ def figure_of_run(log: NamedMotion, pose: Poses, scale: str = AUTO) -> Any:
         pose: Poses of the run.
         scale: Of errors, see scale.SCALES.
     """
-    figure, path, (first, joints, torque) = _panels(
+    figure, path, (first, joints, torque) = panels(
         f'{label(log.scenario)}, {law_label(log.law)}', pose.planar
     )
     names = [without_mathematics(joint_label(name)) for name in log.joints]
-    looks = [_look(k) for k in range(len(names))]
+    looks = [look_of(k) for k in range(len(names))]
     error = log.reference_position - log.position
     if pose.planar:
         _draw_paths(path, [pose], looks, 'end effector')
@@ -90,7 +90,7 @@ def figure_of_run(log: NamedMotion, pose: Poses, scale: str = AUTO) -> Any:
     torque.set(xlabel='t [s]', ylabel='torque [N m]')
     torque.set_title('Torques', loc='left')
     for axes in (first, joints, torque):
-        _add_legend(axes)
+        add_legend(axes)
     return figure
 
 
@@ -107,7 +107,7 @@ def figure_of_runs(runs: Mapping[str, tuple[NamedMotion, Poses]], scale: str = A
     logs, poses = zip(*runs.values(), strict=True)
     planar = all(pose.planar for pose in poses)
     title = ', '.join(dict.fromkeys(label(log.scenario) for log in logs))
-    figure, path, (first, joints, torque) = _panels(title, planar)
+    figure, path, (first, joints, torque) = panels(title, planar)
     names = [without_mathematics(label(name)) for name in runs]
     looks = [
         {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
@@ -212,7 +212,7 @@ class Curve(NamedTuple):
     name: str
 
 
-def _panels(title: str, planar: bool) -> tuple[Any, Any, list[Any]]:
+def panels(title: str, planar: bool) -> tuple[Any, Any, list[Any]]:
     """A figure, the panel of the path, None if not planar, and three panels over time."""
     figure = _figure(title)
     grid = figure.add_gridspec(3, 2 if planar else 1, width_ratios=(1.1, 1.0)[-1 - planar :])
@@ -266,7 +266,7 @@ def _draw_curves(axes: Any, curves: list[Curve]) -> None:
         axes.plot(curve.time, curve.values, **curve.look, label=curve.name)
 
 
-def _add_legend(axes: Any) -> None:
+def add_legend(axes: Any) -> None:
     """Add a legend above the curves, beside the title."""
     axes.legend(
         loc='lower right',
@@ -278,7 +278,7 @@ def _add_legend(axes: Any) -> None:
     )
 
 
-def _look(column: int) -> dict[str, Any]:
+def look_of(column: int) -> dict[str, Any]:
     """Colour and dashes of one of several curves, by its 0-based index."""
     dashes = DASHES[column // len(COLOURS) % len(DASHES)]
     return {'color': COLOURS[column % len(COLOURS)], 'linestyle': dashes, 'lw': 0.8}

@@ -6,10 +6,12 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from parallel_robot_analysis.monitor import MonitorParameters
 from parallel_robot_base import config, scenario_file
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, parameters
 from parallel_robot_base.parameter_file import MARK
 from parallel_robot_base.placed import merged
@@ -23,7 +25,7 @@ from parallel_robot_cli.commands.simulate import (
 )
 from parallel_robot_control.configuration import available, custom_defaults
 from parallel_robot_model.robots import module_of
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
 from parallel_robot_sim.parameter_groups import members
 
@@ -40,6 +42,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--fit-speed',
         action='store_true',
         help='say how fast the motion may run until a joint meets a limit of speed or torque',
+    )
+    parser.add_argument(
+        '--plot',
+        type=Path,
+        metavar='FILE',
+        help='draw the motion before it runs, with the robot and the limits of its joints: a new '
+        '.png, .pdf or .svg',
     )
     parser.add_argument(
         '--format',
@@ -64,6 +73,8 @@ def execute(arguments: argparse.Namespace) -> int:
             f'there {found.text}',
             file=sys.stderr,
         )
+    if arguments.plot is not None:
+        _plot(made, arguments.plot)
     values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
     for name, layer in layers:
@@ -71,6 +82,21 @@ def execute(arguments: argparse.Namespace) -> int:
     place = scenario_file.absolute(arguments.scenario)
     print(FORMATS[arguments.format](values, sources, place))
     return 0
+
+
+def _plot(made: Configuration, path: Path) -> None:
+    """Draw the motion of a configuration.
+
+    Raises:
+        InputError: the suffix is of no picture format, or the file cannot be written.
+    """
+    from parallel_robot_analysis.report import figures, planned  # slow to import
+
+    figures.check_format(path)
+    try:
+        figures.save(planned.figure_of_motion(made), path)
+    except OSError as error:
+        raise InputError(f'cannot write {path}: {error.strerror}') from None
 
 
 def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
