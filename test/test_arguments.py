@@ -86,7 +86,7 @@ def test_processes_give_help(words, tmp_path):
         env={**os.environ, 'PYTHONPATH': str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=100.0,
+        timeout=300.0,
     )
     assert done.returncode == 0 and done.stderr == '' and not list(tmp_path.iterdir())
     assert done.stdout.startswith('usage: recorder [-h]') and 'records to a bag' in done.stdout

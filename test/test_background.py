@@ -12,7 +12,7 @@ from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 
 pytest_plugins = ['ros_fixtures']
-LONG = 3.0  # s, for a loop that stands still
+LONG = 60.0  # s, for a loop that stands still
 
 
 class Slow(SuiteNode):

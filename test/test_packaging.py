@@ -169,7 +169,7 @@ def test_a_node_that_is_ended_while_it_starts_ends_well(when, number, installed,
     }
     until(reached[when], step=lambda: None)
     process.send_signal(number)
-    _, errors = process.communicate(timeout=60.0)
+    _, errors = process.communicate(timeout=300.0)
     assert (process.returncode, errors) == (0, '')
 
 

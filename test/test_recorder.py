@@ -284,7 +284,7 @@ def test_what_comes_slowly_is_soon_with_the_system(make, tmp_path, monkeypatch):
     recorder = make()
     recorder.open(START)
     take(recorder, range(2))
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 100.0
     file, count = tmp_path / 'bag' / 'bag_0.mcap', 0
     while count < sum(recorder.received.values()):
         assert time.monotonic() < deadline, 'waited in vain'
@@ -311,7 +311,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         layout = layouts.float64_multi_array(1000)
         for _ in range(200):
             recorder.take(topics.COMMANDS, layout.encode() + os.urandom(9000))
-        assert failed.wait(20.0)
+        assert failed.wait(100.0)
         recorder.close()
         print([f'{{type(error).__name__}}: {{error}}' for error in errors])
     """
@@ -320,7 +320,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         cwd=Path(__file__).parents[1],
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=300.0,
     )
     message = f'RunError: cannot write {tmp_path / "bag"}: File too large'
     assert done.stdout == f'{[message]}\n'
