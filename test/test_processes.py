@@ -133,7 +133,25 @@ def test_time_in_which_a_node_has_no_processor_is_known():
     ids=repr,
 )  # fmt: skip
 def test_a_node_gets_the_value_it_is_sent(value):
-    words = ['--ros-args', '-p', f'key:={processes.as_yaml(value)}']
+    assert received(['--ros-args', '-p', f'key:={processes.as_yaml(value)}'], 'key') == value
+
+
+def test_a_value_that_is_too_long_for_a_command_line_is_sent_in_a_file(tmp_path, monkeypatch):
+    (tmp_path / 'idle.py').write_text('import signal; signal.pause()')
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+    monkeypatch.setitem(processes.MODULES, 'node', 'idle')
+    monkeypatch.setattr(processes, 'STOP_ORDER', (('node',),))
+    many = [k / 7.0 for k in range(20_000)]
+    assert len(processes.as_yaml(many)) > 131_071
+    with processes.NodeProcesses({'node': {'few': 1.5, 'many': many}}) as running:
+        words = running._processes['node'].args
+        words = words[words.index('--ros-args') :]
+        assert (received(words, 'few'), received(words, 'many')) == (1.5, many)
+    assert not Path(words[-1]).exists()
+
+
+def received(words, key):
+    """Value of a parameter of a node that is started with some words."""
     context = Context()
     context.init(words)
     node = Node(
@@ -141,8 +159,8 @@ def test_a_node_gets_the_value_it_is_sent(value):
         start_parameter_services=False, enable_rosout=False,
     )  # fmt: skip
     try:
-        found = node.get_parameter('key').value
-        assert (list(found) if isinstance(value, list) else found) == value
+        found = node.get_parameter(key).value
+        return found if isinstance(found, (str, bool, int, float)) else list(found)
     finally:
         node.destroy_node()
         context.try_shutdown()

@@ -115,6 +115,13 @@ def test_the_values_of_a_file_take_the_place_of_its_name(scenario):
     assert Trajectory(config.resolve(str(scenario), later)).span == 4.0
 
 
+def test_many_points_are_not_all_shown(scenario, capsys):
+    lines = [f'{k},0.5,0.37,1.57' for k in range(200)]
+    (scenario.parent / 'points.csv').write_text('\n'.join(['t,x,y,phi', *lines]))
+    assert main(['show', str(scenario)]) == 0
+    assert '[0, 1, 2, ... 199] (200 in all)' in capsys.readouterr().out
+
+
 def test_a_file_of_parameters_needs_no_file_of_points(scenario, capsys):
     assert main(['show', str(scenario), '--format', 'ros']) == 0
     (scenario.parent / 'all.yaml').write_text(capsys.readouterr().out)

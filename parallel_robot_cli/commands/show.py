@@ -155,6 +155,7 @@ def as_ros(values: Mapping[str, Any], sources: Mapping[str, str], place: str) ->
 
 
 FORMATS = {'table': as_table, 'yaml': as_scenario, 'ros': as_ros, 'json': as_json}
+MANY = 100  # items of a list, of which not all are shown
 WIDEST = 44  # characters of a column; what is wider sticks out
 
 
@@ -203,8 +204,11 @@ def _source(key: str, sources: Mapping[str, str]) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value for people: numbers with ten digits, words without quotes."""
+    """A value for people: numbers with ten digits, words without quotes, long lists cut."""
     if isinstance(value, list):
+        if len(value) > MANY:
+            first = ', '.join(map(_short, value[:3]))
+            return f'[{first}, ... {_short(value[-1])}] ({len(value)} in all)'
         return f'[{", ".join(map(_short, value))}]'
     if isinstance(value, str) and value.isalpha():  # also off, which YAML quotes
         return value
