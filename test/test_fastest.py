@@ -35,9 +35,10 @@ def test_axes_are_limited_by_the_speed_of_the_quintic():
     assert 'axis1 is at 10 rad/s' in made.text and abs(made.span * made.factor - 2.0) < 1e-12
 
 
-def test_axes_are_limited_by_torque_against_inertia_and_friction():
+@pytest.mark.parametrize('way', [1.5, -1.5])
+def test_axes_are_limited_by_torque_against_inertia_and_friction(way):
     made = found('axes_step', **{'safety.torque_limit': 5.0, 'trajectory.max_joint_speed': 1e3,
-                                 'safety.speed_limit': 1e3})  # fmt: skip
+                                 'safety.speed_limit': 1e3, 'move.end': [way] * 5})  # fmt: skip
     u = np.linspace(0.0, 1.0, 20001)
     rate = 1.5 / 2.0 * 30.0 * u**2 * (1.0 - u) ** 2
     second = 1.5 / 4.0 * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
