@@ -26,14 +26,11 @@ robot (three two-link legs held to the platform by constraints), the same step a
 friction, stepped by its own loop in C, `mj_step(model, data, n)`; it has no controller. Ours is
 a compiled loop: *plant* is the robot alone under a constant torque, with Coulomb friction as
 well, *closed loop* also the law S-FOTSMC, the estimate of the pose, all limits and safety
-checks and the record of the run. *Side by side* runs eight closed loops in one compiled loop,
-and its time is that of one step of one of them. Targets: the plant 6 times as fast as
-`implicitfast` and 20 times as fast as RK4; the whole closed loop 2.5 times as fast as
-`implicitfast` alone; side by side, 5 times, which is a million steps a second and core where
-`implicitfast` takes 5 us. A call costs something whatever
-its length: arguments are passed to compiled code. Beyond that, a second late in an hour of
-motion must cost what the first did, and memory must not grow; the hour runs second by second,
-and its record is dropped.""",
+checks and the record of the run. Targets: the plant 6 times as fast as `implicitfast` and
+20 times as fast as RK4; the whole closed loop 2.5 times as fast as `implicitfast` alone. A call
+costs something whatever its length: arguments are passed to compiled code. Beyond that, a
+second late in an hour of motion must cost what the first did, and memory must not grow; the
+hour runs second by second, and its record is dropped.""",
     ),
     'reading': (
         'Reading a bag',

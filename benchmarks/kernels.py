@@ -25,7 +25,6 @@ from parallel_robot_compiler import kernel
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.closed_loops import LANES, run_side_by_side
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.plant import step
 from trajectory_gen.trajectory import Reference
@@ -38,13 +37,12 @@ SHORT = 1_000  # steps of a second of motion
 PERIOD = 1e-3  # s
 LAW = 's_fotsmc'
 TORQUE = (0.3, -0.2, 0.1)  # N m, of the plants without a controller
-PLANT, LOOP, MANY = 'plant, ode3', f'closed loop, {LAW}', f'{LANES} closed loops side by side'
+PLANT, LOOP = 'plant, ode3', f'closed loop, {LAW}'
 FAST, EXACT = 'MuJoCo, implicitfast', 'MuJoCo, RK4'
 RATIOS = (  # times the peer: name of the peer, of ours, target
     (FAST, PLANT, '>= 6'),
     (EXACT, PLANT, '>= 20'),
     (FAST, LOOP, '>= 2.5'),
-    (FAST, MANY, '>= 5'),
 )
 
 
@@ -95,10 +93,6 @@ def cases(experiment: Experiment) -> dict[str, tuple[Callable[[], Any], int]]:
         EXACT: (mujoco_alone(experiment, mujoco.mjtIntegrator.mjINT_RK4), STEPS),
         PLANT: (lambda: plant_alone(plant.setup, plant.state, torque, PERIOD, STEPS), STEPS),
         LOOP: (lambda: run(control, plant, reference, PERIOD), STEPS),
-        MANY: (
-            lambda: run_side_by_side([experiment] * LANES, reference, complete=False),
-            STEPS * LANES,
-        ),
     }
 
 

@@ -17,11 +17,9 @@ from parallel_robot_compiler.boxed import Boxed
 from parallel_robot_compiler.compile_error import reason
 from parallel_robot_compiler.function_value import FirstClass, distinguish
 from parallel_robot_compiler.kernels import entry_point, inlined, inner, kernel
-from parallel_robot_compiler.lane_values import lane_of, side_by_side
-from parallel_robot_compiler.lanes import in_a_lane, lane, lanes_of, with_lane
 from parallel_robot_compiler.linear_algebra import cross, dot, multiply, solve
 from parallel_robot_compiler.space import Space, read_at, write_at
-from parallel_robot_compiler.vector_rows import read_row, rows_for, write_row
+from parallel_robot_compiler.vector_rows import read_row, write_row
 from parallel_robot_compiler.vector_select import clip, every, select, some
 from parallel_robot_compiler.vector_types import (
     Vector,
@@ -34,8 +32,7 @@ from parallel_robot_compiler.vector_types import (
 
 __all__ = [
     'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays', 'as_vectors', 'clip',
-    'cross', 'distinguish', 'dot', 'entry_point', 'every', 'in_a_lane', 'inlined', 'inner',
-    'kernel', 'lane', 'lane_of', 'lanes_of', 'multiply', 'read_at', 'read_row', 'reason',
-    'rows_for', 'select', 'shape_of', 'side_by_side', 'solve', 'some', 'vector', 'with_lane',
-    'write_at', 'write_row',
+    'cross', 'distinguish', 'dot', 'entry_point', 'every', 'inlined', 'inner',
+    'kernel', 'multiply', 'read_at', 'read_row', 'reason',
+    'select', 'shape_of', 'solve', 'some', 'vector',     'write_at', 'write_row',
 ]  # fmt: skip

@@ -11,8 +11,8 @@ from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from parallel_robot_compiler.kernels import kernel
-from parallel_robot_compiler.vector_operators import elementwise, emit, pack, splat
-from parallel_robot_compiler.vector_types import LanesType, VectorType
+from parallel_robot_compiler.vector_operators import elementwise, emit, pack
+from parallel_robot_compiler.vector_types import VectorType
 
 Array = NDArray[np.float64]
 
@@ -116,24 +116,20 @@ def _of_vectors(context: Any, a: Any, b: Any) -> Any:
             """x - y z."""
             return apply(operator.sub, x, apply(operator.mul, y, z))
 
-        def given(of: Any, value: Any) -> Any:
-            lanes = isinstance(element, LanesType)
-            return splat(context, builder, value, of, element) if lanes else value
-
         rows = [builder.extract_value(values[0], i) for i in range(n)]
         lower: dict[tuple[int, int], Any] = {}
         diagonal: list[Any] = []
         for i in range(n):
-            total = given(a.element.element, builder.extract_value(rows[i], i))
+            total = builder.extract_value(rows[i], i)
             for j in range(i):
-                part = given(a.element.element, builder.extract_value(rows[i], j))
+                part = builder.extract_value(rows[i], j)
                 for k in range(j):
                     left = apply(operator.mul, lower[i, k], diagonal[k])
                     part = minus(part, left, lower[j, k])
                 lower[i, j] = apply(operator.truediv, part, diagonal[j])
                 total = minus(total, lower[i, j], part)
             diagonal.append(total)
-        x = [given(b.element, builder.extract_value(values[1], i)) for i in range(n)]
+        x = [builder.extract_value(values[1], i) for i in range(n)]
         for i in range(n):
             for j in range(i):
                 x[i] = minus(x[i], lower[i, j], x[j])

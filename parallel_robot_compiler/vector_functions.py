@@ -16,8 +16,8 @@ from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.extending import type_callable
 
-from parallel_robot_compiler.vector_operators import element_of, elementwise, emit, pack, splat
-from parallel_robot_compiler.vector_types import LanesType, VectorType, vector
+from parallel_robot_compiler.vector_operators import element_of, elementwise, emit, pack
+from parallel_robot_compiler.vector_types import VectorType, vector
 
 
 @type_callable(len)
@@ -86,11 +86,10 @@ def _roll(context: Any, builder: Any, signature: Any, values: Any) -> Any:
 
 @type_callable(np.zeros_like)
 def _type_of_zeros(context: Any) -> Any:
-    return lambda x: x if isinstance(x, (VectorType, LanesType)) else None
+    return lambda x: x if isinstance(x, VectorType) else None
 
 
 @lower_builtin(np.zeros_like, VectorType)
-@lower_builtin(np.zeros_like, LanesType)
 def _zeros(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     return ir.Constant(context.get_value_type(signature.return_type), None)
 
@@ -147,8 +146,7 @@ def _type_of_vector(context: Any) -> Any:
             return None
         if not len(elements):
             return VectorType(0, types.float64)
-        lanes = [kind for kind in elements.types if isinstance(kind, LanesType)]
-        return VectorType(len(elements), lanes[0] if lanes else _real(elements.types[0]))
+        return VectorType(len(elements), _real(elements.types[0]))
 
     return typer
 
@@ -160,13 +158,10 @@ def _real(kind: Any) -> Any:
 @lower_builtin(vector, types.BaseTuple)
 def _vector(context: Any, builder: Any, signature: Any, values: Any) -> Any:
     kind, (given,) = signature.return_type, signature.args
-    elements = []
-    for i, each in enumerate(given.types):
-        value = builder.extract_value(values[0], i)
-        if isinstance(kind.element, LanesType):
-            elements.append(splat(context, builder, value, each, kind.element))
-        else:
-            elements.append(context.cast(builder, value, each, kind.element))
+    elements = [
+        context.cast(builder, builder.extract_value(values[0], i), each, kind.element)
+        for i, each in enumerate(given.types)
+    ]
     return pack(context, builder, kind, elements)
 
 

@@ -1,16 +1,14 @@
-"""Rows of arrays as values, in kernels: vectors, numbers and lanes are read and written whole."""
+"""Rows of arrays as values, in kernels: vectors and numbers are read and written whole."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from parallel_robot_compiler.vector_types import (
-    LanesType,
     VectorType,
     load,
     shape_of,
@@ -27,24 +25,6 @@ def _row(context: Any, builder: Any, kind: Any, value: Any, index: Any) -> Any:
     return builder.gep(array.data, [index])
 
 
-def rows_for(value: Any, count: int) -> Any:
-    """An array for `count` values of this type, one a row; lanes are its last axis."""
-    raise NotImplementedError('only in kernels')
-
-
-@overload(rows_for, strict=False)
-def _rows_for(value: Any, count: int) -> Any:
-    shape, scalar = shape_of(types.unliteral(value))
-    dtype = np.int64 if isinstance(scalar, types.Integer) else np.float64
-    if len(shape) == 0:
-        return lambda value, count: np.empty(count, dtype)
-    if len(shape) == 1:
-        (n,) = shape
-        return lambda value, count: np.empty((count, n), dtype)
-    n, lanes = shape
-    return lambda value, count: np.empty((count, n, lanes), dtype)
-
-
 def _holds(array: Any, value: Any) -> bool:
     """Whether a type is that of consecutive elements of an array."""
     if not isinstance(array, types.Array) or array.layout != 'C':
@@ -54,10 +34,7 @@ def _holds(array: Any, value: Any) -> bool:
 
 @intrinsic
 def read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
-    """Row `index` of an array as a value of the type of `like`; neither is checked.
-
-    A row of shape (n,) is a vector, one of shape (n, lanes) a vector of lanes.
-    """
+    """Row `index` of an array as a value of the type of `like`; neither is checked."""
     if not _holds(array, like):
         return None
     signature = like(array, types.intp, like)
@@ -71,9 +48,9 @@ def read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
 
 @intrinsic
 def write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write a number, a vector or lanes to row `index` of an array; neither is checked."""
+    """Write a number or a vector to row `index` of an array; neither is checked."""
     value = types.unliteral(value)
-    ours = isinstance(value, (VectorType, LanesType))
+    ours = isinstance(value, VectorType)
     if not _holds(array, value if ours else array.dtype) or not array.mutable:
         return None
     signature = types.none(array, types.intp, value)

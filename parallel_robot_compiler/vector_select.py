@@ -1,28 +1,21 @@
-"""Decisions without branches, in kernels.
-
-Lanes cannot branch: a kernel that is to run side by side computes both results and selects. What
-only some lanes need is done lane by lane, see :mod:`parallel_robot_compiler.lanes`.
-"""
+"""Decisions without branches, in kernels: both results are computed, and one is taken."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.core.imputils import impl_ret_new_ref, lower_builtin
 from numba.extending import overload, type_callable
 
 from parallel_robot_compiler.kernels import kernel
-from parallel_robot_compiler.vector_operators import pack, splat
-from parallel_robot_compiler.vector_types import LanesType, VectorType, tuple_like
-
-_INT32 = ir.IntType(32)
+from parallel_robot_compiler.vector_operators import pack
+from parallel_robot_compiler.vector_types import VectorType, tuple_like
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:
-    """`a` where a condition holds, else `b`: numbers, vectors, lanes and tuples of them."""
+    """`a` where a condition holds, else `b`: numbers, vectors and tuples of them."""
     return a if condition else b
 
 
@@ -33,7 +26,7 @@ def _type_of_select(context: Any) -> Any:
 
 def _selected(condition: Any, a: Any, b: Any) -> Any:
     """Type of a selection; None if there is none."""
-    if not isinstance(condition, (types.Boolean, LanesType, VectorType)):
+    if not isinstance(condition, (types.Boolean, VectorType)):
         return None
     if isinstance(a, types.BaseTuple) and isinstance(b, types.BaseTuple):
         if len(a) != len(b):
@@ -48,23 +41,12 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
             return None
         inner = _selected(*(_element(kind) for kind in (condition, a, b)))
         return None if inner is None else VectorType(vectors[0].count, inner)
-    lanes = [kind for kind in (a, b, condition) if isinstance(kind, LanesType)]
-    if lanes:
-        scalar = _selected(types.boolean, *(_scalar(kind) for kind in (a, b)))
-        fits = scalar is not None and all(
-            kind.scalar == scalar for kind in (a, b) if isinstance(kind, LanesType)
-        )
-        return LanesType(lanes[0].count, scalar) if fits else None
     if isinstance(a, types.Number) and isinstance(b, types.Number):
         if isinstance(a, types.Integer) and isinstance(b, types.Integer):
             return types.int64
         return types.float64
     a, b = types.unliteral(a), types.unliteral(b)
     return a if a == b else None
-
-
-def _scalar(kind: Any) -> Any:
-    return kind.scalar if isinstance(kind, LanesType) else kind
 
 
 def _element(kind: Any) -> Any:
@@ -100,9 +82,6 @@ def _choose(context: Any, builder: Any, kinds: Any, values: Any, to: Any) -> Any
             ]
             parts.append(_choose(context, builder, tuple(map(_element, kinds)), each, to.element))
         return pack(context, builder, to, parts)
-    if isinstance(to, LanesType):
-        x, y = splat(context, builder, x, a, to), splat(context, builder, y, b, to)
-        return builder.select(c, x, y)
     x, y = context.cast(builder, x, a, to), context.cast(builder, y, b, to)
     result = builder.select(c, x, y)
     context.nrt.incref(builder, to, result)

@@ -1,9 +1,8 @@
-"""Numba's types of vectors and lanes: how they are stored, and how they come from Python.
+"""Numba's type of vectors: how they are stored, and how they come from Python.
 
 A vector has a fixed number of elements; its size is a part of its type. A kernel takes and returns
-it as a value, as it does a float: nothing is allocated, nothing is shared. Lanes are the values of
-one scalar in several runs side by side, in one register: the same kernel, compiled for lanes,
-advances all of these runs at once. A vector of vectors is a matrix.
+it as a value, as it does a float: nothing is allocated, nothing is shared. A vector of vectors is
+a matrix.
 """
 
 from __future__ import annotations
@@ -25,20 +24,12 @@ class Vector(np.ndarray):
     """A vector, shape (n,), or a matrix, shape (n, n), that kernels take as a value."""
 
 
-class Lanes(np.ndarray):
-    """A scalar of several runs side by side, shape (lanes,)."""
-
-
-class LaneVector(np.ndarray):
-    """A vector or a matrix of several runs side by side, shape (n, ..., lanes)."""
-
-
 class VectorType(types.Type):  # type: ignore[misc]
     """Numba's type of a vector.
 
     Attributes:
         count: Number of its elements.
-        element: Type of an element: a scalar, lanes, or a vector.
+        element: Type of an element: a scalar or a vector.
     """
 
     def __init__(self, count: int, element: Any) -> None:
@@ -51,38 +42,11 @@ class VectorType(types.Type):  # type: ignore[misc]
         return self.count, self.element
 
 
-class LanesType(types.Type):  # type: ignore[misc]
-    """Numba's type of lanes.
-
-    Attributes:
-        count: Number of the runs side by side.
-        scalar: Type in each: float64, int64 or boolean.
-    """
-
-    def __init__(self, count: int, scalar: Any) -> None:
-        if count < 1 or count & (count - 1):  # a register of another size has gaps in memory
-            raise ValueError(f'the number of lanes must be a power of two, not {count}')
-        self.count, self.scalar = count, scalar
-        super().__init__(f'Lanes({count}, {scalar})')
-
-    @property
-    def key(self) -> Any:
-        """What tells them from other lanes."""
-        return self.count, self.scalar
-
-
 @register_model(VectorType)
 class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: VectorType) -> None:
         element = manager.lookup(kind.element).get_value_type()
         super().__init__(manager, kind, ir.ArrayType(element, kind.count))
-
-
-@register_model(LanesType)
-class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
-    def __init__(self, manager: Any, kind: LanesType) -> None:
-        element = manager.lookup(kind.scalar).get_value_type()
-        super().__init__(manager, kind, ir.VectorType(element, kind.count))
 
 
 _SCALARS = {
@@ -100,43 +64,22 @@ def _type_of_vector(value: Vector, context: Any) -> Any:
     return kind
 
 
-@typeof_impl.register(Lanes)
-@typeof_impl.register(LaneVector)
-def _type_of_lanes(value: Any, context: Any) -> Any:
-    scalar = _SCALARS.get(value.dtype)
-    kind: Any = scalar and LanesType(value.shape[-1], scalar)
-    for count in reversed(value.shape[:-1]):
-        kind = kind and VectorType(count, kind)
-    return kind
-
-
 def holds_vectors(value: Any) -> bool:
-    """Whether a value is a vector or lanes, or a tuple with one anywhere in it."""
+    """Whether a value is a vector, or a tuple with one anywhere in it."""
     if isinstance(value, tuple):
         return any(map(holds_vectors, value))
-    return isinstance(value, (Vector, Lanes, LaneVector))
+    return isinstance(value, Vector)
 
 
 def shape_of(kind: Any) -> tuple[tuple[int, ...], Any]:
-    """Shape of a value of a type as an array, with the lanes as its last axis; its scalar."""
+    """Shape of a value of a type as an array; its scalar."""
     if isinstance(kind, VectorType):
         rest, scalar = shape_of(kind.element)
         return (kind.count, *rest), scalar
-    if isinstance(kind, LanesType):
-        return (kind.count,), kind.scalar
     return (), kind
 
 
-def _class_of(kind: Any) -> type[Any]:
-    while isinstance(kind, VectorType):
-        kind = kind.element
-        if isinstance(kind, LanesType):
-            return LaneVector
-    return Lanes if isinstance(kind, LanesType) else Vector
-
-
 @unbox(VectorType)
-@unbox(LanesType)
 def _from_python(kind: Any, value: Any, c: Any) -> Any:
     shape, scalar = shape_of(kind)
     array_type = types.Array(scalar, len(shape), 'C')
@@ -171,14 +114,13 @@ def _fits(c: Any, array: Any, shape: tuple[int, ...]) -> Any:
 
 
 @box(VectorType)
-@box(LanesType)
 def _to_python(kind: Any, value: Any, c: Any) -> Any:
     shape, scalar = shape_of(kind)
     size = math.prod(shape) * (1 if scalar == types.boolean else 8)
     space = cgutils.alloca_once(c.builder, ir.IntType(8), size=max(1, size))
     store(c.context, c.builder, kind, value, space)
     data = c.pyapi.bytes_from_string_and_size(space, c.context.get_constant(types.intp, size))
-    how = (shape, {types.float64: 'f8', types.int64: 'i8'}.get(scalar, '?'), _class_of(kind))
+    how = (shape, {types.float64: 'f8', types.int64: 'i8'}.get(scalar, '?'))
     make = c.pyapi.unserialize(c.pyapi.serialize_object(_array))
     words = c.pyapi.unserialize(c.pyapi.serialize_object(how))
     result = c.pyapi.call_function_objargs(make, (data, words))
@@ -187,9 +129,9 @@ def _to_python(kind: Any, value: Any, c: Any) -> Any:
     return result
 
 
-def _array(data: bytes, how: tuple[tuple[int, ...], str, type[Any]]) -> Any:
-    shape, dtype, kind = how
-    return np.frombuffer(data, dtype).reshape(shape).copy().view(kind)
+def _array(data: bytes, how: tuple[tuple[int, ...], str]) -> Any:
+    shape, dtype = how
+    return np.frombuffer(data, dtype).reshape(shape).copy().view(Vector)
 
 
 def load(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
@@ -219,9 +161,6 @@ def _scalars(builder: Any, kind: Any, value: Any) -> list[Any]:
     if isinstance(kind, VectorType):
         parts = [builder.extract_value(value, i) for i in range(kind.count)]
         return [each for part in parts for each in _scalars(builder, kind.element, part)]
-    if isinstance(kind, LanesType):
-        places = [ir.Constant(ir.IntType(32), i) for i in range(kind.count)]
-        return [builder.extract_element(value, place) for place in places]
     return [value]
 
 
@@ -234,11 +173,6 @@ def _bytes_to_bits(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
         if isinstance(part, VectorType):
             for i in range(part.count):
                 result = builder.insert_value(result, read(part.element), i)
-            return result
-        if isinstance(part, LanesType):
-            for i in range(part.count):
-                place = ir.Constant(ir.IntType(32), i)
-                result = builder.insert_element(result, read(part.scalar), place)
             return result
         slot = builder.gep(source, [ir.Constant(ir.IntType(64), next(counter))])
         return builder.trunc(builder.load(slot), ir.IntType(1))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_compiler import FirstClass, every, in_a_lane, inner, kernel, select, vector
+from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
 from parallel_robot_control import faults, kalman
 from parallel_robot_control.approach import Approach, approached, not_begun
 from parallel_robot_control.contract import Feedback, JointReference
@@ -200,9 +200,7 @@ def act(
     last = Last(last.position, last.reference, last.torque, offset, takes_over, last.known)
     # 3. The limits; the next cycle continues from what they let through.
     torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
-    over, known = fault != fault, fault == fault  # False and True, in all lanes
-    led = select(known, reference.position, last.reference)  # in lanes, if these share it
-    last = Last(position, led, torque, offset, over, known)
+    last = Last(position, reference.position, torque, offset, False, True)
     after = CycleState(sensed.pose, last, excess, held, fault, state.estimated, state.approach)
     return Acted(torque, sliding_variable, coupled_error, acted, after)
 
@@ -263,7 +261,7 @@ def run_cycle(
     reference = at_measurement(joined, late)
     sensed = sense(setup.estimate, setup.robot, limits, desired, position, velocity, state, dt)
     feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
-    tracks = tracks and in_a_lane(sensed.model.M[0, 0] > 0.0)  # a fault may leave no model
+    tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
         reference = JointReference(
             joined.position + filter_.command_delay * joined.velocity,
@@ -286,10 +284,10 @@ def run_cycle(
     # 2. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
     advanced = memory
-    if in_a_lane(sensed.fault == faults.NONE):
+    if sensed.fault == faults.NONE:
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
         asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
-        advanced = select(sensed.fault == faults.NONE, output.memory, memory)
+        advanced = output.memory
     # 3. The same within the limits, or the safe action. In a fault the memory is kept.
     done = act(limits, desired, position, velocity, state, sensed, asked, dt)
     kalman.remember(filter_, when.sample, done.torque, tracks)
@@ -303,23 +301,14 @@ def run_cycle(
     )
 
 
-def cycle_of(
-    setup: ControlSetup,
-    state: CycleState,
-    memory: Any,
-    reference: JointReference | None = None,
-    age: Any = 0.0,
-) -> FirstClass:
+def cycle_of(setup: ControlSetup, state: CycleState, memory: Any) -> FirstClass:
     """The cycle with a law as a value, so that loops are not compiled with all of it inside.
 
     Args:
         setup: Law, robot and limits.
         state: State of the controller.
         memory: Memory of the law.
-        reference: Any reference, if it has another type than the state: lanes may share one.
-        age: Any age of a state: lanes may have one each.
     """
     row = state.held
-    reference = reference or JointReference(row, row, row)
-    when = When(0, age, 1e-3)
+    reference, when = JointReference(row, row, row), When(0, 0.0, 1e-3)
     return FirstClass(run_cycle, setup, reference, row, row, state, memory, when)

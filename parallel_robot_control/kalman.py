@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 from parallel_robot_compiler import (
     Space,
     clip,
-    in_a_lane,
     inner,
     kernel,
     multiply,
@@ -138,7 +137,7 @@ class Predicted(NamedTuple):
 
 
 def memory(like: Array) -> Space:
-    """Memory of a filter for vectors as `like`, shape (n,) or with lanes."""
+    """Memory of a filter for vectors as `like`, shape (n,)."""
     return Space((TORQUE + SIZE) * like.size)
 
 
@@ -147,7 +146,7 @@ def running(kalman: Kalman, sample: int, known: bool) -> bool:
     """Whether the filter ran not long before a sample; `known`: whether there was one."""
     since = sample - read_at(kalman.memory, SAMPLE, 0.0)
     on = read_at(kalman.memory, RUNNING, 0.0) != 0.0
-    return in_a_lane(known) and on and since >= 0.0 and since <= SIZE - 2 * MOST
+    return known and on and since >= 0.0 and since <= SIZE - 2 * MOST
 
 
 @inner
@@ -404,9 +403,9 @@ def predicted(
 
 @inner
 def _periods(time: float, period: float) -> int:
-    """Number of periods that a time takes, in any lane."""
+    """Number of periods that a time takes."""
     count = 0
-    while in_a_lane(time > (count + 1e-6) * period) and count < 2 * MOST:
+    while time > (count + 1e-6) * period and count < 2 * MOST:
         count += 1
     return count
 

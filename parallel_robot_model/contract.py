@@ -5,9 +5,6 @@ A robot is a module, or a package, with the attributes of :class:`Robot`. Its ke
 they are compiled; n is the number of its actuated joints, m that of the coordinates of its pose.
 Of all this, the laws see only the :class:`Model`.
 
-The kernels of the robots of the suite also run side by side, for many robots at once: they decide
-by ``select`` instead of branches. A custom robot need not.
-
 The plant integrates coordinates that the robot chooses: minimal ones, in which its equations
 of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
 """

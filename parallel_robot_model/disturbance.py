@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_compiler import in_a_lane, kernel, some, vector
+from parallel_robot_compiler import kernel, some, vector
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class DisturbanceParameters(NamedTuple):
 def disturbance_torque(disturbance: DisturbanceParameters, time: float) -> Array:
     """Torque that opposes the motors [N m], shape (n,), at `time` since the start [s]."""
     amplitude, angle = vector(disturbance.amplitude), vector(disturbance.phase)
-    if in_a_lane(some(amplitude != 0.0)):
+    if some(amplitude != 0.0):
         angle = angle + 2.0 * math.pi * disturbance.frequency * time
         return amplitude * np.sin(angle)
     return np.zeros_like(amplitude)

@@ -9,11 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_compiler import (
     FirstClass,
-    in_a_lane,
     kernel,
     read_row,
-    rows_for,
-    select,
     write_row,
 )
 from parallel_robot_control.assembly import Control
@@ -75,7 +72,9 @@ class LoopState(NamedTuple):
     memory: Any
 
 
-def run(control: Control, plant: Plant, reference: Reference, period: float) -> ClosedLoopRun:
+def run(
+    control: Control, plant: Plant, reference: Reference, period: float, complete: bool = True
+) -> ClosedLoopRun:
     """Run the loop over all samples of a reference.
 
     Args:
@@ -83,6 +82,8 @@ def run(control: Control, plant: Plant, reference: Reference, period: float) -> 
         plant: The plant at its first state.
         reference: Desired motion, one sample per period.
         period: Time between samples [s].
+        complete: Whether the record is to be complete; else it has what metrics are computed from:
+            positions, efforts, faults and limits.
     """
     begin = LoopState(plant.state, control.state, control.law.memory)
     result: ClosedLoopRun = compiled_loop(
@@ -92,8 +93,7 @@ def run(control: Control, plant: Plant, reference: Reference, period: float) -> 
         plant.setup,
         reference,
         begin,
-        begin.plant.torque,
-        True,
+        complete,
         period,
     )
     return result
@@ -107,51 +107,43 @@ def compiled_loop(
     plant: PlantSetup,
     reference: Reference,
     begin: LoopState,
-    reference_row: Array,
     complete: bool,
     period: float,
 ) -> ClosedLoopRun:
-    """The loop of :func:`run`, with the kernels that it calls as FirstClass.
-
-    Unless the record is to be `complete`, it has only what metrics are computed from.
-
-    With lanes, all runs side by side have one reference, whose rows are of the type of
-    `reference_row`.
-    """
+    """The loop of :func:`run`, with the kernels that it calls as FirstClass."""
     state, cycle_state, memory = begin
-    row, failed = state.torque, cycle_state.fault
+    row = state.torque
     # 1. Arrays for all rows; the robot gives the number of passive joints.
     first = plant.measure(plant.robot, state.coordinates, state.rate)
     count = len(reference.position)
     more = count if complete else 0
-    joints = rows_for(row, count)
-    position = rows_for(row, count)
-    effort = rows_for(row, count)
-    pose = rows_for(first.pose, more)
-    velocity = rows_for(row, more)
-    passive_position = rows_for(first.passive_position, more)
-    passive_velocity = rows_for(first.passive_velocity, more)
-    command = rows_for(row, more)
-    sliding_variable = rows_for(row, more)
-    coupled_error = rows_for(row, more)
-    fault = rows_for(failed, count)
-    acted = rows_for(failed, count)
-    steps = select(failed == failed, count, count)
+    joints = np.empty((count, len(row)))
+    position = np.empty((count, len(row)))
+    effort = np.empty((count, len(row)))
+    pose = np.empty((more, len(first.pose)))
+    velocity = np.empty((more, len(row)))
+    passive_position = np.empty((more, len(first.passive_position)))
+    passive_velocity = np.empty((more, len(first.passive_velocity)))
+    command = np.empty((more, len(row)))
+    sliding_variable = np.empty((more, len(row)))
+    coupled_error = np.empty((more, len(row)))
+    fault = np.empty(count, np.int64)
+    acted = np.empty(count, np.int64)
+    steps = count
     for k in range(count):
         # 2. Measurement of state k; a robot that has left its workspace ends there.
         true = plant.measure(plant.robot, state.coordinates, state.rate)
-        gone = is_finite(true.velocity) == False  # noqa: E712 `not` would branch
-        steps = select(gone & (steps == count), k, steps)
-        if not in_a_lane(steps == count):
+        if not is_finite(true.velocity):
+            steps = k
             break
         angles, rates = true.position, true.velocity
         if plant.imperfections.on:
             angles, rates = sensed(plant, true, state.time, period)
         # 3. The torque computed from it.
         desired = JointReference(
-            read_row(reference.position, k, reference_row),
-            read_row(reference.velocity, k, reference_row),
-            read_row(reference.acceleration, k, reference_row),
+            read_row(reference.position, k, row),
+            read_row(reference.velocity, k, row),
+            read_row(reference.acceleration, k, row),
         )
         when = When(k, plant.imperfections.age, period)
         cycle = run_cycle(control, desired, angles, rates, cycle_state, memory, when)

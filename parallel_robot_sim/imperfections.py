@@ -107,7 +107,7 @@ class Imperfections(NamedTuple):
     draws: int = 0
 
     def with_memory(self, like: Array) -> Imperfections:
-        """The same with space of their own for vectors as `like`, shape (n,) or with lanes."""
+        """The same with space of their own for vectors as `like`, shape (n,)."""
         rows = KINDS * (self.depth + 2) if self.on else 0
         return self._replace(memory=Space(rows * like.size), draws=Space(like.size))
 

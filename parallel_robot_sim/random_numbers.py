@@ -1,6 +1,6 @@
 """Random numbers by counter: each follows from seed, sample and stream, so there is no state.
 
-The nodes, a simulation and runs side by side draw the same numbers, in whatever order they ask.
+The nodes and a simulation draw the same numbers, in whatever order they ask.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_compiler import inner, kernel, lane, lanes_of, read_at, with_lane, write_at
+from parallel_robot_compiler import inner, kernel, read_at, write_at
 
 Array = NDArray[np.float64]
 
-MAX_SEED = 2**53  # kernels take the seed as a float, so that it may differ between lanes
+MAX_SEED = 2**53  # kernels take the seed as a float
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -61,19 +61,12 @@ def normals(seed: float, sample: int, stream: int, draws: int, like: Array) -> A
         draws: Address of space for as many numbers as `like` has, which is overwritten.
         like: Any vector, shape (n,).
     """
-    lanes = lanes_of(like[0])
     for i in range(len(like)):
-        for j in range(lanes):
-            drawn = normal(lane(seed, j), sample, stream * _PLACES + i)
-            write_at(draws, i * lanes + j, drawn)
+        write_at(draws, i, normal(seed, sample, stream * _PLACES + i))
     return read_at(draws, 0, like)
 
 
 @inner
 def whole_number(seed: float, sample: int, stream: int, largest: float) -> float:
     """A whole number from 0 to `largest`, each equally likely, as a float."""
-    found = largest + 0.0 * seed  # of the type of both
-    for j in range(lanes_of(found)):
-        drawn = uniform(lane(seed, j), sample, stream * _PLACES)
-        found = with_lane(found, j, np.floor(drawn * (lane(largest, j) + 1.0)))
-    return found
+    return np.floor(uniform(seed, sample, stream * _PLACES) * (largest + 1.0))

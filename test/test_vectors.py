@@ -1,4 +1,4 @@
-"""Vectors and lanes against the scalar kernel, element by element, to the bit."""
+"""Vectors against the scalar kernel, element by element, to the bit."""
 
 import math
 import operator
@@ -17,25 +17,20 @@ from parallel_robot_compiler import (
     clip,
     entry_point,
     every,
-    in_a_lane,
     kernel,
-    lane,
-    lanes_of,
     multiply,
     read_row,
     select,
     some,
     vector,
-    with_lane,
     write_row,
 )
 from parallel_robot_compiler.vector_operators import BINARY, UNARY
-from parallel_robot_compiler.vector_types import Lanes, LaneVector
 
 ODD = [0.0, -0.0, math.nan, math.inf, -math.inf, 1.0, -1.0, 5e-324, 1e308, 0.5, -2.5, 3.0]
 X = np.array([*ODD, *(3.0 * np.random.default_rng(1).standard_normal(52))])
 Y = np.roll(X, 7)
-SIZE, LANES = 16, 4
+SIZE = 16
 SYMBOLS = {
     operator.add: '+', operator.sub: '-', operator.mul: '*', operator.truediv: '/',
     operator.pow: '**', operator.lt: '<', operator.le: '<=', operator.gt: '>', operator.ge: '>=',
@@ -80,9 +75,9 @@ def one_by_one(function, *arguments):
     return np.array([run(function, *(x.item() for x in row)) for row in np.broadcast(*arguments)])
 
 
-def rows(x, kind, shape):
-    """An array as many vectors or lanes of a shape, one after the other."""
-    return [row.copy().view(kind) for row in x.reshape(-1, *shape)]
+def rows(x, shape):
+    """An array as many vectors of a shape, one after the other."""
+    return [row.copy().view(Vector) for row in x.reshape(-1, *shape)]
 
 
 def same(found, expected):
@@ -95,76 +90,58 @@ def same(found, expected):
     return np.array_equal(np.isnan(found), nan) and bool(bits[~nan].all())
 
 
-FORMS = [(Vector, (SIZE,)), (Lanes, (LANES,)), (LaneVector, (SIZE // LANES, LANES))]
-forms = pytest.mark.parametrize(('kind', 'shape'), FORMS, ids=['vector', 'lanes', 'lane vector'])
+forms = pytest.mark.parametrize('shape', [(SIZE,), (SIZE // 4, 4)], ids=['vector', 'matrix'])
 
 
 @forms
 @pytest.mark.parametrize('function', UNARY, ids=name_of)
-def test_functions_of_one_argument(function, kind, shape):
+def test_functions_of_one_argument(function, shape):
     f, (x, _) = unary(function), operands(function)
-    found = [run(f, row) for row in rows(x, kind, shape)]
-    assert all(type(row) is kind for row in found)
+    found = [run(f, row) for row in rows(x, shape)]
+    assert all(type(row) is Vector for row in found)
     assert same(found, one_by_one(f, *np.broadcast_arrays(x)))
 
 
 @forms
 @pytest.mark.parametrize('function', BINARY, ids=name_of)
-def test_functions_of_two_arguments(function, kind, shape):
+def test_functions_of_two_arguments(function, shape):
     f, (x, y) = binary(function), operands(function)
-    pairs = zip(rows(x, kind, shape), rows(y, kind, shape), strict=True)
+    pairs = zip(rows(x, shape), rows(y, shape), strict=True)
     found = [run(f, *pair) for pair in pairs]
-    assert all(type(row) is kind for row in found)
+    assert all(type(row) is Vector for row in found)
     assert same(found, [run(f, a.item(), b.item()) for a, b in zip(x, y, strict=True)])
 
 
 @forms
 @pytest.mark.parametrize('function', BINARY, ids=name_of)
-def test_a_scalar_counts_for_all_elements(function, kind, shape):
+def test_a_scalar_counts_for_all_elements(function, shape):
     f, (x, _) = binary(function), operands(function)
-    (row, *_), one = rows(x, kind, shape), x[-1].item()
+    (row, *_), one = rows(x, shape), x[-1].item()
     numbers = np.ravel(row)
     assert same(run(f, row, one), [run(f, a.item(), one) for a in numbers])
     assert same(run(f, one, row), [run(f, one, a.item()) for a in numbers])
 
 
-def test_lanes_among_vectors_count_for_all_elements():
-    add, x, side = binary(operator.sub), X[12:28].reshape(4, 4), X[30:34]
-    for a in (x.copy().view(LaneVector), x[0].copy().view(Vector)):
-        found = run(add, a, side.copy().view(Lanes))
-        assert type(found) is LaneVector and found.shape == (4, 4)
-        wanted = x - side if a.ndim == 2 else x[0][:, np.newaxis] - side
-        assert same(found, wanted)
-
-
 @pytest.mark.parametrize('power', [2, 3, -1, 0.5])
 @forms
-def test_a_constant_power_is_that_of_a_scalar(power, kind, shape):
+def test_a_constant_power_is_that_of_a_scalar(power, shape):
     f = compiled(f'lambda a: a ** {power}')
     x = X[12:44] if power == -1 else X  # a vector with a zero would raise ZeroDivisionError
-    found = [run(f, row) for row in rows(x, kind, shape)]
+    found = [run(f, row) for row in rows(x, shape)]
     assert same(found, [run(f, a.item()) for a in x])
 
 
 def test_integers_and_truth_values():
-    f, i = binary(operator.add), np.array([3, -1, 0, 7])
-    for kind in (Vector, Lanes):
-        found = run(f, i.view(kind), i.view(kind))
-        assert found.dtype == np.int64 and same(found, 2 * i)
-        found = run(f, i.view(kind), 5)
-        assert found.dtype == np.int64 and same(found, i + 5)
-        assert run(binary(operator.eq), i.view(kind), 7).tolist() == [False, False, False, True]
-    assert same(run(f, i.view(Vector), 0.5), i + 0.5)
-    with pytest.raises(NumbaError):  # the lanes of an integer have no room for it
-        run(f, i.view(Lanes), 0.5)
-    with pytest.raises(NumbaError):
-        run(f, i.view(Lanes), X[:4].copy().view(Lanes))
-    with pytest.raises(NumbaError):
-        run(unary(math.sin), i.view(Lanes))
-    equal = binary(operator.eq)  # the `not` of lanes
+    f, i = binary(operator.add), np.array([3, -1, 0, 7]).view(Vector)
+    found = run(f, i, i)
+    assert found.dtype == np.int64 and same(found, 2 * i)
+    found = run(f, i, 5)
+    assert found.dtype == np.int64 and same(found, i + 5)
+    equal = binary(operator.eq)
+    assert run(equal, i, 7).tolist() == [False, False, False, True]
+    assert same(run(f, i, 0.5), i + 0.5)
     truth = np.array([True, False, True, True])
-    for kind in (Vector, Lanes):
-        assert run(equal, truth.view(kind), False).tolist() == (~truth).tolist()
+    assert run(equal, truth.view(Vector), False).tolist() == (~truth).tolist()
 
 
 @pytest.mark.parametrize('text', ['a + b', 'a < b', 'a @ b', 'select(a < 0.0, a, b)', 'f(a, b)'])
@@ -200,20 +177,16 @@ def test_sizes_and_loops():
     assert run(compiled('lambda m: len(m)'), vector(np.eye(2))) == 2
 
 
-@pytest.mark.parametrize('kind', [Vector, LaneVector])
-def test_functions_of_whole_vectors(kind):
-    x = X[12:28].reshape(4, 4)[:3] if kind is LaneVector else X[12:15]
-    row = x.copy().view(kind)
+def test_functions_of_whole_vectors():
+    x = X[12:15]
+    row = x.copy().view(Vector)
     for shift in (1, -1, 2, 5):
         found = run(compiled(f'lambda x: np.roll(x, {shift})', np=np), row)
-        assert type(found) is kind and same(found, np.roll(x, shift, axis=0))
+        assert type(found) is Vector and same(found, np.roll(x, shift))
     assert same(run(compiled('lambda x: np.sum(x)', np=np), row), x[0] + x[1] + x[2])
-    zeros = run(compiled('lambda x: np.zeros_like(x)', np=np), (x * np.inf).view(kind))
-    assert zeros.shape == x.shape and same(zeros, 0.0 * np.ones_like(x))
-    diagonal = run(compiled('lambda x: np.diag(x)', np=np), row)
-    for i in range(3):
-        for j in range(3):
-            assert same(diagonal[i, j], x[i] if i == j else 0.0 * np.ones_like(x[0]))
+    zeros = run(compiled('lambda x: np.zeros_like(x)', np=np), (x * np.inf).view(Vector))
+    assert same(zeros, np.zeros(3))
+    assert same(run(compiled('lambda x: np.diag(x)', np=np), row), np.diag(x))
 
 
 def test_a_product_is_summed_in_order():
@@ -223,10 +196,6 @@ def test_a_product_is_summed_in_order():
     product = compiled('lambda a, x: a @ x')
     assert same(run(product, vector(a), vector(x)), expected)
     assert same(multiply(vector(a), vector(x)), expected) and same(multiply(a, x), expected)
-    wide = np.stack([a, 2.0 * a, -a, a], axis=-1), np.stack([x, x, x, -x], axis=-1)
-    found = run(product, *(each.view(LaneVector) for each in wide))
-    for at, sign in enumerate([1.0, 2.0, -1.0, -1.0]):
-        assert same(found[:, at], sign * np.array(expected))
 
 
 def test_vectors_are_made_of_tuples():
@@ -235,9 +204,6 @@ def test_vectors_are_made_of_tuples():
     assert run(make, (1, 2)).dtype == np.float64 and run(make, ()).shape == (0,)
     matrix = run(pair, vector([1.0, 2.0]), vector([3.0, 4.0]))
     assert type(matrix) is Vector and matrix.tolist() == [[1.0, 2.0], [3.0, 4.0]]
-    side = np.arange(4.0).view(Lanes)
-    found = run(pair, side, 7.0)
-    assert type(found) is LaneVector and found.tolist() == [[0.0, 1.0, 2.0, 3.0], [7.0] * 4]
     with pytest.raises(NumbaError):
         run(pair, vector([1.0, 2.0]), vector([3.0]))
 
@@ -255,21 +221,15 @@ def test_select_takes_one_of_two():
     expected = np.where(c, a, b)
     assert run(choose, True, 1.5, 2) == 1.5 and run(choose, False, 1, 2) == 2
     assert same(run(choose, c, a, b), expected)  # arrays
-    for kind in (Vector, Lanes):
-        assert same(run(choose, c.view(kind), a.view(kind), b.view(kind)), expected)
-        assert same(run(choose, c.view(kind), a.view(kind), 0.5), np.where(c, a, 0.5))
-        assert same(run(choose, c.view(kind), 0.5, 2), np.where(c, 0.5, 2))
-        found = run(choose, c.view(kind), 1, 2)
-        assert found.dtype == np.int64 and same(found, np.where(c, 1, 2))
-        assert same(run(choose, True, a.view(kind), b.view(kind)), a)
-        found = run(choose, False, Pair(a.view(kind), 1), Pair(b.view(kind), 2))
-        assert type(found) is Pair and found.fault == 2 and same(found.position, b)
-    found = run(choose, c.view(Lanes), Pair(a.view(Lanes), 1), Pair(b.view(Lanes), 2))
-    assert same(found.position, expected) and same(found.fault, np.where(c, 1, 2))
-    found = run(choose, c.view(Lanes), vector([1.0, 2.0]), vector([3.0, 4.0]))
-    assert type(found) is LaneVector and same(
-        found, [np.where(c, 1.0, 3.0), np.where(c, 2.0, 4.0)]
-    )
+    c, a, b = c.view(Vector), a.view(Vector), b.view(Vector)
+    assert same(run(choose, c, a, b), expected)
+    assert same(run(choose, c, a, 0.5), np.where(c, a, 0.5))
+    assert same(run(choose, c, 0.5, 2), np.where(c, 0.5, 2))
+    found = run(choose, c, 1, 2)
+    assert found.dtype == np.int64 and same(found, np.where(c, 1, 2))
+    assert same(run(choose, True, a, b), a)
+    found = run(choose, False, Pair(a, 1), Pair(b, 2))
+    assert type(found) is Pair and found.fault == 2 and same(found.position, b)
     for wrong in ((True, vector([1.0]), np.zeros(1)), (True, (1.0, 2.0), (1.0,)), (1.0, 2.0, 3.0)):
         with pytest.raises(NumbaError):
             run(choose, *wrong)
@@ -292,11 +252,6 @@ def test_every_and_some(values):
     x = np.array(values)
     both = compiled('lambda x: (every(x), some(x))', every=every, some=some)
     assert run(both, x.view(Vector)) == (all(values), any(values)) == run(both, x)
-    wide = np.stack([x, ~x, x, x], axis=-1)
-    for found, expected in zip(
-        run(both, wide.view(LaneVector)), (wide.all(axis=0), wide.any(axis=0)), strict=True
-    ):
-        assert type(found) is Lanes and same(found, expected)
 
 
 def test_clip_keeps_nan():
@@ -322,11 +277,6 @@ def test_rows_of_arrays():
     run(write, truth, 1, np.array([True, False, True]).view(Vector))
     assert truth.tolist() == [[False] * 3, [True, False, True]]
     assert run(read, truth, 1, truth[0].copy().view(Vector)).tolist() == [True, False, True]
-    wide = np.arange(24.0).reshape(2, 3, 4)
-    found = run(read, wide, 1, np.zeros((3, 4)).view(LaneVector))
-    assert type(found) is LaneVector and same(found, wide[1])
-    run(write, wide, 0, found)
-    assert same(wide[0], wide[1])
 
 
 @pytest.mark.parametrize(
@@ -346,49 +296,6 @@ def test_an_array_that_is_read_alone_is_not_written():
     write = compiled('lambda a, x: write_row(a, 0, x)', write_row=write_row)
     with pytest.raises(NumbaError):
         run(write, table, vector([1.0] * 3))
-
-
-def test_single_lanes():
-    x = X[12:24].reshape(3, 4)
-    value = Pair(x.copy().view(LaneVector), np.arange(4).view(Lanes))
-    found = run(compiled('lambda x, i: lane(x, i)', lane=lane), value, 2)
-    assert same(found.position, x[:, 2]) and type(found.position) is Vector and found.fault == 2
-    replace = compiled('lambda x, i, one: with_lane(x, i, one)', with_lane=with_lane)
-    changed = run(replace, value, 1, Pair(vector([7.0, 8.0, 9.0]), 5))
-    assert changed.position[:, 1].tolist() == [7.0, 8.0, 9.0] and changed.fault.tolist() == [
-        0, 5, 2, 3,
-    ]  # fmt: skip
-    assert same(changed.position[:, [0, 2, 3]], x[:, [0, 2, 3]])
-
-
-@kernel
-def _root(x, y):
-    """What is called for single lanes: it branches."""
-    if x < 0.0:
-        return y
-    return math.sqrt(x)
-
-
-@kernel
-def _roots(done, result, x, y):
-    """Where it is not done, by a kernel that branches."""
-    if in_a_lane(done == False):  # noqa: E712 `not` would branch
-        for i in range(lanes_of(done)):
-            if not lane(done, i):
-                one = lane((x, y), i)
-                result = with_lane(result, i, _root(one[0], one[1]))
-    return result
-
-
-def test_what_is_not_done_is_done_lane_by_lane():
-    x, y = np.array([4.0, -1.0, 9.0, -4.0]), np.array([10.0, 20.0, 30.0, 40.0])
-    done = np.array([False, False, True, True])
-    found = run(_roots, done.view(Lanes), np.zeros(4).view(Lanes), x.view(Lanes), y.view(Lanes))
-    assert found.tolist() == [2.0, 20.0, 0.0, 0.0]
-    assert run(_roots, True, 0.0, 4.0, 1.0) == 0.0 and run(_roots, False, 0.0, 4.0, 1.0) == 2.0
-    test = compiled('lambda x: t(x)', t=in_a_lane)
-    assert run(test, done.view(Lanes)) and not run(test, (done & False).view(Lanes))
-    assert run(test, True) is True and run(test, False) is False
 
 
 @kernel
@@ -437,12 +344,6 @@ def test_other_numbers_are_refused(dtype):
         twice(np.zeros(3, dtype).view(Vector))
 
 
-@pytest.mark.parametrize('count', [0, 3, 6])
-def test_other_numbers_of_lanes_are_refused(count):
-    with pytest.raises(ValueError, match='power of two'):
-        twice(np.zeros(count).view(Lanes))
-
-
 @kernel
 def same_again(x):
     """What it gets."""
@@ -460,12 +361,6 @@ def same_again(x):
         np.array([True, False, True]).view(Vector),
         np.array([[True], [False]]).view(Vector),
         np.array([-(2**63), 2**63 - 1]).view(Vector),
-        np.array([math.nan, -0.0, math.inf, 2.0]).view(Lanes),
-        np.array([5]).view(Lanes),
-        np.array([True, False, False, True, True, True, False, True]).view(Lanes),
-        np.arange(24.0).reshape(3, 8).view(LaneVector),
-        np.array([[True, False], [False, True]]).view(LaneVector),
-        np.arange(18).reshape(3, 3, 2).view(LaneVector),
     ],
     ids=lambda value: f'{type(value).__name__} {value.dtype} {value.shape}',
 )

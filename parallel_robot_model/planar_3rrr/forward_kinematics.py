@@ -11,13 +11,9 @@ from numpy.typing import NDArray
 from parallel_robot_compiler import (
     dot,
     every,
-    in_a_lane,
     kernel,
-    lane,
-    lanes_of,
     select,
     vector,
-    with_lane,
 )
 from parallel_robot_model.contract import FOUND, REACHED
 from parallel_robot_model.planar_3rrr.constants import Constants
@@ -127,7 +123,7 @@ def _newton(
     found = select(active, pose - step, pose)
     reached, turn = 0.0 * determinant, step[2]
     for _ in range(20):
-        if not in_a_lane(active):
+        if not active:
             break
         next_x, next_y = arms(robot, found[2])
         residual, jacobian = _closure(robot, elbow_x, elbow_y, found, next_x, next_y)
@@ -230,10 +226,7 @@ def forward_kinematics(robot: Constants, theta: Array, guess: Array) -> Assembly
     trusted = (abs(side) > SINGULAR) & (abs(reached) > SINGULAR) & (reached * side > 0.0)
     done = close & trusted
     result = _assembled(robot, ct, st, found, arm_x, arm_y)
-    # 3. From farther away, lane by lane.
-    if in_a_lane(done == False):  # noqa: E712 `not` would branch
-        for i in range(lanes_of(done)):
-            if not lane(done, i):
-                start_i = lane((robot, theta, guess), i)
-                result = with_lane(result, i, _followed(start_i[0], start_i[1], start_i[2]))
+    # 3. From farther away.
+    if not done:
+        result = _followed(robot, theta, guess)
     return result

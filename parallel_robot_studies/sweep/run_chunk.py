@@ -1,10 +1,9 @@
-"""Runs of one law in one scenario, side by side where possible, and their metrics."""
+"""Runs of one law in one scenario, and their metrics."""
 
 from __future__ import annotations
 
 import functools
-import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -20,8 +19,7 @@ from parallel_robot_control.assembly import Control
 from parallel_robot_control.messages import limits_text
 from parallel_robot_model import poses as forward
 from parallel_robot_sim.assembly import Experiment, assemble_plant
-from parallel_robot_sim.closed_loop import ClosedLoopRun, run
-from parallel_robot_sim.closed_loops import LANES, run_side_by_side
+from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.simulation import Simulation
 from parallel_robot_studies.ideal_torque import torque_of
@@ -30,8 +28,6 @@ from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference, Trajectory
 
 Status = Literal['ok', 'fault', 'failed']
-log = logging.getLogger(__name__)
-_ALONE: set[str] = set()  # laws that do not run side by side
 
 
 @dataclass(frozen=True)
@@ -100,14 +96,11 @@ def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
         except Exception as error:  # custom laws raise anything
             outcomes[k] = failed(error)
             controller = None
-    for first in range(0, len(prepared), LANES):
-        part = prepared[first : first + LANES]
-        for each, record in zip(part, _records(part), strict=True):
-            try:
-                result = record if isinstance(record, ClosedLoopRun) else record()
-                outcomes[each.place] = _measured(each, result)
-            except Exception as error:
-                outcomes[each.place] = failed(error)
+    for each in prepared:
+        try:
+            outcomes[each.place] = _measured(each)
+        except Exception as error:
+            outcomes[each.place] = failed(error)
     return [outcomes[k] for k in range(len(configurations))]
 
 
@@ -131,28 +124,8 @@ def _prepare(place: int, configuration: Configuration, controller: Control) -> P
     return Prepared(place, configuration, Experiment(loop, trajectory, controller, plant), motion)
 
 
-def _records(part: list[Prepared]) -> list[ClosedLoopRun | Callable[[], ClosedLoopRun]]:
-    """The runs side by side, or, where that is not possible, how to run each of them alone."""
-    law = part[0].experiment.control.law.name
-    same = all(each.motion is part[0].motion for each in part)
-    if len(part) == LANES and same and law not in _ALONE:
-        try:
-            experiments = [each.experiment for each in part]
-            return [*run_side_by_side(experiments, part[0].motion.reference, complete=False)]
-        except Exception as error:  # a custom law that branches, or works with arrays
-            log.debug('%s: run one by one: %s', law, first_line(error))
-            _ALONE.add(law)
-    return [functools.partial(_alone, each) for each in part]
-
-
-def _alone(each: Prepared) -> ClosedLoopRun:
-    experiment = each.experiment
-    period = experiment.loop.period
-    return run(experiment.control, experiment.plant, each.motion.reference, period)
-
-
-def _measured(each: Prepared, result: ClosedLoopRun) -> Outcome:
-    """Metrics of a run.
+def _measured(each: Prepared) -> Outcome:
+    """Do a run and measure it.
 
     Raises:
         KinematicsError: a state has no pose.
@@ -161,6 +134,9 @@ def _measured(each: Prepared, result: ClosedLoopRun) -> Outcome:
     configuration, experiment, motion = each.configuration, each.experiment, each.motion
     loop, nominal = configuration.loop, configuration.control.robot
     last = loop.last_index or 0
+    result = run(
+        experiment.control, experiment.plant, motion.reference, loop.period, complete=False
+    )
     if result.steps <= last:
         raise RunError(f'{DRIVEN_OUT} after t = {(result.steps - 1) * loop.period:.3f} s')
     made = Simulation(experiment, motion.reference, result, 0.0)

@@ -14,7 +14,6 @@ from typing import Any
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_control.configuration import available
 from parallel_robot_model.robots import module_of
-from parallel_robot_sim.closed_loops import LANES
 from parallel_robot_studies.sweep.plan import Plan
 from parallel_robot_studies.sweep.results import ERRORS, Quantity
 from parallel_robot_studies.sweep.run_chunk import Outcome
@@ -31,6 +30,7 @@ from parallel_robot_studies.tuning.trial import Trial, evaluated, forbidden
 from parallel_robot_studies.tuning.weights import Weights
 
 Choice = dict[str, Value] | None
+AT_ONCE = 8  # runs of a trial in one task
 NUMBER = re.compile(r'-?\b\d[\d.]*(e[-+]?\d+)?')
 
 
@@ -217,12 +217,12 @@ def _run_batch(
 
 
 def _tasks(tuning: Tuning, trials: Mapping[int, tuple[Choice, dict[str, Any]]]) -> Iterator[Task]:
-    """The runs of trials, as many at once as run side by side."""
+    """The runs of trials, some in a task."""
     runs = tuning.plan.study.runs
     for number, (_, gains) in trials.items():
         own = {tuning.space.key(key): value for key, value in gains.items()}
-        for first in range(0, runs, LANES):
-            rows = tuning.plan.rows(0, first, min(LANES, runs - first))
+        for first in range(0, runs, AT_ONCE):
+            rows = tuning.plan.rows(0, first, min(AT_ONCE, runs - first))
             numbers = tuple(number * runs + row.sample for row in rows)
             overrides = tuple({**row.overrides, **own} for row in rows)
             yield Task(rows[0].scenario, numbers, overrides, version())
