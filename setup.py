@@ -76,7 +76,7 @@ setup(
         'lz4>=4.3',
         'matplotlib>=3.8',
         'mcap>=1.1',
-        'numba>=0.59,<0.69',  # private parts are used: see parallel_robot_compiler/kernel_cache.py
+        'numba>=0.59,<0.69',  # private parts are used: see parallel_robot_compiler/numba_parts.py
         'numpy>=1.26',
         'plotly>=5.24',
         'pyyaml>=6.0.1',

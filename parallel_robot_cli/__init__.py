@@ -1,1 +1,3 @@
 """The command line `parallel_robot`, its commands, and `top`."""
+
+import parallel_robot_base  # noqa: F401, before Numba

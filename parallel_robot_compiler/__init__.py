@@ -16,12 +16,13 @@ import parallel_robot_base  # noqa: F401, before Numba
 from parallel_robot_compiler.boxed import Boxed
 from parallel_robot_compiler.compile_error import reason
 from parallel_robot_compiler.function_value import FirstClass, distinguish
-from parallel_robot_compiler.kernels import entry_point, inlined, inner, kernel
+from parallel_robot_compiler.kernels import entry_point, inlined, inner, kernel, need_compiler
 from parallel_robot_compiler.linear_algebra import cross, dot, multiply, solve
 from parallel_robot_compiler.space import Space, read_at, write_at
 from parallel_robot_compiler.vector_rows import read_row, write_row
 from parallel_robot_compiler.vector_select import clip, every, select, some
 from parallel_robot_compiler.vector_types import (
+    INTERPRETED,
     Vector,
     VectorType,
     as_arrays,
@@ -31,8 +32,8 @@ from parallel_robot_compiler.vector_types import (
 )
 
 __all__ = [
-    'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays', 'as_vectors', 'clip',
-    'cross', 'distinguish', 'dot', 'entry_point', 'every', 'inlined', 'inner',
-    'kernel', 'multiply', 'read_at', 'read_row', 'reason',
-    'select', 'shape_of', 'solve', 'some', 'vector',     'write_at', 'write_row',
+    'INTERPRETED', 'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays',
+    'as_vectors', 'clip', 'cross', 'distinguish', 'dot', 'entry_point', 'every', 'inlined',
+    'inner', 'kernel', 'multiply', 'need_compiler', 'read_at', 'read_row', 'reason', 'select',
+    'shape_of', 'solve', 'some', 'vector', 'write_at', 'write_row',
 ]  # fmt: skip

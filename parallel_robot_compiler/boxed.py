@@ -11,11 +11,17 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
-from numba.core.imputils import impl_ret_borrowed, lower_getattr_generic
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import NativeValue, intrinsic, models, register_model, unbox
+from numba.extending import NativeValue, models, register_model, unbox
 
 from parallel_robot_compiler.kernels import kernel
+from parallel_robot_compiler.numba_parts import (
+    AttributeTemplate,
+    impl_ret_borrowed,
+    in_kernels,
+    infer_getattr,
+    lower_getattr_generic,
+)
+from parallel_robot_compiler.vector_types import INTERPRETED, divisible
 
 ALIGNMENT = 64  # bytes, of the widest register
 LARGEST = 256  # bytes, of anything that is no array: a number, a text, a kernel, an array's header
@@ -51,6 +57,9 @@ class Boxed:
         """Copy a tuple into memory; texts and arrays in it are kept while the process lives."""
         self.value = value
         self._numba_type_ = BoxedType(typeof(value))
+        if INTERPRETED:
+            self.value = divisible(value)
+            return
         self._memory = np.zeros(_room(value) + ALIGNMENT, np.uint8)
         start = self._memory.ctypes.data
         self.address = start + -start % ALIGNMENT
@@ -71,8 +80,12 @@ def _room(value: Any) -> int:
     return (size // ALIGNMENT + 1) * ALIGNMENT
 
 
-@intrinsic
-def _write(context: Any, value: Any, address: Any) -> Any:
+def _write(value: Any, address: int) -> None:
+    """Write a value to memory; Python has it in the object and does not."""
+
+
+@in_kernels(_write)
+def _write_in_kernels(context: Any, value: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = context.get_value_type(value).as_pointer()
         context.nrt.incref(builder, value, values[0])  # the copy owns its texts and arrays

@@ -7,8 +7,10 @@ from typing import Any, cast
 
 import numba
 from numba import types
-from numba.experimental.function_type import FunctionModel
 from numba.extending import register_model
+
+from parallel_robot_compiler.numba_parts import FunctionModel, address_of
+from parallel_robot_compiler.vector_types import INTERPRETED, divisible
 
 
 def distinguish(*values: Any) -> None:
@@ -46,16 +48,20 @@ class FirstClass:
 
     def __init__(self, function: Callable[..., Any], *example: Any) -> None:
         """Compile `function` for the types of the `example` arguments."""
+        self.function = function
+        if INTERPRETED:
+            return
         dispatcher = cast(Any, function)
         arguments = tuple(numba.typeof(argument) for argument in example)
         dispatcher.compile(arguments)
         compiled = dispatcher.overloads[arguments]
-        self.function = function
         self._signature = compiled.signature
-        self._address = int(
-            compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-        )
+        self._address = address_of(compiled)
         self._numba_type_ = _FunctionType(self._signature)  # saves a search at every call
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the kernel from Python."""
+        return self.function(*(divisible(arguments) if INTERPRETED else arguments))
 
     def __wrapper_address__(self) -> int:
         """Address of the machine code (Numba's protocol)."""

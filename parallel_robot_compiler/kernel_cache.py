@@ -2,8 +2,8 @@
 
 Numba looks for the cache of a function by the place of its file. Here, kernels of the suite are
 found by the name of their module, in the directory of their version, so that all copies of the
-same sources share one cache. This uses private parts of Numba, hence the upper bound on its
-version in setup.py.
+same sources share one cache. This builds on private parts of Numba, see
+numba_parts.py.
 """
 
 from __future__ import annotations
@@ -23,17 +23,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from numba.core.caching import (
+from parallel_robot_base import cache_directory
+from parallel_robot_base.cache_directory import NOTICE, PREFIX
+from parallel_robot_compiler.numba_parts import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
     NullCache,
     _CacheLocator,
+    rtsys,
 )
-from numba.core.runtime import rtsys
-
-from parallel_robot_base import cache_directory
-from parallel_robot_base.cache_directory import NOTICE, PREFIX
 
 UNREADABLE = (OSError, EOFError, ImportError, AttributeError, pickle.UnpicklingError)
 AGAIN = 10.0  # s, between two lines of progress

@@ -6,16 +6,13 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.registry import CPUDispatcher
 
 import parallel_robot_compiler.vector_functions
 import parallel_robot_compiler.vector_operators  # noqa: F401 and these
 from parallel_robot_base.errors import InputError
 from parallel_robot_compiler.kernel_cache import cache_of
-from parallel_robot_compiler.vector_types import holds_vectors
-
-if numba.config.DISABLE_JIT:
-    raise InputError('NUMBA_DISABLE_JIT is set; unset it: nothing here runs without the compiler')
+from parallel_robot_compiler.numba_parts import CPUDispatcher, keep_in
+from parallel_robot_compiler.vector_types import INTERPRETED, holds_vectors
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
@@ -51,8 +48,10 @@ def inner(function: Function) -> Function:
 
 
 def _cached(function: Function, **options: bool) -> Function:
+    if INTERPRETED:
+        return _as_it_is(function)
     compiled = numba.njit(error_model='numpy', **options)(function)
-    compiled._cache = cache_of(function)
+    keep_in(cache_of(function), compiled)
     compiled.__class__ = _Kernel
     return cast(Function, compiled)
 
@@ -62,9 +61,26 @@ def inlined(function: Function) -> Function:
 
     For functions that take others, and where handing over many arrays costs more than the work.
     """
+    if INTERPRETED:
+        return _as_it_is(function)
     compiled = numba.njit(inline='always', error_model='numpy')(function)
     compiled.__class__ = _Kernel
     return cast(Function, compiled)
+
+
+def _as_it_is(function: Function) -> Function:
+    cast(Any, function).py_func = function  # as compiled functions have it
+    return function
+
+
+def need_compiler() -> None:
+    """Refuse to go on without the compiler.
+
+    Raises:
+        InputError: it is switched off.
+    """
+    if INTERPRETED:
+        raise InputError('NUMBA_DISABLE_JIT is set; unset it: nodes need the compiler')
 
 
 def entry_point(function: Callable[..., Any], *example: Any) -> Callable[..., Any]:
@@ -73,6 +89,7 @@ def entry_point(function: Callable[..., Any], *example: Any) -> Callable[..., An
     A call of the kernel itself checks the types of its arguments first, which takes longer than
     passing them. Arguments of other types are a TypeError at best.
     """
+    need_compiler()
     arguments = tuple(numba.typeof(argument) for argument in example)
     dispatcher = cast(Any, function)
     dispatcher.compile(arguments)

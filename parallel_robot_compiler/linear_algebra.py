@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from parallel_robot_compiler.kernels import kernel
+from parallel_robot_compiler.numba_parts import in_kernels
 from parallel_robot_compiler.vector_operators import elementwise, emit, pack
 from parallel_robot_compiler.vector_types import VectorType
 
@@ -71,7 +72,7 @@ def solve(a: Array, b: Array) -> Array:
 
 
 def _solution(a: Any, b: Any) -> Any:
-    return np.linalg.solve(a, b)
+    return _of_arrays(a, b).view(type(b))
 
 
 @overload(_solution, strict=False)
@@ -102,9 +103,13 @@ def _of_arrays(a: Any, b: Any) -> Any:
     return x
 
 
-@intrinsic
-def _of_vectors(context: Any, a: Any, b: Any) -> Any:
-    """The same as _of_arrays, unrolled."""
+def _of_vectors(a: Any, b: Any) -> Any:
+    """The same as _of_arrays; in kernels unrolled."""
+    return _of_arrays(a, b).view(type(b))
+
+
+@in_kernels(_of_vectors)
+def _unrolled(context: Any, a: Any, b: Any) -> Any:
     n = b.count
     element = elementwise(context, operator.mul, (a.element.element, b.element))
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
-from parallel_robot_compiler.vector_types import load, shape_of, store
+from parallel_robot_compiler.numba_parts import in_kernels
+from parallel_robot_compiler.vector_types import Vector, load, shape_of, store
 
 _DOUBLE = ir.DoubleType().as_pointer()
 
@@ -39,9 +40,26 @@ def _place(context: Any, builder: Any, kind: Any, address: Any, index: Any) -> A
     return builder.gep(pointer, [builder.mul(index, count)])
 
 
-@intrinsic
-def read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
+def _floats(address: int, index: int, like: Any) -> Any:
+    """The floats of value `index` of the type of `like`."""
+    count = np.size(like)
+    there = (ctypes.c_double * count).from_address(int(address) + 8 * count * int(index))
+    return np.ctypeslib.as_array(there)
+
+
+def read_at(address: int, index: int, like: Any) -> Any:
     """Value `index` of the type of `like`, a float or made of floats; nothing is checked."""
+    found = _floats(address, index, like)
+    return found.reshape(like.shape).copy().view(Vector) if np.ndim(like) else found[0]
+
+
+def write_at(address: int, index: int, value: Any) -> None:
+    """Write value `index`, a float or made of floats; nothing is checked."""
+    _floats(address, index, value)[:] = np.ravel(value)
+
+
+@in_kernels(read_at)
+def _read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
     signature = like(types.intp, types.intp, like)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -50,9 +68,8 @@ def read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
     return signature, generate
 
 
-@intrinsic
-def write_at(context: Any, address: Any, index: Any, value: Any) -> Any:
-    """Write value `index`, a float or made of floats; nothing is checked."""
+@in_kernels(write_at)
+def _write_at(context: Any, address: Any, index: Any, value: Any) -> Any:
     signature = types.none(types.intp, types.intp, value)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:

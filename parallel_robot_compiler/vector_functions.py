@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
-from numba.core.imputils import lower_builtin
 from numba.extending import type_callable
 
+from parallel_robot_compiler.numba_parts import cgutils, lower_builtin
 from parallel_robot_compiler.vector_operators import element_of, elementwise, emit, pack
 from parallel_robot_compiler.vector_types import VectorType, vector
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core.imputils import lower_builtin
 from numba.extending import type_callable
 
+from parallel_robot_compiler.numba_parts import lower_builtin
 from parallel_robot_compiler.vector_types import VectorType
 
 _IN_PLACE: dict[Any, Any] = {  # a name is bound anew: a vector never changes

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
 from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
+from parallel_robot_compiler.numba_parts import cgutils, in_kernels
 from parallel_robot_compiler.vector_types import (
+    Vector,
     VectorType,
     load,
     shape_of,
@@ -32,9 +34,25 @@ def _holds(array: Any, value: Any) -> bool:
     return bool(shape_of(value)[1] == array.dtype)
 
 
-@intrinsic
-def read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
+def _elements(array: Any, index: int, count: int) -> Any:
+    """The elements from the beginning of a row on."""
+    start = int(index) * math.prod(array.shape[1:])
+    return array.reshape(-1)[start : start + count]
+
+
+def read_row(array: Any, index: int, like: Any) -> Any:
     """Row `index` of an array as a value of the type of `like`; neither is checked."""
+    found = _elements(array, index, np.size(like))
+    return found.reshape(like.shape).copy().view(Vector) if np.ndim(like) else found[0]
+
+
+def write_row(array: Any, index: int, value: Any) -> None:
+    """Write a number or a vector to row `index` of an array; neither is checked."""
+    _elements(array, index, np.size(value))[:] = np.ravel(value)
+
+
+@in_kernels(read_row)
+def _read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
     if not _holds(array, like):
         return None
     signature = like(array, types.intp, like)
@@ -46,9 +64,8 @@ def read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
     return signature, generate
 
 
-@intrinsic
-def write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write a number or a vector to row `index` of an array; neither is checked."""
+@in_kernels(write_row)
+def _write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
     value = types.unliteral(value)
     ours = isinstance(value, VectorType)
     if not _holds(array, value if ours else array.dtype) or not array.mutable:

@@ -6,16 +6,22 @@ from typing import Any
 
 import numpy as np
 from numba import types
-from numba.core.imputils import impl_ret_new_ref, lower_builtin
 from numba.extending import overload, type_callable
 
 from parallel_robot_compiler.kernels import kernel
+from parallel_robot_compiler.numba_parts import impl_ret_new_ref, lower_builtin
 from parallel_robot_compiler.vector_operators import pack
-from parallel_robot_compiler.vector_types import VectorType, tuple_like
+from parallel_robot_compiler.vector_types import VectorType, aligned, tuple_like
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:
     """`a` where a condition holds, else `b`: numbers, vectors and tuples of them."""
+    if isinstance(a, tuple):
+        parts = [select(condition, *pair) for pair in zip(a, b, strict=True)]
+        return type(a)(*parts) if hasattr(a, '_fields') else tuple(parts)
+    if isinstance(condition, np.ndarray):
+        chosen = np.where(*aligned((condition, a, b)))
+        return chosen.view(type(condition))
     return a if condition else b
 
 

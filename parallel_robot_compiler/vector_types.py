@@ -10,18 +10,63 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.extending import NativeValue, box, models, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
+from parallel_robot_compiler.numba_parts import cgutils
+
 Array = NDArray[np.float64]
+INTERPRETED = bool(numba.config.DISABLE_JIT)  # kernels run as plain Python, for a debugger
+if INTERPRETED:
+    np.seterr(all='ignore')  # 1 / 0 is inf, and whole numbers wrap around, as in kernels
 
 
 class Vector(np.ndarray):
     """A vector, shape (n,), or a matrix, shape (n, n), that kernels take as a value."""
+
+    if INTERPRETED:  # it computes as in kernels
+
+        def __array_ufunc__(
+            self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **named: Any
+        ) -> Any:
+            """A new vector, also where a name is bound anew (``+=``)."""
+            plain = tuple(
+                each.view(np.ndarray) if isinstance(each, Vector) else each for each in inputs
+            )
+            if method == '__call__' and ufunc is not np.matmul:
+                plain = aligned(plain)
+            found = getattr(ufunc, method)(*plain, **named)
+            return found.view(Vector) if isinstance(found, np.ndarray) else found
+
+        def __getitem__(self, index: Any) -> Any:
+            """An element; the index counts modulo the size."""
+            whole = (int, np.integer)
+            if isinstance(index, whole):
+                index %= len(self)
+            elif isinstance(index, tuple) and all(isinstance(each, whole) for each in index):
+                index = tuple(i % n for i, n in zip(index, self.shape, strict=True))
+            return super().__getitem__(index)
+
+
+def divisible(value: Any) -> Any:
+    """A value, or a tuple of them, with floats that Python can divide by zero, as kernels do."""
+    if isinstance(value, tuple):
+        parts = map(divisible, value)
+        return type(value)(*parts) if hasattr(value, '_fields') else tuple(parts)
+    return np.float64(value) if type(value) is float else value
+
+
+def aligned(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Numbers and arrays such that their first axes go together: an element counts for a row."""
+    most = max(map(np.ndim, values))
+    return tuple(
+        each.reshape(each.shape + (1,) * (most - each.ndim)) if np.ndim(each) else each
+        for each in values
+    )
 
 
 class VectorType(types.Type):  # type: ignore[misc]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_base import cdr, cdr_reader, layouts
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_compiler import need_compiler
 from parallel_robot_control import configuration, faults, law_core, transitions
 from parallel_robot_control.answer_log import AnswerLog
 from parallel_robot_control.answering import (
@@ -63,8 +64,9 @@ class Controller(ControllerState):
             lazy: Whether laws that are compiled but not active are loaded later by :meth:`load`.
 
         Raises:
-            InputError: a law cannot be used.
+            InputError: a law cannot be used, or the compiler is switched off.
         """
+        need_compiler()
         super().__init__(configuration)
         loop, joints = configuration.loop, configuration.loop.joints
         timing = law_core.Timing(

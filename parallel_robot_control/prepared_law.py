@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_compiler import (
+    INTERPRETED,
     Boxed,
     FirstClass,
     as_arrays,
@@ -135,7 +136,7 @@ def _with_vectors(
     except Exception:  # if it is wrong with arrays, too, that is said of it
         return None
     wanted = ControlOutput(row, row, row, memory)
-    fits = update.signature().return_type == typeof(wanted)
+    fits = INTERPRETED or update.signature().return_type == typeof(wanted)
     return (memory, update, constants) if fits else None
 
 

@@ -14,7 +14,15 @@ from parallel_robot_base import config, custom_module
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import defaults
 from parallel_robot_base.trial_process import LIMIT, step
-from parallel_robot_compiler import Boxed, FirstClass, VectorType, distinguish, reason, shape_of
+from parallel_robot_compiler import (
+    INTERPRETED,
+    Boxed,
+    FirstClass,
+    VectorType,
+    distinguish,
+    reason,
+    shape_of,
+)
 from parallel_robot_model import axes, planar_3rrr, serial_2r
 from parallel_robot_model.contract import Estimate, JointMotion, Location, Measurement, Robot
 
@@ -78,6 +86,8 @@ class RobotModel(NamedTuple):
             cause = reason(error, function.py_func)
             see = SEE if 'Vector(' in cause else ''
             raise InputError(f'{self.name}: {name} does not compile: {cause}{see}') from error
+        if INTERPRETED:  # the types are those of the values
+            return value
         returned = value.signature().return_type
         if getattr(returned, 'instance_class', type(returned)) is not KERNELS[name]:
             raise InputError(f'{self.name}: {name} must return {_named(name)}')

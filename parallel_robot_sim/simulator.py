@@ -6,7 +6,7 @@ import numpy as np
 
 from parallel_robot_base import layouts
 from parallel_robot_base.errors import DRIVEN_OUT, RunError
-from parallel_robot_compiler import entry_point, vector
+from parallel_robot_compiler import entry_point, need_compiler, vector
 from parallel_robot_control.safety import safe_action, safe_torque
 from parallel_robot_control.wire import wire_of
 from parallel_robot_model.contract import Measurement
@@ -28,8 +28,9 @@ class Simulator:
         """Put the robot at rest at its initial pose.
 
         Raises:
-            InputError: the robot does not reach that pose.
+            InputError: the robot does not reach that pose, or the compiler is switched off.
         """
+        need_compiler()
         loop, parameters = configuration.loop, configuration.parameters
         self.robot = robot = configuration.robot
         axes = robot.module.coordinates(robot.parameters)

@@ -1,1 +1,3 @@
 """Studies: sweeps over uncertain robots, tuning, limits of any controller, identification."""
+
+import parallel_robot_base  # noqa: F401, before Numba

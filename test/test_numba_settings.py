@@ -57,7 +57,7 @@ sys.meta_path.insert(0, type('Watch', (), {{'find_spec': staticmethod(lambda nam
     name == 'numba' and print('parallel_robot_base' in sys.modules)) or None)}}))
 import parallel_robot_compiler
 """
-    assert len(PACKAGES) == 9
+    assert 'parallel_robot_compiler' in PACKAGES
     done = started([sys.executable, '-c', code], tmp_path)
     assert (done.stdout, done.stderr) == ('True\n', '')
 
@@ -75,12 +75,24 @@ def test_the_environment_counts(trap, tmp_path):
     assert done.stdout == f'0 0 {str(tmp_path / "code")!r} 1\n'
 
 
-def test_without_the_compiler_there_is_one_line(tmp_path):
-    words = command('parallel_robot_cli', 'compare', 'paper_circle')
-    done = started(words, tmp_path, NUMBA_DISABLE_JIT='1')
-    assert done.returncode == 2 and done.stdout == ''
-    (line,) = done.stderr.splitlines()
-    assert 'NUMBA_DISABLE_JIT is set; unset it' in line
+NODES = """
+from parallel_robot_base.errors import InputError
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.controller import Controller
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulator import Simulator
+whole = configure(resolve('paper_circle'))
+for kind, part in ((Controller, whole.control), (Simulator, whole.plant)):
+    try:
+        kind(part)
+    except InputError as error:
+        print(error)
+"""
+
+
+def test_nodes_do_not_start_without_the_compiler(tmp_path):
+    done = started([sys.executable, '-c', NODES], tmp_path, NUMBA_DISABLE_JIT='1')
+    assert done.stdout == 2 * 'NUMBA_DISABLE_JIT is set; unset it: nodes need the compiler\n'
 
 
 @pytest.mark.parametrize(

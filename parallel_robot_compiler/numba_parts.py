@@ -1,0 +1,101 @@
+"""The private parts of Numba that the compiler is built on, each with its reason.
+
+Numba promises none of them. Tried with 0.67.0 and 0.68.1. For another release these have to pass:
+test_kernel.py, test_vectors.py, test_kernel_cache.py, test_interpreted.py, test_integrators.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import types
+
+# Emits loops over the elements of tuples and arrays; numba.extending has no word for it.
+from numba.core import cgutils
+
+# Machine code is found by the hash of all sources, not by the place and age of one file.
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    NullCache,
+    _CacheLocator,
+)
+
+# What is emitted for a function or a field of a type of ours, and whose references it counts.
+from numba.core.imputils import (
+    impl_ret_borrowed,
+    impl_ret_new_ref,
+    lower_builtin,
+    lower_getattr_generic,
+)
+
+# The class of a compiled function: Kernel tells vectors of different sizes apart.
+from numba.core.registry import CPUDispatcher
+
+# Code that is loaded needs the run time alone, not the whole compiler.
+from numba.core.runtime import rtsys
+
+# Types of the fields of a Boxed, and of functions that have a Python body and code of ours.
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+)
+
+# How a function by address lies in memory, for a type that is told apart by its arguments.
+from numba.experimental.function_type import FunctionModel
+
+__all__ = [
+    'AttributeTemplate', 'CPUDispatcher', 'CompileResultCacheImpl', 'FunctionCache',
+    'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator', 'address_of', 'cgutils',
+    'impl_ret_borrowed', 'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'keep_in',
+    'lower_builtin', 'lower_getattr_generic', 'rtsys',
+]  # fmt: skip
+
+
+def keep_in(cache: Any, compiled: Any) -> None:
+    """Give a compiled function a cache of ours: Numba has no setting for its class."""
+    compiled._cache = cache
+
+
+def address_of(compiled: Any) -> int:
+    """Address of the machine code that Numba's first-class functions call."""
+    name = compiled.fndesc.llvm_cfunc_wrapper_name
+    return int(compiled.library.get_pointer_to_function(name))
+
+
+def in_kernels(function: Callable[..., Any]) -> Callable[[Any], Callable[..., Any]]:
+    """Define what kernels run where they call a Python function.
+
+    As numba.extending.intrinsic, whose functions have no Python body.
+
+    Args:
+        function: The function; its own body is what Python runs.
+
+    Returns:
+        A decorator. What it takes gets the typing context and the types of the arguments; it
+        returns the signature and what emits the code, or None for types that it does not take.
+    """
+
+    def register(define: Any) -> Callable[..., Any]:
+        class Template(AbstractTemplate):  # type: ignore[misc]
+            key = function
+
+            def generic(self, args: Any, kws: Any) -> Any:
+                found = None if kws else define(self.context, *args)
+                return found[0] if found else None
+
+        Template.__name__ = Template.__qualname__ = function.__name__
+        infer_global(function, types.Function(Template))
+
+        @lower_builtin(function, types.VarArg(types.Any))
+        def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            _, generate = define(context.typing_context, *signature.args)
+            return generate(context, builder, signature, values)
+
+        return function
+
+    return register
