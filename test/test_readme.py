@@ -20,7 +20,7 @@ COMMANDS = sorted(
         line.split('#')[0].strip()
         for text in PAGES.values()
         for block in re.findall(r'```bash\n(.*?)```', text, re.DOTALL)
-        for line in block.splitlines()
+        for line in block.replace('\\\n', ' ').splitlines()
     }
 )
 WRITES = r'(?:--out|--json|--figure|--plot|recorder.out:=|cp -r \S+|>)'  # before a new name
