@@ -4,7 +4,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
   launch/* config/*.yaml config/*/*.* parallel_robot_*/*.py parallel_robot_*/*/*.py \
-  parallel_robot_*/*/templates/* trajectory_gen/*.py))
+  parallel_robot_*/*/templates/* parallel_robot_live/static/*.* \
+  parallel_robot_live/static/uplot/* trajectory_gen/*.py))
 WARM := import logging, sys; \
   sys.stderr.isatty() and logging.basicConfig(format='  %(message)s', level='INFO'); \
   from parallel_robot_control.configuration import resolve; \
@@ -31,8 +32,8 @@ help: ## what can be made (this)
 setup: $(INSTALLED) ## create or update .venv; PYTHON=python3.12 chooses its Python
 	@echo 'Ready: $(BIN)/parallel_robot --help'
 
-demo: setup ## run the paper's circle in real time over ROS 2, record and measure it
-	@$(BIN)/parallel_robot run paper_circle --law s_fotsmc --time-mode wall --duration 12 \
+demo: setup ## run the paper's circle in real time over ROS 2, show it in a browser, record and measure it
+	@$(BIN)/parallel_robot run paper_circle --live --law s_fotsmc --time-mode wall --duration 12 \
 	--out runs/demo_$$(date +%Y%m%d_%H%M%S)
 
 docs: setup ## write docs/parameters.md and architecture.md anew, run docs/notebook.ipynb, draw the moving robot

@@ -13,6 +13,7 @@ EXPORT = ['pandas>=2.1', 'pyarrow>=14']
 STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']
+LIVE = ['aiohttp>=3.10,<4']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
@@ -41,6 +42,7 @@ setup(
         'parallel_robot_compiler',
         'parallel_robot_control',
         'parallel_robot_control.laws',
+        'parallel_robot_live',
         'parallel_robot_model',
         'parallel_robot_model.planar_3rrr',
         'parallel_robot_ros',
@@ -52,7 +54,10 @@ setup(
         'parallel_robot_studies.tuning',
         'trajectory_gen',
     ],
-    package_data={'parallel_robot_analysis.report': ['templates/*']},
+    package_data={
+        'parallel_robot_analysis.report': ['templates/*'],
+        'parallel_robot_live': ['static/*.*', 'static/uplot/*'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -94,6 +99,8 @@ setup(
         'export': EXPORT,
         # The screen of `parallel_robot top`; Ubuntu's package is too old.
         'top': TOP,
+        # The page of `parallel_robot live`.
+        'live': LIVE,
         # `parallel_robot sweep`, and `sweep --scheduler`.
         'study': STUDY,
         'cluster': CLUSTER,
@@ -103,6 +110,7 @@ setup(
         'test': [
             *EXPORT,
             *TOP,
+            *LIVE,
             *CLUSTER,
             *TUNE,
             'hypothesis>=6.100',

@@ -1,11 +1,12 @@
 """Start a run: trajectory, plant, controller, and a recorder and a monitor if asked."""
 
 import os
+import sys
 import time
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, TextSubstitution
 from launch_ros.actions import Node
@@ -29,6 +30,7 @@ OTHERS = {
         'the bag, which is then written anyway; else ROS_HOME/parallel_robot/<run>_<date>',
     ),
     'monitor': ('false', 'true: publish metrics'),
+    'live': ('false', 'true: serve the page of the robot, and print its address'),
 }
 
 
@@ -64,6 +66,14 @@ def nodes(context: LaunchContext) -> list[Node]:
     ]
 
 
+def page(context: LaunchContext) -> list[ExecuteProcess]:
+    """Make the process that serves the page, where it is wanted; this machine alone sees it."""
+    namespace = '/' + LaunchConfiguration('namespace').perform(context).strip('/')
+    command = [sys.executable, '-m', 'parallel_robot_cli', 'live', '--namespace', namespace]
+    condition = IfCondition(LaunchConfiguration('live'))
+    return [ExecuteProcess(cmd=command, output='screen', condition=condition)]
+
+
 def default_bag(given: dict[str, str]) -> str:
     """Place of a bag that was given none: beside the logs of ROS, not wherever one stands."""
     home = Path(os.environ.get('ROS_HOME') or Path.home() / '.ros')
@@ -79,4 +89,6 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (default, text) in described.items()
     ]
-    return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])
+    return LaunchDescription(
+        [*arguments, OpaqueFunction(function=page), OpaqueFunction(function=nodes)]
+    )

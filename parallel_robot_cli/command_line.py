@@ -25,6 +25,7 @@ COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
     'simulate': 'run the same closed loop without ROS and record it',
     'node': 'one node in this process, as ros2 run starts it',
+    'live': 'the robot in a browser: a running graph, one that is started, or a bag; acts on it',
     'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
     'analyze': 'metrics and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
@@ -42,9 +43,12 @@ COMMANDS = {
 }
 
 
+ABOVE = {'live': 'parallel_robot_live.command'}  # commands of packages above this one
+
+
 def module_of(command: str) -> ModuleType:
     """The module of a subcommand; all of them together take a third of a second to import."""
-    return import_module(f'parallel_robot_cli.commands.{command}')
+    return import_module(ABOVE.get(command, f'parallel_robot_cli.commands.{command}'))
 
 
 def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:

@@ -19,6 +19,7 @@ import yaml
 from conftest import QUICK
 from ros_fixtures import until
 
+from parallel_robot_cli.command_line import build_parser
 from parallel_robot_cli.commands.node import NODES
 
 pytest_plugins = ['ros_fixtures']
@@ -30,7 +31,14 @@ DEPENDENCIES = {element.text for element in PACKAGE.iter('exec_depend')}
 ROS = {key for key in DEPENDENCIES if not key.startswith('python3-')}
 PIP = {'lz4', 'mcap', 'plotly', 'zstandard'}  # of which rosdep knows nothing
 WITH_NUMBA = {'llvmlite'}  # a dependency of Numba, of the version that it needs
-OPTIONAL = ('export', 'top', 'study', 'cluster', 'tune')  # extras without which the suite works
+OPTIONAL = (
+    'export',
+    'live',
+    'top',
+    'study',
+    'cluster',
+    'tune',
+)  # extras without which the suite works
 ROSDEP_KEYS = {  # that exist
     *('python3-argcomplete', 'python3-hypothesis', 'python3-jinja2', 'python3-matplotlib'),
     *(
@@ -253,6 +261,7 @@ def launch(monkeypatch, tmp_path):
         'launch': {'LaunchContext': dict, 'LaunchDescription': list},
         'launch.actions': {
             'DeclareLaunchArgument': lambda name, **words: declared.update({name: words}),
+            'ExecuteProcess': lambda **words: words,
             'OpaqueFunction': lambda function: functions.append(function),
         },
         'launch.conditions': {'IfCondition': Condition},
@@ -266,12 +275,20 @@ def launch(monkeypatch, tmp_path):
     monkeypatch.setenv('HOME', str(tmp_path))
     monkeypatch.delenv('ROS_HOME', raising=False)
 
-    def start(**arguments):
+    def context_of(arguments):
         runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
         assert all(words['description'] for words in declared.values())
         context = {name: words['default_value'] for name, words in declared.items()}
         assert set(arguments) <= set(context)
-        context |= arguments
+        return context | arguments
+
+    def page(**arguments):
+        context = context_of(arguments)
+        (found,) = functions[-2](context)
+        return found
+
+    def start(**arguments):
+        context = context_of(arguments)
         return {
             node['executable']: node
             | {
@@ -282,7 +299,18 @@ def launch(monkeypatch, tmp_path):
             for node in functions[-1](context)
         }
 
+    start.page = page
     return start
+
+
+def test_launch_serves_the_page_of_its_robot_where_it_is_asked_for(launch):
+    for given, namespace in (('left', '/left'), ('/left', '/left'), ('', '/')):
+        for live in ('true', 'false'):
+            page = launch.page(namespace=given, live=live)
+            command = build_parser().parse_args(page['cmd'][3:])
+            assert page['condition'].evaluate({'live': live}) == (live == 'true')
+            assert (command.command, command.namespace) == ('live', namespace)
+            assert command.host == '127.0.0.1'
 
 
 def started(nodes):
@@ -361,7 +389,9 @@ def test_the_launch_of_ros_takes_every_argument(value, tmp_path):
     made = []
     for entity in runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']().entities:
         made += entity.execute(context) or []
-    for node in made:
+    page, *nodes = made
+    assert not isinstance(page, actions.Node)
+    for node in nodes:
         assert isinstance(node, actions.Node)
         node._perform_substitutions(context)
         texts_of = [[getattr(part, 'text', '') for part in word] for word in node.cmd]

@@ -2,12 +2,12 @@
 
 import json
 import re
-import shutil
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from bags import WRITERS, content, streams, write_foreign, write_mcap
+from browser import requests, started
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
@@ -20,7 +20,6 @@ from parallel_robot_cli.command_line import main
 
 pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
 
-CHROMIUM, DRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 EVIL = '</script><script>alert(1)</script><img src=x onerror=alert(2)>$\\frac{'
 
 
@@ -319,17 +318,7 @@ def test_a_disk_that_is_full_leaves_nothing(bags, tmp_path, capsys, monkeypatch)
 
 @pytest.fixture(scope='module')
 def browser():
-    if not (CHROMIUM and DRIVER):
-        pytest.skip('chromium and chromedriver are not installed')
-    from selenium import webdriver
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for switch in ('headless=new', 'no-sandbox', 'disable-dev-shm-usage', 'window-size=1200,900'):
-        options.add_argument(f'--{switch}')
-    options.set_capability('goog:loggingPrefs', {'browser': 'ALL', 'performance': 'ALL'})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(DRIVER))
-    driver.implicitly_wait(0)
+    driver = started()
     yield driver
     driver.quit()
 
@@ -341,16 +330,6 @@ def opened(browser, path):
     ready = 'return document.documentElement.dataset.ready'
     WebDriverWait(browser, 60).until(lambda _: browser.execute_script(ready))
     return browser
-
-
-def requests(browser):
-    entries = [json.loads(entry['message'])['message'] for entry in browser.get_log('performance')]
-    sent = [
-        e['params']['request']['url']
-        for e in entries
-        if e['method'] == 'Network.requestWillBeSent'
-    ]
-    return [url for url in sent if not url.startswith(('data:', 'blob:'))]  # fmt: skip
 
 
 def attribute(browser, selector, name):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
+import subprocess
 import sys
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot_analysis import metrics, readable_metrics, timing, true_motion
 from parallel_robot_bags import history, new_files, run_log
@@ -19,10 +21,11 @@ from parallel_robot_bags.progress import Progress
 from parallel_robot_base import assignments, cache_directory
 from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.module_process import command, die_with_parent
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_base.node_graph import subscribers
 from parallel_robot_base.placed import locating
-from parallel_robot_base.processes import MODULES, NodeProcesses, domain_lock
+from parallel_robot_base.processes import MODULES, NodeProcesses, domain_lock, end
 from parallel_robot_base.scenario_file import absolute
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_cli.commands import simulate
@@ -31,6 +34,9 @@ from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import ENDLESS
+
+if TYPE_CHECKING:
+    from parallel_robot_cli.ros_session import Session
 
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
@@ -53,6 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=['wall', 'lockstep'],
         help='wall (default): real time; lockstep: the plant waits for each command',
     )
+    parser.add_argument(
+        '--live', action='store_true', help='serve the page of `parallel_robot live` meanwhile'
+    )
     add_namespace_argument(parser, 'of the nodes, so that several robots share a ROS domain')
 
 
@@ -65,7 +74,29 @@ def execute(arguments: argparse.Namespace) -> int:
         if key in assignments.parse(arguments.assignments):
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
         changed.pop(key, None)  # of a parameter file, which may be one for other runs
-    return record(arguments.scenario, changed, arguments.out, full(arguments.namespace))
+    namespace = full(arguments.namespace)
+    with live_page(namespace) if arguments.live else contextlib.nullcontext():
+        return record(arguments.scenario, changed, arguments.out, namespace)
+
+
+@contextlib.contextmanager
+def live_page(namespace: str) -> Iterator[None]:
+    """Serve the page of a robot in a process of its own, which prints its address and ends here.
+
+    Args:
+        namespace: Full name of the namespace of the nodes; empty for none.
+    """
+    words = ('live', '--namespace', namespace or '/')
+    page = subprocess.Popen(
+        command('parallel_robot_cli', *words),
+        stdin=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=die_with_parent,
+    )
+    try:
+        yield
+    finally:
+        end([page], signal.SIGTERM)
 
 
 def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '') -> int:
@@ -93,19 +124,15 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     new_files.check_directory(out)
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
-    common = {**changed, 'scenario': absolute(scenario), 'start_stamp': WAIT}
-    common['middleware'] = loop.middleware  # which a node must know before it reads a scenario
-    parameters: dict[str, dict[str, Any]] = {name: {**common} for name in MODULES}
-    for name, count in subscribers(MODULES, loop.lockstep).items():
-        parameters[name]['subscribers'] = count
+    parameters = node_parameters(MODULES, scenario, changed, loop)
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
-    end = _supervise(parameters, loop, namespace)
+    ended = _supervise(parameters, loop, namespace)
     try:
         log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     except BagError:
-        if end.signal:  # before the first state
-            raise StoppedError(end.signal) from None
+        if ended.signal:  # before the first state
+            raise StoppedError(ended.signal) from None
         raise
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
@@ -116,14 +143,14 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     doubts = (*experiment.control.law.warnings, *noise_doubts(configuration))
     for text in (*doubts, *remarks):
         print(f'warning: {text}', file=sys.stderr)
-    if end.signal:
-        print(f'{StoppedError(end.signal)} after {log.time[-1]:.1f} s')
+    if ended.signal:
+        print(f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
     if timing.verdict(timed):
         print(timing.verdict(timed))
     print(simulate.result(out, lambda: evaluate(log)))
-    if end.driven_out:
+    if ended.driven_out:
         raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
-    return StoppedError(end.signal).exit_code if end.signal else 0
+    return StoppedError(ended.signal).exit_code if ended.signal else 0
 
 
 def evaluate(log: run_log.RunLog) -> list[str]:
@@ -133,6 +160,25 @@ def evaluate(log: run_log.RunLog) -> list[str]:
     planned = float(log.config['duration'])
     head = readable_metrics.head(log.scenario, log.law, found.duration_s, planned)
     return [head, *readable_metrics.brief(found, log.messages)]
+
+
+def node_parameters(
+    names: Collection[str], scenario: str, changed: Mapping[str, Any], loop: LoopParameters
+) -> dict[str, dict[str, Any]]:
+    """Parameters of some nodes that run together, which wait for their common start.
+
+    Args:
+        names: Of the nodes.
+        scenario: Its name, or the path of its file.
+        changed: Key to value.
+        loop: What the nodes share.
+    """
+    common = {**changed, 'scenario': absolute(scenario), 'start_stamp': WAIT}
+    common['middleware'] = loop.middleware  # which a node must know before it reads a scenario
+    parameters: dict[str, dict[str, Any]] = {name: {**common} for name in names}
+    for name, count in subscribers(names, loop.lockstep).items():
+        parameters[name]['subscribers'] = count
+    return parameters
 
 
 class End(NamedTuple):
@@ -149,7 +195,7 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
         RunError: a node failed.
         StoppedError: a signal came before the motion began.
     """
-    from parallel_robot_cli.ros_session import Session  # only this command needs ROS
+    from parallel_robot_cli.ros_session import Session  # needs ROS
 
     caught: list[int] = []
     handlers = {
@@ -165,14 +211,7 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
                 processes.check()
 
             with Session(MODULES, watch, namespace, loop.middleware) as session:
-                with Progress(len(MODULES), 'nodes ready') as progress:
-                    session.wait_until_ready(
-                        READY, processes.work, waiting_display(processes, progress)
-                    )
-                now = time.time_ns()
-                start = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
-                for name in ('recorder', 'trajectory', 'controller', 'plant'):
-                    session.start(name, start)
+                start(processes, session, loop, MODULES)
                 try:
                     with Progress(loop.duration, 's') as progress:
                         follow(processes, session, loop.last_index or 0, loop.duration, progress)
@@ -186,8 +225,27 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
             signal.signal(number, handler)
 
 
+def start(
+    processes: NodeProcesses, session: Session, loop: LoopParameters, names: Collection[str]
+) -> None:
+    """Wait until some nodes are ready, then give them their common start.
+
+    Raises:
+        RunError: one of them does not become ready or does not start.
+    """
+    with Progress(len(names), 'nodes ready') as progress:
+        session.wait_until_ready(
+            READY, processes.work, waiting_display(processes, progress, len(names))
+        )
+    now = time.time_ns()
+    stamp = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
+    for name in ('recorder', 'trajectory', 'controller', 'plant'):
+        if name in names:
+            session.start(name, stamp)
+
+
 def waiting_display(
-    processes: NodeProcesses, progress: Progress
+    processes: NodeProcesses, progress: Progress, count: int
 ) -> Callable[[Collection[str]], None]:
     """Make a function that shows which nodes are not ready, and says once that some compile."""
     announced = False
@@ -203,7 +261,7 @@ def waiting_display(
             if compiling
             else ''
         )
-        progress.show(len(MODULES) - len(waiting), what)
+        progress.show(count - len(waiting), what)
 
     return show
 

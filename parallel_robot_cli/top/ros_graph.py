@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
@@ -31,18 +31,33 @@ from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.tool_node import tool_node
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)
-DEPTH = 200  # messages that may come between two looks; more are dropped
-SERVICES = {'set_parameters': SetParameters, 'emergency_stop': Trigger, 'clear_fault': Trigger}
 ANSWER_TIMEOUT = 3.0  # s, for the answer of a node
 ROUNDS = 10  # of the executor in a look, while an answer is waited for
 
 
 class RosGraph:
-    """Listens to the nodes of a ROS domain; use as a context manager."""
+    """Listens to the nodes of a ROS domain; use as a context manager.
 
-    def __init__(self, robots: Robots) -> None:
-        """Prepare; what is read goes into `robots`."""
-        self._robots = robots
+    Attributes:
+        DEPTH: Messages of a topic that may come between two looks; more are dropped.
+        SERVICES: Services of the watched robot that can be asked for, and their types.
+    """
+
+    DEPTH = 200
+    SERVICES: ClassVar[dict[str, Any]] = {
+        'controller/set_parameters': SetParameters,
+        'controller/emergency_stop': Trigger,
+        'controller/clear_fault': Trigger,
+    }
+
+    def __init__(self, robots: Robots, name: str = 'parallel_robot_top') -> None:
+        """Prepare.
+
+        Args:
+            robots: What is read goes there.
+            name: Name of the node.
+        """
+        self._robots, self._name = robots, name
         self._exit = ExitStack()
         self._namespace = ''
         self._subscriptions: list[tuple[Subscription, Callable[[bytes], None]]] = []
@@ -52,7 +67,7 @@ class RosGraph:
 
     def __enter__(self) -> RosGraph:
         """Join the domain."""
-        node = tool_node('parallel_robot_top', enable_rosout=False)
+        node = tool_node(self._name, enable_rosout=False)
         self._node = self._exit.enter_context(node)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -70,22 +85,26 @@ class RosGraph:
         for client in self._clients.values():
             self._node.destroy_client(client)
         self._clients = {
-            name: self._node.create_client(kind, f'{namespace}/controller/{name}')
-            for name, kind in SERVICES.items()
+            name: self._node.create_client(kind, f'{namespace}/{name}')
+            for name, kind in self.SERVICES.items()
         }
         self._namespace = namespace
-        for topic, take in (
-            (topics.STATUS, self._on_status),
-            (topics.POSE, partial(self._on_pose, Robot.pose)),
-            (topics.POSE_REFERENCE, partial(self._on_pose, Robot.pose_reference)),
-        ):
+        for topic, take in self.takers().items():
             self._listen(topic._replace(name=f'{namespace}/{topic.name}'), take)
+
+    def takers(self) -> dict[Topic, Callable[[bytes], None]]:
+        """Topics of the watched robot that are read, each with what takes its messages."""
+        return {
+            topics.STATUS: self._on_status,
+            topics.POSE: partial(self._on_pose, Robot.pose),
+            topics.POSE_REFERENCE: partial(self._on_pose, Robot.pose_reference),
+        }
 
     def look(self) -> None:
         """Take all that has come since the last look."""
         for subscription, take in self._subscriptions:
             with subscription.handle:
-                for _ in range(DEPTH):
+                for _ in range(self.DEPTH):
                     taken = subscription.handle.take_message(subscription.msg_type, True)
                     if taken is None:
                         break
@@ -101,34 +120,40 @@ class RosGraph:
             if future.done():
                 tell(*_outcome(future.result()))
             elif time.monotonic() > deadline:
-                tell(False, 'the controller does not answer')
+                tell(False, 'the node does not answer')
             else:
                 continue
             del self._asked[future]
 
     def switch_law(self, law: str, tell: Tell) -> None:
         """Ask the controller to take another law."""
-        parameter = Parameter('law', Parameter.Type.STRING, law).to_parameter_msg()
-        request = SetParameters.Request(parameters=[parameter])
-        self._ask('set_parameters', request, tell)
+        self.set_parameter('law', law, tell)
+
+    def set_parameter(self, key: str, value: Any, tell: Tell) -> None:
+        """Ask the controller to change a parameter."""
+        request = SetParameters.Request(
+            parameters=[Parameter(key, value=value).to_parameter_msg()]
+        )
+        self.ask('controller/set_parameters', request, tell)
 
     def emergency_stop(self, tell: Tell) -> None:
         """Ask the controller for its safe action."""
-        self._ask('emergency_stop', Trigger.Request(), tell)
+        self.ask('controller/emergency_stop', Trigger.Request(), tell)
 
     def clear_fault(self, tell: Tell) -> None:
         """Ask the controller to end its safe action."""
-        self._ask('clear_fault', Trigger.Request(), tell)
+        self.ask('controller/clear_fault', Trigger.Request(), tell)
 
-    def _ask(self, name: str, request: Any, tell: Tell) -> None:
+    def ask(self, name: str, request: Any, tell: Tell) -> None:
+        """Ask a service of the watched robot; its answer is told when it has come."""
         client = self._clients.get(name)
         if client is not None and client.service_is_ready():
             self._asked[client.call_async(request)] = (time.monotonic() + ANSWER_TIMEOUT, tell)
         else:
-            tell(False, 'there is no controller')
+            tell(False, f'there is no {name.partition("/")[0]}')
 
     def _listen(self, topic: Topic, take: Callable[[bytes], None]) -> None:
-        qos = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        qos = QoSProfile(depth=self.DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         if topic.latched:
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         subscription = self._node.create_subscription(

@@ -70,25 +70,7 @@ class Plot {
   }
 }
 
-// Animation; y points up in the robot and down in SVG.
-
-// Style and width of the lines of a part; of any other part, those of OTHER.
-const PARTS = { proximal: ['link1', 7], distal: ['link2', 5], platform: ['ink', 3] };
-const OTHER = ['faint', 4];
-
-const point = (x, y) => `${x.toFixed(6)},${(-y).toFixed(6)}`;
-const points = (numbers) => {
-  const pairs = [];
-  for (let i = 0; i < numbers.length; i += 2) pairs.push(point(numbers[i], numbers[i + 1]));
-  return pairs.join(' ');
-};
-
-function line(svg, style, width, kind = 'polyline') {
-  const element = document.createElementNS('http://www.w3.org/2000/svg', kind);
-  element.style.stroke = `var(--${style})`;
-  element.style.strokeWidth = width;
-  return svg.appendChild(element);
-}
+// Animation, drawn by robot.js
 
 class Animation {
   constructor(figure) {
@@ -97,26 +79,12 @@ class Animation {
     this.find = (name) => figure.querySelector(`.${name}`);
     this.runs = animation.runs.map((run) => ({ ...run, frames: unpack(run.frames) }));
     this.width = this.runs[0].frames.length / this.count;
-    const [whole, detail] = [this.find('whole'), this.find('detail')];
-    for (const [svg, [x, y, w, h]] of [[whole, this.view], [detail, this.detail]])
-      svg.setAttribute('viewBox', `${x} ${-y - h} ${w} ${h}`);
-    line(whole, 'reference', 3).setAttribute('points', this.path(this.runs[0], 0));
-    this.trace = line(whole, 'run0', 1.2);
-    this.base = line(whole, 'rule', 1.5, 'polygon');
-    let start = 4;
-    this.parts = animation.parts.map(([name, count]) => {
-      const [style, width] = PARTS[name] ?? OTHER;
-      const element = line(whole, style, width, 'path');
-      element.dataset.part = name;
-      start += 4 * count;
-      return { name, element, start: start - 4 * count, end: start };
-    });
-    this.joints = line(whole, 'ink', 9, 'path');
-    this.effector = line(whole, 'ink', 8, 'path');
-    for (const run of this.runs) line(detail, 'reference', 4).setAttribute('points', this.path(run, 0));
-    for (const run of this.runs) run.path = line(detail, run.style, 1.3);
-    this.target = line(detail, 'ink', 1.5, 'path');
-    for (const run of this.runs) run.dot = line(detail, run.style, 11, 'path');
+    this.whole = new WholeRobot(this.find('whole'), animation.parts);
+    this.magnified = new PathDetail(this.find('detail'), this.runs.map((run) => run.style));
+    look(this.whole.svg, this.view);
+    look(this.magnified.svg, this.detail);
+    this.whole.reference.setAttribute('points', this.path(this.runs[0], 0));
+    this.runs.forEach((run, i) => this.magnified.references[i].setAttribute('points', this.path(run, 0)));
     this.frame = 0;
     this.slider = this.find('time');
     this.slider.addEventListener('input', () => this.show(Number(this.slider.value)));
@@ -130,20 +98,15 @@ class Animation {
     return run.frames.subarray(frame * this.width, (frame + 1) * this.width);
   }
 
-  // Reference with the error times `factor`; 0 is the reference.
-  place([x, y, px, py], factor) {
-    return [x + factor * (px - x), y + factor * (py - y)];
-  }
-
   path(run, factor) {
     const all = [];
-    for (let frame = 0; frame < this.count; frame += 1) all.push(...this.place(this.values(run, frame), factor));
+    for (let frame = 0; frame < this.count; frame += 1) all.push(...place(this.values(run, frame), factor));
     return points(all);
   }
 
   magnify() {
     this.factor = Number(this.find('magnify').value);
-    for (const run of this.runs) run.path.setAttribute('points', this.path(run, this.factor));
+    this.runs.forEach((run, i) => this.magnified.paths[i].setAttribute('points', this.path(run, this.factor)));
     this.show(this.frame);
   }
 
@@ -153,30 +116,15 @@ class Animation {
     this.find('now').textContent = `${(frame * this.step).toFixed(2)} s`;
     const chosen = this.runs[Number(this.find('robot')?.value ?? 0)];
     const v = this.values(chosen, frame);
-    const dot = ([px, py]) => `M ${point(px, py)} h 0`;
-    const joints = [];
-    for (const { name, element, start, end } of this.parts) {
-      const starts = [];
-      const lines = [];
-      for (let i = start; i < end; i += 4) {
-        starts.push(v[i], v[i + 1]);
-        lines.push(`M ${point(v[i], v[i + 1])} L ${point(v[i + 2], v[i + 3])}`);
-        joints.push(dot([v[i], v[i + 1]]));
-      }
-      element.setAttribute('d', lines.join(' '));
-      if (name === 'proximal') this.base.setAttribute('points', points(starts)); // they are fixed
-    }
-    this.joints.setAttribute('d', joints.join(' '));
+    this.whole.show(v);
     if (this.chosen !== chosen) {
       this.chosen = chosen;
-      this.trace.style.stroke = this.effector.style.stroke = `var(--${chosen.style})`;
-      this.trace.setAttribute('points', this.path(chosen, 1));
+      this.whole.colour(chosen.style);
+      this.whole.trace.setAttribute('points', this.path(chosen, 1));
     }
-    const [x, y, px, py] = v;
-    this.effector.setAttribute('d', dot([px, py]));
-    const arm = 0.03 * this.detail[2];
-    this.target.setAttribute('d', `M ${x - arm} ${-y} h ${2 * arm} M ${x} ${-y - arm} v ${2 * arm}`);
-    for (const run of this.runs) run.dot.setAttribute('d', dot(this.place(this.values(run, frame), this.factor)));
+    this.magnified.aim(v[0], v[1], this.detail[2]);
+    this.runs.forEach((run, i) =>
+      this.magnified.dots[i].setAttribute('d', dot(place(this.values(run, frame), this.factor))));
   }
 
   play() {

@@ -1,0 +1,96 @@
+"""What the page says in words and numbers, as plain data."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from parallel_robot_analysis.report.labels import joint_label
+from parallel_robot_cli.top.robots import NODES, SILENT, Robot
+from parallel_robot_control.laws import title
+from parallel_robot_live.frames import Camera
+from parallel_robot_live.source import Description
+
+UNIT = re.compile(r'(.*?)(?: \[([^\]]*)\])?', re.DOTALL)
+LARGEST = 1e300  # a range that ends there has no end
+
+
+def layout(camera: Camera) -> dict[str, Any]:
+    """What the numbers of a frame are."""
+    return {
+        'number': camera.number,
+        'parts': camera.parts,
+        'curves': [
+            {'group': curve.group, 'name': joint_label(curve.name)} for curve in camera.curves
+        ],
+    }
+
+
+def of_robot(robot: Robot, now: float) -> dict[str, Any]:
+    """Law, fault, limits, times and nodes of a robot.
+
+    Args:
+        robot: What its nodes report.
+        now: Time [s].
+    """
+    known = [name for name in NODES if name in robot.nodes]
+    lag = robot.value('controller', 'lag p50/p99/max [ms]').split('/')
+    return {
+        'law': robot.law,
+        'title': title(robot.law),
+        'fault': '' if robot.fault == 'none' else robot.fault,
+        'limits': '' if robot.limits == 'none' else robot.limits,
+        'lag': lag if len(lag) == 3 else [],
+        'answered': robot.value('controller', 'answered'),
+        'skipped': robot.value('controller', 'skipped'),
+        'nodes': [
+            {
+                'name': name,
+                'rate': robot.value(name, 'rate [Hz]'),
+                'processor': robot.value(name, 'processor [%]'),
+                'level': robot.nodes[name].level,
+                'says': robot.nodes[name].text,
+                'silent': int(now - robot.nodes[name].time)
+                if now - robot.nodes[name].time >= SILENT
+                else 0,
+            }
+            for name in [*known, *sorted(set(robot.nodes) - set(known))]
+        ],
+    }
+
+
+def setup(
+    parameters: Mapping[str, Any], descriptions: Mapping[str, Description], laws: Iterable[str]
+) -> dict[str, Any]:
+    """Laws, and their gains with units and ranges.
+
+    Args:
+        parameters: Of the controller.
+        descriptions: What it says of them.
+        laws: Their names.
+    """
+    gains: dict[str, list[dict[str, Any]]] = {name: [] for name in laws}
+    for key, value in parameters.items():
+        law, _, name = key.partition('.')
+        if law in gains and name and key in descriptions:
+            gains[law].append(
+                {'key': key, 'name': name, 'value': value, **_told(descriptions[key])}
+            )
+    return {
+        'scenario': parameters.get('scenario', ''),
+        'robot': parameters.get('robot_model', ''),
+        'preset': parameters.get('preset', ''),
+        'laws': [{'name': law, 'title': title(law)} for law in gains],
+        'gains': gains,
+    }
+
+
+def _told(description: Description) -> dict[str, Any]:
+    found = UNIT.fullmatch(description.text)
+    text, unit = found.groups() if found else (description.text, '')
+    low, high = (
+        None if bound is None or abs(bound) > LARGEST else bound
+        for bound in (description.low, description.high)
+    )
+    return {'text': text, 'unit': unit or '', 'low': low, 'high': high}
