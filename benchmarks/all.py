@@ -33,6 +33,7 @@ BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those o
     'reading': (['7'], ['1']),
     'sweep': (['1000', '3'], ['8', '1']),
     'laws': (['5000'], ['200']),
+    'estimators': (['31'], ['1']),
     'player': (['12'], ['2']),
     'recorder': (['60'], ['4']),
     'nodes': (

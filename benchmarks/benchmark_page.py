@@ -50,6 +50,13 @@ workers and summary included, are to take 15 s on two idle cores.""",
 One control cycle of each law: as a kernel, and in the controller node, from the bytes of a
 state to the published command. The loop has 1000 us.""",
     ),
+    'estimators': (
+        'Kalman filter',
+        """\
+Processor time of one control cycle on the recorded states of a run, S-FOTSMC with all limits and
+checks, in a compiled loop: with the Kalman filter beside without. States 3 ms late are predicted
+over three more periods. With fresh states a cycle is to cost at most twice that without.""",
+    ),
     'player': (
         'Player',
         'What arrives at a subscriber of three topics of 1 kHz, beside what is in the bag.',

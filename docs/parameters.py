@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_origin
 from parallel_robot_analysis.monitor import MonitorParameters
 from parallel_robot_bags.ros_topics import RecorderParameters
 from parallel_robot_base import config
-from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.fields import Field, parameters, words
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model import planar_3rrr
 from parallel_robot_sim.parameter_groups import groups
@@ -63,8 +63,12 @@ def _plain(value: Any) -> str:
 
 
 def _range(kind: Any, field: Field) -> str:
+    choices = get_args(kind) if get_origin(kind) is Literal else words(kind)
+    listed = ', '.join(f'`{choice}`' for choice in choices)
     if get_origin(kind) is Literal:
-        return ', '.join(f'`{choice}`' for choice in get_args(kind))
+        return listed
+    if words(kind):
+        return f'{listed}, {_range(float, field)}'
     low = '' if field.low == -math.inf else f'{field.low:g}'
     high = '' if field.high == math.inf else f'{field.high:g}'
     if low and high:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_sim.messages import told_effort
 from parallel_robot_sim.simulation import Simulation
 
 
@@ -29,7 +30,5 @@ class SimulatedMotion(NamedTuple):
         """The joints of a simulation as their messages tell them: as old as their stamps say."""
         run, period = made.run, made.experiment.loop.period
         late, count = round(made.age / period), len(run.position)
-        effort = np.zeros_like(run.effort)
-        effort[late:] = run.effort[: count - late]
-        time = period * (np.arange(count) - late)
+        time, effort = period * (np.arange(count) - late), told_effort(run.effort, late)
         return cls(time, run.position, made.desired.position, effort)

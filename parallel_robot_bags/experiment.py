@@ -17,7 +17,7 @@ from parallel_robot_bags.limits import is_name
 from parallel_robot_base import config, plain_data
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
-from parallel_robot_base.fields import PerJoint
+from parallel_robot_base.fields import PerJoint, words
 from parallel_robot_base.loop import LoopParameters, validate
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_model.robots import ROBOTS
@@ -121,23 +121,22 @@ def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
 
 def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
     """Whether a plain value has the type of the known value of its key, if there is one."""
-    example = known.get(key, value)
-    if key in _keys(PerJoint):
+    example, kind = known.get(key, value), _kinds().get(key)
+    if words(kind):
+        return value in words(kind) or _is_like(1.0, value)
+    if kind is PerJoint:
         example = [1.0] if isinstance(value, list) and value else 1.0  # one is for all joints
-    elif example == [] and key in _keys(tuple[float, ...]):
+    elif example == [] and kind == tuple[float, ...]:
         example = [1.0]
     return _is_like(example, value)
 
 
 @functools.cache
-def _keys(kind: Any) -> frozenset[str]:
-    """Keys of the robots of the suite whose value is of a type."""
-    return frozenset(
-        key
-        for robot in ROBOTS.values()
-        for key, parameter in members(robot, {})
-        if parameter.type == kind
-    )
+def _kinds() -> dict[str, Any]:
+    """Types of the parameters of the robots of the suite, by key."""
+    return {
+        key: parameter.type for robot in ROBOTS.values() for key, parameter in members(robot, {})
+    }
 
 
 def _is_like(example: Any, value: Any) -> bool:

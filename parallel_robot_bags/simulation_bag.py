@@ -19,6 +19,7 @@ from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import at_measurement
+from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.messages import (
     Status,
     Telemetry,
@@ -52,7 +53,7 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     rows = slice(count)
     slow = slice(0, count, topics.SLOW)
     passive = run.passive_position.shape[1] if values['plant.publish_passive'] else 0
-    late = age + experiment.control.setup.estimator.delay
+    late = age + simulation.delay[rows][slow]
     desired_motion = (reference.position, reference.velocity, reference.acceleration)
     then = at_measurement.py_func(  # type: ignore[attr-defined]
         JointReference(*(row[rows][slow] for row in desired_motion)), late
@@ -82,11 +83,13 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         for name, source in sources:
             writer.attach(name, source)
         writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
-        status = None
+        status, phases = None, simulation.phases
+        estimator = experiment.control.setup.estimator
         acted = np.bitwise_or.accumulate(run.acted)
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
-            now = Status(law.name, known.get(int(run.fault[k])), int(acted[k]))
+            delay = told_delay(estimator, int(phases[k]))
+            now = Status(law.name, known.get(int(run.fault[k])), int(acted[k]), delay)
             if now != status:
                 status = now
                 writer.write(topics.STATUS.name, log_time, status_message(log_time, status))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import os
+import types
 from collections.abc import Mapping, Sequence
 from typing import (
     Annotated,
@@ -13,6 +14,7 @@ from typing import (
     NamedTuple,
     NewType,
     TypeVar,
+    Union,
     get_args,
     get_origin,
     get_type_hints,
@@ -116,6 +118,12 @@ def build(
     return group(*(check(prefix + p.key, p.type, p.field, values[p.key], joints) for p in known))
 
 
+def words(kind: Any) -> tuple[str, ...]:
+    """The words that a parameter takes in place of a number; none for most."""
+    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else ()
+    return tuple(word for part in parts if get_origin(part) is Literal for word in get_args(part))
+
+
 def plain(value: Any) -> Any:
     """A value as the files have it: numbers, texts and lists, nothing of NumPy, no paths."""
     if isinstance(value, np.floating):  # lists would keep other precisions as NumPy's
@@ -150,6 +158,13 @@ def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = N
             choices = map(str, get_args(kind))
             raise UnknownNameError(f'value of {name}', str(value), choices, name)
         return value
+    if words(kind):
+        if value in words(kind):
+            return value
+        if not isinstance(value, (int, float)) or isinstance(value, bool):
+            known = ', '.join(words(kind))
+            raise InputError(f'{name} must be a number or one of {known}, not {value!r}', name)
+        kind = float
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value) if abs(value) < 1e300 else math.inf
     if type(value) is not kind:

@@ -14,7 +14,7 @@ from parallel_robot_base.loop import OLDEST
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel, read_row, select, write_row
-from parallel_robot_control import faults
+from parallel_robot_control import faults, lock_in
 from parallel_robot_control.approach import Approach
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
@@ -50,6 +50,7 @@ from parallel_robot_control.shared_arrays import (
     LOGGED,
     NEVER,
     OFFSET,
+    PHASE,
     POSITION,
     RATE,
     REFERENCE,
@@ -101,7 +102,9 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     row = core.setup.limits.torque
     estimator = core.setup.estimator
     tracks = estimator.kind == KALMAN
-    question = _open(common, wire, data, now, monotonic, row, core.pose, tracks, estimator.delay)
+    known = common.numbers[KNOWN] != 0
+    delay = lock_in.delay_at(estimator.lock_in, estimator.delay, known, row)
+    question = _open(common, wire, data, now, monotonic, row, core.pose, tracks, delay)
     if question.code != ANSWERED:
         return question.code
     done = core.cycle(
@@ -114,10 +117,11 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         When(question.acts // common.timing.period, question.age, question.dt),
     )
     core.memory = done.memory
+    phase = lock_in.phase(estimator.lock_in, question.acts // common.timing.period, row)
     answered = Acted(
         done.torque, done.sliding_variable, done.coupled_error, done.acted, done.state
     )
-    return _close(common, question, answered, acted, now, monotonic)
+    return _close(common, question, answered, acted, phase, now, monotonic)
 
 
 class Question(NamedTuple):
@@ -272,7 +276,13 @@ def _open(
 
 @inner
 def _close(
-    common: Any, question: Question, done: Acted, acted: int, now: int, monotonic: int
+    common: Any,
+    question: Question,
+    done: Acted,
+    acted: int,
+    phase: int,
+    now: int,
+    monotonic: int,
 ) -> int:
     """Store the result of a cycle, write its command, and return the bits of the answer."""
     v, numbers, after = common.vectors, common.numbers, done.state
@@ -312,6 +322,7 @@ def _close(
         code |= TELEMETRY | LOG
     if ended or numbers[LOGGED] == AGES:
         code |= LOG
-    if numbers[FAULT] != question.fault or numbers[ACTED] != acted:
+    if numbers[FAULT] != question.fault or numbers[ACTED] != acted or numbers[PHASE] != phase:
         code |= STATUS
+    numbers[PHASE] = phase
     return code

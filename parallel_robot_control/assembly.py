@@ -5,13 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from parallel_robot_compiler import Boxed, distinguish, vector
+from parallel_robot_compiler import Boxed, Space, distinguish, vector
+from parallel_robot_control import delay_identification
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
+from parallel_robot_model.contract import PoseMotion
+
+Array = NDArray[np.float64]
 
 
 class Control(NamedTuple):
@@ -28,13 +33,16 @@ class Control(NamedTuple):
     state: CycleState
 
 
-def assemble(configuration: ControlConfiguration, law: str = '', memory: int = 0) -> Control:
+def assemble(
+    configuration: ControlConfiguration, law: str = '', memory: Space | None = None
+) -> Control:
     """Put a controller together.
 
     Args:
         configuration: The configuration.
         law: Name of its law; empty for the active one.
-        memory: Memory of the Kalman filter, which laws that follow each other share; 0: a new one.
+        memory: Memory of the Kalman filter, which laws that follow each other share; None: a new
+            one.
 
     Raises:
         InputError: the theory of the law forbids its gains, or a custom law does not compile or
@@ -51,8 +59,16 @@ def assemble(configuration: ControlConfiguration, law: str = '', memory: int = 0
     )
     period = configuration.loop.period
     estimator = Boxed(
-        estimator_of(configuration.estimator, configuration.laws[name], period, memory)
+        estimator_of(
+            configuration.estimator,
+            configuration.lock_in,
+            configuration.laws[name],
+            period,
+            memory,
+        )
     )
+    if estimator.lock_in.on:
+        delay_identification.check(estimator.lock_in, limits.value, _inertia(configuration))
     return Control(
         prepared,
         ControlSetup(
@@ -66,3 +82,13 @@ def assemble(configuration: ControlConfiguration, law: str = '', memory: int = 0
         ),
         initial_state(guess, configuration.joints),
     )
+
+
+def _inertia(configuration: ControlConfiguration) -> Array:
+    """Inertia matrix of the nominal robot at rest at the guess [kg m^2], shape (n, n)."""
+    robot, guess = configuration.robot, vector(configuration.guess)
+    still, row = vector(np.zeros(len(guess))), vector(np.zeros(configuration.joints))
+    joints = robot.module.joint_motion(robot.constants, PoseMotion(guess, still, still))
+    position, margins = vector(joints.position), configuration.margins
+    found = robot.module.estimate(robot.constants, margins, position, row, guess)
+    return np.asarray(found.model.M)

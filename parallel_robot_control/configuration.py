@@ -17,6 +17,7 @@ from parallel_robot_base.placed import locating
 from parallel_robot_control import law_loader
 from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.contract import Law
+from parallel_robot_control.delay_identification import LockInParameters
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
@@ -46,6 +47,7 @@ class ControlConfiguration(NamedTuple):
         margins: SafetyMargins of the robot.
         guess: Pose from which the first forward kinematics starts, shape (m,).
         estimator: Where the motion of the joints is known from.
+        lock_in: How the age of the states is identified, if it is.
         approach: How the robot joins the desired motion.
         laws: All laws by name.
         gains: Gains of each law.
@@ -58,6 +60,7 @@ class ControlConfiguration(NamedTuple):
     margins: Any
     guess: Array
     estimator: EstimatorParameters
+    lock_in: LockInParameters
     approach: ApproachParameters
     laws: Mapping[str, Law]
     gains: Mapping[str, Any]
@@ -115,6 +118,7 @@ def _configured(values: Mapping[str, Any]) -> ControlConfiguration:
         config.group(values, robot.module.SafetyMargins, 'safety'),
         first_guess(values, robot),
         config.group(values, EstimatorParameters, 'estimator'),
+        config.group(values, LockInParameters, 'lock_in'),
         config.group(values, ApproachParameters, 'approach'),
         laws,
         gains,

@@ -23,6 +23,7 @@ from parallel_robot_control.answering import (
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_state import ControllerState
+from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.exchange import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.law_cores import LawCores
 from parallel_robot_control.messages import Status
@@ -35,7 +36,7 @@ from parallel_robot_control.reference_buffer import (
     ReferenceBuffer,
 )
 from parallel_robot_control.safety import Limits
-from parallel_robot_control.shared_arrays import ACTED, HEARD, LAST, MEASURED, NEVER
+from parallel_robot_control.shared_arrays import ACTED, HEARD, LAST, MEASURED, NEVER, PHASE
 from parallel_robot_control.wire import wire_of
 
 Array = NDArray[np.float64]
@@ -112,7 +113,9 @@ class Controller(ControllerState):
     @property
     def status(self) -> Status:
         """What the controller is doing."""
-        return Status(self.law.name, self._faults.get(self.fault), int(self._numbers[ACTED]))
+        delay = told_delay(self._core.estimator, int(self._numbers[PHASE]))
+        fault = self._faults.get(self.fault)
+        return Status(self.law.name, fault, int(self._numbers[ACTED]), delay)
 
     def waits(self) -> str:
         """Which reference is missing for long (lockstep); empty for none."""

@@ -34,6 +34,7 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
+from parallel_robot_control.delay_identification import LockInParameters
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.exchange import Answer, JointSample
 from parallel_robot_control.messages import limits_text
@@ -65,6 +66,7 @@ class ControllerNode(SuiteNode):
         self.declare_group('robot', robot.Parameters)
         self.declare_group('controller', ControllerParameters)
         self.declare_group('estimator', EstimatorParameters)
+        self.declare_group('lock_in', LockInParameters)
         self.declare_group('approach', ApproachParameters)
         self.declare_group('safety', SafetyParameters)
         self.declare_group('safety', robot.SafetyMargins)

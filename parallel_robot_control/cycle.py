@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
-from parallel_robot_control import faults, kalman
+from parallel_robot_control import faults, kalman, lock_in
 from parallel_robot_control.approach import Approach, approached, not_begun
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
@@ -243,7 +243,11 @@ def run_cycle(
         when: Age of the state, time since the one before.
     """
     limits, estimator, dt = setup.limits, setup.estimator, when.dt
-    tracks, late = estimator.kind == KALMAN, when.age + estimator.delay
+    identified, known = estimator.lock_in, state.last.known
+    if identified.on:
+        lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)
+    delay = lock_in.delay_at(identified, estimator.delay, known, position)
+    tracks, late = estimator.kind == KALMAN, when.age + delay
     # 1. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
     if estimator.kind == FILTER or estimator.kind == LEVANT:
@@ -259,6 +263,7 @@ def run_cycle(
         state.pose, state.last, state.excess, state.held, state.fault, found, approach
     )
     reference = at_measurement(joined, late)
+    error = position - reference.position
     sensed = sense(setup.estimate, setup.robot, limits, desired, position, velocity, state, dt)
     feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
@@ -286,11 +291,26 @@ def run_cycle(
     advanced = memory
     if sensed.fault == faults.NONE:
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
-        asked = Asked(output.torque, output.sliding_variable, output.coupled_error)
+        torque = output.torque
+        if identified.on:
+            torque = torque + lock_in.added(identified, when.sample)
+        asked = Asked(torque, output.sliding_variable, output.coupled_error)
         advanced = output.memory
     # 3. The same within the limits, or the safe action. In a fault the memory is kept.
     done = act(limits, desired, position, velocity, state, sensed, asked, dt)
     kalman.remember(filter_, when.sample, done.torque, tracks)
+    if identified.on:
+        lock_in.observe(
+            identified,
+            when.sample,
+            sensed.model,
+            error,
+            done.torque,
+            when.age,
+            filter_.command_delay,
+            estimator.delay,
+            done.state.fault != faults.NONE,
+        )
     return Cycle(
         done.torque,
         done.sliding_variable,

@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_compiler import clip, kernel, select, vector
+from parallel_robot_compiler import Space, clip, kernel, select, vector
 from parallel_robot_control import kalman
 from parallel_robot_control.contract import Law
+from parallel_robot_control.delay_identification import LockInParameters, lock_in_of, result, text
 from parallel_robot_control.kalman import MOST, Kalman
+from parallel_robot_control.lock_in import LockIn
 
 Array = NDArray[np.float64]
 
 NONE, FILTER, LEVANT, KALMAN = range(4)
 KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN}
 AUTO = 'auto'
+IDENTIFY = 'identify'
 
 
 class EstimatorParameters(NamedTuple):
@@ -37,7 +40,15 @@ class EstimatorParameters(NamedTuple):
     acceleration: Annotated[
         PerJoint, Field('rad/s^2', 'bound of the accelerations for the differentiator', 1e-3)
     ]
-    delay: Annotated[float, Field('s', 'age of the states that their stamps do not tell', 0.0)]
+    delay: Annotated[
+        float | Literal['stamp', 'identify'],
+        Field(
+            's',
+            'age of the states that their stamps do not tell; stamp: none; identify: found while '
+            'the robot moves, see lock_in',
+            0.0,
+        ),
+    ]
     command_delay: Annotated[float, Field('s', 'from a command until it acts (kalman)', 0.0)]
     velocities: Annotated[bool, Field('', 'measured velocities are used (kalman)')]
     position_noise: Annotated[
@@ -65,6 +76,7 @@ class Estimator(NamedTuple):
         acceleration: Bound of the accelerations [rad/s^2], shape (n,).
         delay: Age of the states that their stamps do not tell [s].
         kalman: The Kalman filter; used if it is the kind.
+        lock_in: What identifies the delay.
     """
 
     kind: int
@@ -72,6 +84,7 @@ class Estimator(NamedTuple):
     acceleration: Array
     delay: float
     kalman: Kalman
+    lock_in: LockIn
 
 
 class Estimated(NamedTuple):
@@ -88,27 +101,39 @@ def kind_for(parameters: EstimatorParameters, law: Law) -> int:
 
 
 def estimator_of(
-    parameters: EstimatorParameters, law: Law, period: float, memory: int = 0
+    parameters: EstimatorParameters,
+    identification: LockInParameters,
+    law: Law,
+    period: float,
+    memory: Space | None = None,
 ) -> Estimator:
     """Make the estimator from its parameters.
 
     Args:
         parameters: The parameters.
+        identification: How the delay is identified, if it is.
         law: The law that gets the estimates.
         period: Control period [s].
-        memory: Memory of the Kalman filter; 0: a new one.
+        memory: Memory of the Kalman filter; None: a new one.
 
     Raises:
-        InputError: states and commands together are later than can be predicted.
+        InputError: states and commands together are later than can be predicted, or the delay
+            cannot be identified at this period.
     """
-    late = parameters.delay + parameters.command_delay
+    key, delay = 'estimator.delay', 0.0
+    if isinstance(parameters.delay, float):
+        delay = parameters.delay
+    elif parameters.delay == IDENTIFY:
+        key, delay = 'lock_in.delay', identification.delay
+    late = delay + parameters.command_delay
     if late > MOST * period:
         raise InputError(
-            'estimator.delay and estimator.command_delay must together be at most '
+            f'{key} and estimator.command_delay must together be at most '
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
-            'estimator.delay',
+            key,
         )
-    joints = len(parameters.acceleration)
+    memory = memory or kalman.memory(vector(np.zeros(len(parameters.acceleration))))
+    found = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
 
     def variance(values: PerJoint) -> Array:
         return vector(np.square(values))
@@ -117,7 +142,7 @@ def estimator_of(
         kind_for(parameters, law),
         parameters.bandwidth,
         vector(parameters.acceleration),
-        parameters.delay,
+        delay,
         Kalman(
             period,
             parameters.command_delay,
@@ -128,9 +153,18 @@ def estimator_of(
             2.0 * math.pi * parameters.disturbance_bandwidth,
             variance(parameters.offset),
             variance(parameters.coulomb),
-            memory or kalman.memory(vector(np.zeros(joints))),
+            memory,
         ),
+        found._replace(memory=kalman.of_lock_in(memory)),
     )
+
+
+def told_delay(estimator: Estimator, phase: int) -> str:
+    """What is known of the age of the states in a phase of the lock-in, for people."""
+    lock_in = estimator.lock_in
+    if not lock_in.on:
+        return ''
+    return text(lock_in, result(lock_in), estimator.delay, phase)
 
 
 @kernel

@@ -37,6 +37,7 @@ from parallel_robot_compiler import (
     vector,
     write_at,
 )
+from parallel_robot_control import lock_in
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.contract import Model
 
@@ -137,8 +138,14 @@ class Predicted(NamedTuple):
 
 
 def memory(like: Array) -> Space:
-    """Memory of a filter for vectors as `like`, shape (n,)."""
-    return Space((TORQUE + SIZE) * like.size)
+    """Memory of filter and lock-in for vectors as `like`, shape (n,)."""
+    return Space((TORQUE + SIZE + lock_in.ROWS) * like.size)
+
+
+def of_lock_in(memory: Space) -> Space:
+    """The part of the memory that is the lock-in's."""
+    rows = memory.floats.reshape(TORQUE + SIZE + lock_in.ROWS, -1)
+    return Space.within(rows[-lock_in.ROWS :].reshape(-1))
 
 
 @inner
@@ -284,40 +291,33 @@ def _spread(kalman: Kalman, mobility: Array, p: Variance, s: Array, h: float) ->
 
 
 @inner
-def _with_position(
-    x: Mean, p: Variance, position: Array, variance: Array
+def _corrected(
+    x: Mean, p: Variance, of: Mean, miss: Array, variance: Array
 ) -> tuple[Mean, Variance]:
-    """Means and covariances with measured positions of a variance."""
-    e = (position - x.position) / (p.qq + variance)
+    """Means and covariances with one more measured quantity of each joint.
+
+    Args:
+        x: The means before.
+        p: The covariances before.
+        of: Covariances of the parts of a Mean with that quantity.
+        miss: Measured less expected, shape (n,).
+        variance: Of `miss`, shape (n,).
+    """
+    e = miss / variance
     mean = Mean(
-        x.position + p.qq * e,
-        x.velocity + p.qv * e,
-        x.disturbance + p.qw * e,
-        x.offset + p.qc * e,
-        x.coulomb + p.qf * e,
+        x.position + of.position * e,
+        x.velocity + of.velocity * e,
+        x.disturbance + of.disturbance * e,
+        x.offset + of.offset * e,
+        x.coulomb + of.coulomb * e,
     )
-    return mean, _less(p, 1.0 / (p.qq + variance), p.qq, p.qv, p.qw, p.qc, p.qf)
+    return mean, _less(p, 1.0 / variance, of)
 
 
 @inner
-def _with_velocity(
-    x: Mean, p: Variance, velocity: Array, variance: Array
-) -> tuple[Mean, Variance]:
-    """Means and covariances with measured velocities of a variance."""
-    e = (velocity - x.velocity) / (p.vv + variance)
-    mean = Mean(
-        x.position + p.qv * e,
-        x.velocity + p.vv * e,
-        x.disturbance + p.vw * e,
-        x.offset + p.vc * e,
-        x.coulomb + p.vf * e,
-    )
-    return mean, _less(p, 1.0 / (p.vv + variance), p.qv, p.vv, p.vw, p.vc, p.vf)
-
-
-@inner
-def _less(p: Variance, g: Array, q: Array, v: Array, w: Array, c: Array, f: Array) -> Variance:
-    """Covariances less g times the products of a column of them, (q, v, w, c, f)."""
+def _less(p: Variance, g: Array, of: Mean) -> Variance:
+    """Covariances less g times the products of a column of them."""
+    q, v, w, c, f = of
     return Variance(
         p.qq - g * q * q,
         p.qv - g * q * v,
@@ -382,9 +382,11 @@ def predicted(
             x = _moved(kalman, model, x, sign, torque, h)
             p = _spread(kalman, mobility, p, sign, h)
             j -= 1
-        x, p = _with_position(x, p, position, kalman.position)
+        of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
+        x, p = _corrected(x, p, of, position - x.position, p.qq + kalman.position)
         if kalman.velocities:
-            x, p = _with_velocity(x, p, velocity, kalman.velocity)
+            of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
+            x, p = _corrected(x, p, of, velocity - x.velocity, p.vv + kalman.velocity)
     else:
         rate = velocity if kalman.velocities else np.zeros_like(velocity)
         x, p = _begin(kalman, moving, position, rate, before)

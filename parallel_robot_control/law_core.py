@@ -16,6 +16,7 @@ from parallel_robot_compiler import entry_point, kernel
 from parallel_robot_control.answering import answer
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.cycle import ControlSetup, cycle_of
+from parallel_robot_control.estimator import Estimator
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import Shared
@@ -136,6 +137,12 @@ class LawCore:
         """Limits that the kernels apply."""
         limits: Limits = self._setup.limits.value
         return limits
+
+    @property
+    def estimator(self) -> Estimator:
+        """Where the motion of the joints is known from."""
+        estimator: Estimator = self._setup.estimator.value
+        return estimator
 
     @property
     def memory(self) -> Any:

@@ -15,6 +15,7 @@ OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 LAW = 'law'  # keys of a status: codes are for programs, texts for people
 FAULT, FAULT_CODE = 'fault', 'fault code'
 LIMITS, LIMIT_CODES = 'limits that acted', 'limit codes'
+DELAY = 'delay of the states'
 NO_FAULT = 'none'  # the code
 
 
@@ -41,11 +42,13 @@ class Status(NamedTuple):
         law: Name of the active law.
         fault: The present fault, if there is one.
         acted: Bits of the limits that acted since the start of the run.
+        delay: What is known of the age of the states; empty where it is not identified.
     """
 
     law: str
     fault: Fault | None
     acted: int
+    delay: str = ''
 
 
 def telemetry_messages(
@@ -118,6 +121,8 @@ def status_message(stamp: int, status: Status) -> bytes:
         LIMITS: limits_text(status.acted),
         LIMIT_CODES: limit_codes(status.acted),
     }
+    if status.delay:
+        values[DELAY] = status.delay
     name, frame = 'controller: status', topics.FRAME
     layout = layouts.diagnostic_array(name, level, text, values, frame=frame)
     return layouts.padded(layout.encode(stamp))

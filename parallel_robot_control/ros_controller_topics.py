@@ -77,6 +77,8 @@ class ControllerTopics:
             self._law = status.law
             self._active_law.publish(layouts.text_message(status.law))
             logger.info(f'law {status.law}')
+        if status.delay != (before.delay if before else ''):
+            logger.info(f'delay of the states: {status.delay}')
         if status.fault != (before.fault if before else None):
             if status.fault:
                 logger.error(f'fault: {status.fault.text}; ~/clear_fault ends the safe action')

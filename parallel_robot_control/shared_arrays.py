@@ -35,7 +35,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     HEARD,  # time of the last answer on the monotonic clock; 0: none, or the end
     LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states not answered
     AGE,  # of the last state, from the measurement until the torque acts [ns]
-) = range(13)  # fmt: skip
+    PHASE,  # of the identification of the delay, see lock_in.py
+) = range(14)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -45,7 +46,7 @@ class Shared(NamedTuple):
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (13, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (13,).
+        numbers: Fault, stamps and counts, shape (14,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -71,7 +72,7 @@ def shared(state: CycleState) -> Shared:
         np.array(state.pose),
         np.zeros((13, joints)),
         np.zeros((4, joints)),
-        np.zeros(13, np.int64),
+        np.zeros(14, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),

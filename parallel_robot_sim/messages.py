@@ -33,8 +33,20 @@ def state_messages(
     rows, n = slice(run.steps), run.position.shape[1]
     records['position'][:, :n] = run.position[rows]
     records['velocity'][:, :n] = run.velocity[rows]
-    records['effort'][late:, :n] = run.effort[: max(run.steps - late, 0)]
+    records['effort'][:, :n] = told_effort(run.effort[rows], late)
     if records['position'].shape[1] > n:
         records['position'][:, n:] = run.passive_position[rows]
         records['velocity'][:, n:] = run.passive_velocity[rows]
     return records
+
+
+def told_effort(effort: np.ndarray, late: int) -> np.ndarray:
+    """Efforts in the rows of states that tell of an earlier time; zero before the first one.
+
+    Args:
+        effort: Torque applied during the step that ended at each sample [N m], shape (N, n).
+        late: Samples from the measurement of a state to its row.
+    """
+    told = np.zeros_like(effort)
+    told[late:] = effort[: max(len(effort) - late, 0)]
+    return told

@@ -10,6 +10,7 @@ from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.configuration import ControllerParameters
 from parallel_robot_control.contract import Law
+from parallel_robot_control.delay_identification import LockInParameters
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.contract import Robot
@@ -42,6 +43,7 @@ def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
         'Controller': {
             'controller': ControllerParameters,
             'estimator': EstimatorParameters,
+            'lock_in': LockInParameters,
             'approach': ApproachParameters,
             'safety': SafetyParameters,
         },

@@ -6,6 +6,7 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_base.placed import locating
@@ -13,6 +14,7 @@ from parallel_robot_base.printable import apart
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import at_measurement
+from parallel_robot_control.delay_identification import phases, result
 from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
@@ -53,6 +55,24 @@ class Simulation(NamedTuple):
             motion, self.age
         )
         return then
+
+    @property
+    def phases(self) -> NDArray[np.int64]:
+        """What the identification of the delay is doing after each row, shape (N,)."""
+        return phases(self.experiment.control.setup.estimator.lock_in, self.run.fault)
+
+    @property
+    def delay(self) -> NDArray[np.float64]:
+        """Age of the states that their stamps do not tell, as the controller knew, shape (N, 1).
+
+        [s]
+        """
+        estimator = self.experiment.control.setup.estimator
+        found = result(estimator.lock_in)
+        delay = np.full((len(self.run.fault), 1), estimator.delay)
+        if found.end:
+            delay[found.end :] = found.delay
+        return delay
 
     @property
     def fault(self) -> tuple[float, Fault] | None:

@@ -24,6 +24,7 @@ class Sample(NamedTuple):
     names: Annotated[tuple[str, ...], Field('', 'some texts')] = ('a', 'b')
     mode: Annotated[Literal['fast', 'slow'], Field('', 'a choice')] = 'fast'
     lambda_: Annotated[float, Field('1/s', 'a Python keyword')] = 0.5
+    delay: Annotated[float | Literal['none', 'auto'], Field('s', 'a number or a word', 0.0)] = 0.0
 
 
 GOOD = {p.key: value for p, value in zip(parameters(Sample), Sample(), strict=True)}
@@ -121,12 +122,20 @@ def test_defaults_of_numpy_are_plain():
         ('count', np.float64(1.0), 'count must be a whole number, not 1.0'),
         ('loud', np.int64(1), 'loud must be true or false, not 1'),
         ('point', np.ones(3), 'point must be a list of 2 numbers, not 3'),
+        ('delay', 'never', "delay must be a number or one of none, auto, not 'never'"),
+        ('delay', True, 'delay must be a number or one of none, auto, not True'),
+        ('delay', -1, 'delay must be at least 0 s, not -1'),
         ('point', np.ones((2, 2)), r'point\[0\] must be a number, not \[1.0, 1.0\]'),
     ],
 )
 def test_wrong_values_are_refused_by_name(key, value, words):
     with pytest.raises(InputError, match=words):
         build(Sample, {**GOOD, key: value})
+
+
+@pytest.mark.parametrize(('value', 'meant'), [('auto', 'auto'), (2, 2.0), (0.5, 0.5)])
+def test_a_word_can_stand_in_place_of_a_number(value, meant):
+    assert build(Sample, {**GOOD, 'delay': value}).delay == meant
 
 
 @pytest.mark.parametrize('key', ['speed', 'count'])

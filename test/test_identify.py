@@ -130,3 +130,35 @@ def test_a_designed_motion_is_feasible_and_repeatable(tmp_path, capsys):
     shape = ['--set', 'trajectory.shape=excitation']
     words = ['simulate', 'serial_2r_circle', *shape, *sets, '--duration', 1, '--out', bag]
     assert run(*words) == 0
+
+
+NOISE = {'position': 2e-5, 'velocity': 4e-3}
+
+
+def test_the_noise_of_the_sensors_is_measured_at_rest_and_goes_into_the_file(tmp_path, capsys):
+    """The excitation ends at rest; the controller goes on, so the robot moves a little."""
+    bag, out = tmp_path / 'bag', tmp_path / 'robot.yaml'
+    sets = [
+        word
+        for name, value in NOISE.items()
+        for word in ('--set', f'sensor.{name}_noise=[{value:f},{2 * value:f},{value:f}]')
+    ]
+    words = ['simulate', 'excitation', '--duration', 16, '--law', 'computed_torque']
+    assert run(*words, *sets, '--out', bag) == 0
+    capsys.readouterr()
+    assert run('identify', bag, '--out', out) == 0
+    said = capsys.readouterr().out
+    values = resolve('paper_circle', config.flat(yaml.safe_load(out.read_text())))
+    for name, value in NOISE.items():
+        key = f'estimator.{name}_noise'
+        assert f'  {key}: {values[key]}' in said
+        assert np.allclose(values[key], [value, 2 * value, value], rtol=0.1), key
+
+
+def test_without_noise_or_rest_nothing_is_said_of_the_sensors_in_the_file(bags, tmp_path, capsys):
+    capsys.readouterr()
+    assert run('identify', bags[1], '--format', 'json') == 0
+    assert json.loads(capsys.readouterr().out)['rest'] is None
+    assert run('identify', bags[1], '--out', tmp_path / 'robot.yaml') == 0
+    assert 'no phase of rest of 0.1 s' in capsys.readouterr().out
+    assert 'estimator' not in yaml.safe_load((tmp_path / 'robot.yaml').read_text())

@@ -56,6 +56,8 @@ IMPERFECT = {
     'sensor.delay': 1e-3, 'sensor.jitter': 1e-3, 'actuator.lag': [1e-3, 2e-3, 3e-3],
     'actuator.delay': 1e-3, 'actuator.noise': 0.1, 'disturbance.noise': 0.1,
     'disturbance.bandwidth': 20.0, 'estimator.kind': 'filter',
+    'estimator.delay': 'identify', 'lock_in.frequency': 100.0, 'lock_in.torque': 20.0,
+    'lock_in.start': 0.05, 'lock_in.duration': 0.2,
 }  # fmt: skip
 OLD = {
     'seed': 3, 'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 0.01,

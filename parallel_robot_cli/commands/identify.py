@@ -23,6 +23,7 @@ from parallel_robot_studies.identification import (
     identified,
     readable,
     recording,
+    rest,
     robot_file,
 )
 from parallel_robot_studies.identification.regression_rows import CUTOFF
@@ -90,6 +91,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     memory = arguments.max_memory
     log, recorded = recording.read(arguments.bag, memory)
     nominal = identified.nominal_of(log)
+    still = rest.of(log)
     second = None
     if arguments.validate:
         second = recording.read(arguments.validate, memory)
@@ -108,7 +110,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     try:
         with contextlib.ExitStack() as written:
             if arguments.out:
-                content = robot_file.text(found, str(arguments.bag)).encode()
+                noise = still.parameters() if still else {}
+                content = robot_file.text(found, str(arguments.bag), noise).encode()
                 written.enter_context(new_files.written(arguments.out, content))
             if arguments.figure:
                 rows = checked.rows
@@ -118,9 +121,13 @@ def _identify(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if arguments.format == 'json':
-        print(json.dumps(readable.as_data(found, checked, log.joints), indent=2))
+        data = readable.as_data(found, checked, log.joints)
+        data['rest'] = still.as_data() if still else None
+        print(json.dumps(data, indent=2))
         return 0
-    print('\n'.join([*readable.table(found), *readable.prediction(title, checked, log.joints)]))
+    noise_lines = still.lines() if still else [rest.NONE]
+    tables = (readable.table(found), readable.prediction(title, checked, log.joints), noise_lines)
+    print('\n'.join(line for table in tables for line in table))
     for name, path in (('robot', arguments.out), ('figure', arguments.figure)):
         if path:
             print(f'{name:<7} {path}')

@@ -22,6 +22,7 @@ from parallel_robot_base.options import number
 from parallel_robot_base.placed import Placed, merged
 from parallel_robot_cli import invocation
 from parallel_robot_control.configuration import resolve
+from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
@@ -223,6 +224,9 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
         raise RunError(f'cannot write {out}: {error.strerror}') from None
     duration = simulation.experiment.loop.duration
     rate = duration / simulation.loop_time
+    delay = told_delay(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
+    if delay:
+        print(f'delay of the states: {delay}')
     print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
     print(result(out, lambda: evaluate(values, simulation)))
     return 0

@@ -15,12 +15,13 @@ from parallel_robot_studies.identification.identified import Identified
 DIGITS = 8  # significant digits of a parameter
 
 
-def text(found: Identified, bag: str) -> str:
+def text(found: Identified, bag: str, noise: Mapping[str, list[float]]) -> str:
     """Contents of the file: keys ``robot`` and ``friction``, and how they were found.
 
     Args:
         found: The identified robot.
         bag: Path of the bag, for the comment.
+        noise: Parameters of the estimator, by key, from what the sensors show at rest.
     """
     model = linear_model(found.nominal.robot)
     robot = found.robot
@@ -53,6 +54,9 @@ def text(found: Identified, bag: str) -> str:
         'robot': {key: _rounded(value) for key, value in robot.robot.items()},
         'friction': {'viscous': _rounded(robot.viscous), 'coulomb': _rounded(robot.coulomb)},
     }
+    if noise:
+        lines.append('The noise of the sensors is that at rest.')
+        tree['estimator'] = dict(noise)
     comment = ''.join(f'# {line}\n' for line in lines)
     return comment + dump(tree)
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from parallel_robot_base import assignments
 from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.fields import Field, Parameter, PerJoint, build, check, parameters
+from parallel_robot_base.fields import Field, Parameter, PerJoint, build, check, parameters, words
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import s_fotsmc
@@ -322,6 +322,7 @@ def _given(
 
 def _between(where: str, parameter: Parameter, parts: list[str]) -> Range | Choice:
     kind, field = parameter.type, parameter.field
+    kind = float if words(kind) else kind
     values = [assignments.parse([f'value={part}'])['value'] for part in parts]
     if get_origin(kind) is Literal or kind is bool:
         chosen = tuple(check(where, kind, field, value) for value in values)

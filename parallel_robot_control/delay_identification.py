@@ -1,0 +1,176 @@
+"""Identification of the age of the states: its parameters, what refuses it, what it tells."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.fields import Field, PerJoint
+from parallel_robot_compiler import vector
+from parallel_robot_control.lock_in import (
+    APART,
+    DELAY,
+    END,
+    FIRST,
+    FOUND,
+    KEPT,
+    OF_JOINTS,
+    OFF,
+    ROWS,
+    SOUND,
+    UNDER_WAY,
+    WAITING,
+    LockIn,
+)
+from parallel_robot_control.safety import Limits
+
+Array = NDArray[np.float64]
+
+ROOM = 0.5  # share of a safety limit that the sine may take
+LEAST = 4, 20  # samples of an oscillation, oscillations
+
+
+class LockInParameters(NamedTuple):
+    """How ``estimator.delay: identify`` finds the age of the states."""
+
+    torque: Annotated[PerJoint, Field('N m', 'amplitude of the sine that is added', 1e-6)]
+    frequency: Annotated[float, Field('Hz', 'its frequency', 0.1)]
+    start: Annotated[float, Field('s', 'when it begins, after the first state', 0.0, 1000.0)]
+    duration: Annotated[float, Field('s', 'how long it lasts', 0.0, 1000.0)]
+    delay: Annotated[float, Field('s', 'age that is assumed until it has ended', 0.0)]
+
+
+def lock_in_of(
+    parameters: LockInParameters, on: bool, period: float, most: float, memory: int = 0
+) -> LockIn:
+    """Make the lock-in from its parameters; `on`: whether it is to run; see :class:`LockIn`.
+
+    Raises:
+        InputError: so few samples or oscillations tell no delay.
+    """
+    frequency, duration = parameters.frequency, parameters.duration
+    samples, oscillations = LEAST
+    if on and frequency * period * samples > 1.0:
+        fastest = 1.0 / (samples * period)
+        raise InputError(
+            f'lock_in.frequency must be at most {fastest:g} Hz, {samples} samples of '
+            f'{period:g} s to an oscillation, not {frequency:g}',
+            'lock_in.frequency',
+        )
+    if on and duration * frequency < oscillations:
+        raise InputError(
+            f'lock_in.duration must be at least {oscillations / frequency:g} s, '
+            f'{oscillations} oscillations, not {duration:g}',
+            'lock_in.duration',
+        )
+    return LockIn(
+        on,
+        period,
+        vector(parameters.torque),
+        2.0 * math.pi * frequency,
+        round(parameters.start / period),
+        round(duration / period),
+        most,
+        memory,
+    )
+
+
+def check(lock_in: LockIn, limits: Limits, inertia: Array) -> None:
+    """Refuse a sine for which the safety limits leave no room.
+
+    Args:
+        lock_in: The lock-in.
+        limits: Limits of torque, rate and speed.
+        inertia: Inertia matrix at the beginning [kg m^2], shape (n, n).
+
+    Raises:
+        InputError: it takes more than half of a limit.
+    """
+    torque, frequency = np.asarray(lock_in.torque), lock_in.frequency
+    speed = np.abs(np.linalg.solve(inertia, torque)) / frequency
+    for takes, limit, key, unit in (
+        (torque, limits.torque, 'torque_limit', 'N m'),
+        (frequency * torque, limits.rate, 'torque_rate', 'N m/s'),
+        (speed, limits.speed, 'speed_limit', 'rad/s'),
+    ):
+        over = np.flatnonzero(takes > ROOM * np.asarray(limit))
+        if over.size:
+            i = int(over[0])
+            value = float(torque[i]) * ROOM * float(limit[i]) / float(takes[i])
+            raise InputError(
+                f'lock_in.torque must be at most {value:.3g} N m at joint {i + 1}, not '
+                f'{torque[i]:g}: it takes {takes[i]:.3g} {unit} of safety.{key}, {limit[i]:g}',
+                'lock_in.torque',
+            )
+
+
+class Result(NamedTuple):
+    """What has been found.
+
+    Attributes:
+        phase: OFF, WAITING (or under way), FOUND or KEPT.
+        delay: The delay, found or assumed [s]; 0 before the end.
+        of_joints: What each joint tells by itself [s], shape (n,).
+        end: The first sample after the end, counted from the first state; 0 before it.
+    """
+
+    phase: int
+    delay: float
+    of_joints: Array
+    end: int
+
+
+def result(lock_in: LockIn) -> Result:
+    """What a lock-in has found whose memory is a Space."""
+    memory: Any = lock_in.memory
+    floats: Array = memory.floats
+    rows = floats.reshape(ROWS, -1)
+    phase = OFF
+    if lock_in.on:
+        phase = WAITING if floats[END] == 0.0 else FOUND if rows[SOUND, 0] > 0.0 else KEPT
+    end = int(floats[END] - floats[FIRST]) if floats[END] else 0
+    return Result(phase, float(rows[DELAY, 0]), rows[OF_JOINTS].copy(), end)
+
+
+def phases(lock_in: LockIn, fault: NDArray[np.int64]) -> NDArray[np.int64]:
+    """What a lock-in was doing after each sample of a run that has ended, shape (N,).
+
+    Args:
+        lock_in: The lock-in.
+        fault: Fault of the controller at each sample, shape (N,), 0 for none; it stays.
+    """
+    found, rows = result(lock_in), np.arange(len(fault))
+    if not lock_in.on:
+        return np.full(len(fault), OFF)
+    last = np.argmax(fault != 0) if np.any(fault) else len(fault)  # the first sample of a fault
+    under_way = (rows >= lock_in.start) & (rows <= last)
+    doing = np.where(under_way, UNDER_WAY, WAITING)
+    return np.where(rows >= found.end - 1, found.phase, doing) if found.end else doing
+
+
+def text(lock_in: LockIn, found: Result, assumed: float, phase: int) -> str:
+    """What it is doing, for people; empty where the delay is not identified.
+
+    Args:
+        lock_in: The lock-in.
+        found: What has been found.
+        assumed: The delay without it [s].
+        phase: OFF, WAITING, UNDER_WAY, FOUND or KEPT.
+    """
+    low, high = 1e3 * found.of_joints.min(), 1e3 * found.of_joints.max()
+    tell = f'by joint {low:.3f} to {high:.3f} ms'
+    known = f'{1e3 * assumed:g} ms assumed'
+    if phase == UNDER_WAY:
+        size = ', '.join(f'{each:g}' for each in np.unique(lock_in.torque))
+        what = f'{size} N m at {lock_in.frequency / 2.0 / math.pi:g} Hz are added for'
+        return f'{known}, being identified: {what} {lock_in.length * lock_in.period:g} s'
+    if phase == FOUND:
+        return f'{1e3 * found.delay:.4g} ms identified, {tell}'
+    if phase == KEPT:
+        most = 1e3 * APART * lock_in.period
+        return f'{known}, not identified: {tell}, more than {most:g} ms from all, or below 0'
+    return f'{known}, not identified yet' if phase == WAITING else ''

@@ -1,0 +1,216 @@
+"""How old the states are, found once while the robot moves, where their stamps do not tell.
+
+For a while a small sine is added to the torque of every joint. The joints answer it as double
+integrators, whatever their masses, so the phase between torque and measured position tells how
+late the latter is. With weights h over that while, angular frequency W and period T,
+
+    Y = sum h (q - q_r) e^(-i W t),   A = sum h M^-1 tau e^(-i W t),
+    delay = -arg(-Y conj(A)) / W - T / 2
+
+tau is the whole torque, feedback of the law included, which acts for T. The sum of Y conj(A) over
+the joints tells the delay; if one joint by itself tells another one, nothing is believed.
+
+Source:
+    Stoica, Moses (2005), Spectral Analysis of Signals, 2.6, for the window; the phase of a double
+    integrator is elementary.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_compiler import every, inner, read_at, select, solve, write_at
+from parallel_robot_model.contract import Model
+
+Array = NDArray[np.float64]
+
+NEAR = 0.05, 2.0  # periods, standard errors from a whole number of periods, which it then is
+APART = 0.5  # periods by which a joint may tell another delay than all together
+GAP = 28  # samples; after more without a state it begins anew
+
+OFF, WAITING, UNDER_WAY, FOUND, KEPT = range(5)  # phases
+FIRST, END, LAST, WEIGHT = range(4)  # floats in the first rows: samples; sum of the weights
+Y_COS, Y_SIN, A_COS, A_SIN, AGE, SOUND, DELAY, OF_JOINTS, ROWS = range(4, 13)  # rows
+
+
+class LockIn(NamedTuple):
+    """The lock-in as the kernels take it.
+
+    Attributes:
+        on: Whether the delay is to be identified.
+        period: Of the samples [s].
+        torque: Amplitudes of the sine [N m], shape (n,).
+        frequency: W, its angular frequency [rad/s].
+        start: Samples before it begins.
+        length: Samples that it lasts.
+        most: Largest delay that can be predicted [s].
+        memory: Address of its memory, ROWS vectors of shape (n,).
+    """
+
+    on: bool
+    period: float
+    torque: Array
+    frequency: float
+    start: int
+    length: int
+    most: float
+    memory: int
+
+
+@inner
+def delay_at(lock_in: LockIn, assumed: float, known: bool, like: Array) -> float:
+    """Age of a state that its stamp does not tell [s], as known before the state.
+
+    Args:
+        lock_in: The lock-in.
+        assumed: The age without it.
+        known: Whether there was a state before.
+        like: Any vector of shape (n,).
+    """
+    ended = lock_in.on and known and read_at(lock_in.memory, END, 0.0) > 0.0
+    return select(ended, read_at(lock_in.memory, DELAY, like)[0], assumed)
+
+
+@inner
+def begin(lock_in: LockIn, sample: int, known: bool, failed: bool, like: Array) -> None:
+    """Begin anew in a new run, and if a fault or missing states have interrupted it.
+
+    Args:
+        lock_in: The lock-in.
+        sample: Index of the sample.
+        known: Whether there was a state before.
+        failed: Whether the controller is in a fault.
+        like: Any vector of shape (n,).
+    """
+    missed = sample - read_at(lock_in.memory, LAST, 0.0) > GAP
+    broken = missed or failed
+    under_way = read_at(lock_in.memory, END, 0.0) == 0.0
+    if not known or (broken and under_way):
+        write_at(lock_in.memory, FIRST, float(sample))
+        write_at(lock_in.memory, END, 0.0)
+        write_at(lock_in.memory, WEIGHT, 0.0)
+        zero = np.zeros_like(like)
+        for row in range(Y_COS, ROWS):
+            write_at(lock_in.memory, row, zero)
+        write_at(lock_in.memory, SOUND, zero + 1.0)
+    write_at(lock_in.memory, LAST, float(sample))
+
+
+@inner
+def place(lock_in: LockIn, sample: int) -> int:
+    """How many samples it has lasted at a sample; negative before it begins and after its end."""
+    since = sample - int(read_at(lock_in.memory, FIRST, 0.0)) - lock_in.start
+    over = read_at(lock_in.memory, END, 0.0) > 0.0 or since >= lock_in.length
+    return -1 if over else since
+
+
+@inner
+def added(lock_in: LockIn, sample: int) -> Array:
+    """Torque that is added at a sample [N m], shape (n,)."""
+    k = place(lock_in, sample)
+    size = 0.0
+    if k >= 0:
+        size = _window(lock_in, k) * math.sin(lock_in.frequency * lock_in.period * k)
+    return lock_in.torque * size
+
+
+@inner
+def observe(
+    lock_in: LockIn,
+    sample: int,
+    model: Model,
+    error: Array,
+    torque: Array,
+    age: float,
+    command_delay: float,
+    assumed: float,
+    failed: bool,
+) -> None:
+    """Take a state and its torque into account; after the last one, find the delay.
+
+    Args:
+        lock_in: The lock-in.
+        sample: Index of the sample from which on the torque acts, but for `command_delay`.
+        model: Nominal model.
+        error: Measured joints less reference [rad], shape (n,); slow but for the oscillation.
+        torque: The torque, within its limits [N m], shape (n,).
+        age: Of the state at the sample, as its stamp tells [s].
+        command_delay: From a command until it acts [s].
+        assumed: Delay without the lock-in [s].
+        failed: Whether the controller is in a fault.
+    """
+    at, zero = lock_in.memory, np.zeros_like(error)
+    if read_at(at, END, 0.0) == 0.0:
+        write_at(at, SOUND, select(failed, zero, read_at(at, SOUND, zero)))
+    k = place(lock_in, sample)
+    if k < 0:
+        return
+    h = _window(lock_in, k)
+    weight, angle = h * h, lock_in.frequency * lock_in.period * k
+    cosine, sine = weight * math.cos(angle), -weight * math.sin(angle)
+    pushed = solve(model.M, torque)
+    write_at(at, Y_COS, read_at(at, Y_COS, zero) + cosine * error)
+    write_at(at, Y_SIN, read_at(at, Y_SIN, zero) + sine * error)
+    write_at(at, A_COS, read_at(at, A_COS, zero) + cosine * pushed)
+    write_at(at, A_SIN, read_at(at, A_SIN, zero) + sine * pushed)
+    write_at(at, AGE, read_at(at, AGE, zero) + (zero + weight * age))
+    write_at(at, WEIGHT, read_at(at, WEIGHT, 0.0) + weight)
+    if k == lock_in.length - 1:
+        told = read_at(at, AGE, zero)[0] / read_at(at, WEIGHT, 0.0) + command_delay
+        _end(lock_in, told, assumed, zero)
+        write_at(at, END, float(sample + 1))
+
+
+@inner
+def _window(lock_in: LockIn, k: int) -> float:
+    """Amplitude of the sine, 0 to 1 (Hann); as a weight, squared, it lets nothing slow through."""
+    sine = math.sin(math.pi * (k + 0.5) / lock_in.length)
+    return sine * sine
+
+
+@inner
+def _end(lock_in: LockIn, told: float, assumed: float, zero: Array) -> None:
+    """Find the delay, beside `told` [s], that stamps and `command_delay` tell already."""
+    at, period = lock_in.memory, lock_in.period
+    y_cos, y_sin = read_at(at, Y_COS, zero), read_at(at, Y_SIN, zero)
+    a_cos, a_sin = read_at(at, A_COS, zero), read_at(at, A_SIN, zero)
+    # 1. -Y conj(A) of each joint, and of all together.
+    re = -(y_cos * a_cos + y_sin * a_sin)
+    im = y_cos * a_sin - y_sin * a_cos
+    all_re, all_im = np.sum(re), np.sum(im)
+    # 2. The delay from three quarters of an oscillation down to minus one quarter.
+    turns = -np.arctan2(all_im, all_re) * (0.5 / math.pi)
+    cycle = 2.0 * math.pi / lock_in.frequency
+    turns = turns - (0.5 * period + told) / cycle
+    turns = turns - np.floor(turns + 0.25)
+    delay = turns * cycle
+    # 3. How far each joint is from it.
+    across, along = im * all_re - re * all_im, re * all_re + im * all_im
+    apart = -np.arctan2(across, along) / lock_in.frequency
+    inside = (delay >= -APART * period) & (delay + told <= lock_in.most)
+    sound = every((np.abs(apart) <= APART * period) & (read_at(at, SOUND, zero) > 0.0)) & inside
+    write_at(at, OF_JOINTS, apart + delay)
+    delay = select(delay > 0.0, delay, 0.0)
+    # 4. Whole periods are usual: if the difference may be chance, it is so many.
+    joints = len(zero)
+    error = np.sqrt(np.sum(apart * apart) / (joints * max(joints - 1, 1)))
+    whole = period * np.floor(delay / period + 0.5)
+    off = np.abs(delay - whole)
+    near = (off <= NEAR[0] * period) | (off <= NEAR[1] * error)
+    delay = select(near, whole, delay)
+    write_at(at, DELAY, zero + select(sound, delay, assumed))
+    write_at(at, SOUND, select(sound, zero + 1.0, zero))
+
+
+@inner
+def phase(lock_in: LockIn, sample: int, like: Array) -> int:
+    """What it is doing after a sample: OFF, WAITING, UNDER_WAY, FOUND or KEPT."""
+    if not lock_in.on:
+        return OFF
+    if read_at(lock_in.memory, END, 0.0) == 0.0:
+        return WAITING if place(lock_in, sample) < 0 else UNDER_WAY
+    return FOUND if read_at(lock_in.memory, SOUND, like)[0] > 0.0 else KEPT
