@@ -1,6 +1,7 @@
 """A file of a user's that ends its process or hangs: one line, in every command."""
 
 import logging
+import os
 import re
 import shutil
 import subprocess
@@ -171,7 +172,10 @@ def test_what_it_starts_there_is_ended(tmp_path, capsys):
 def test_one_that_forks_makes_no_second_command(tmp_path):
     file = written(tmp_path, 'forking', 'os.fork()\nprint("loaded")')
     words = ['compare', 'paper_circle', *SHORT, '--set', f'custom_laws=[{file}]', '--laws', 'pid']
-    done = subprocess.run(command('parallel_robot_cli', *words), capture_output=True, text=True)
+    environment = {**os.environ, 'PYTHONUNBUFFERED': '1'}  # the copy ends without a flush
+    done = subprocess.run(
+        command('parallel_robot_cli', *words), env=environment, capture_output=True, text=True
+    )
     assert done.returncode == 0 and done.stdout.count('\npid ') == 1
     assert done.stdout.count('loaded') == 2  # its own doing: once in each copy
 
