@@ -11,7 +11,7 @@ from parallel_robot_bags import experiment, history
 from parallel_robot_bags.limits import NAME
 from parallel_robot_base import plain_data
 from parallel_robot_base.errors import BagError
-from parallel_robot_base.fields import PerJoint
+from parallel_robot_base.fields import PerJoint, words
 from parallel_robot_cli.command_line import main
 
 EXTREMES = st.sampled_from(
@@ -61,9 +61,12 @@ def test_a_configuration_is_like_the_default_or_refused(changes):
     for key, default in DEFAULTS.items():
         number = isinstance(default, (int, float)) and not isinstance(default, bool)
         kinds = (int, float) if number else (type(default), bool)
-        if key in experiment._keys(PerJoint):  # one number for all joints, or one for each
+        kind = experiment._kinds().get(key)
+        if kind is PerJoint:  # one number for all joints, or one for each
             kinds = (int, float, list)
             assert values[key] != []
+        if words(kind):  # one of them, or a number
+            kinds = (str, int, float)
         assert isinstance(values[key], kinds), key
 
 

@@ -86,7 +86,7 @@ def test_nodes_that_compile_are_told_of_once_and_shown(terminal, capsys, monkeyp
     monkeypatch.setattr(cache_directory, 'compiled', lambda: '7 of about 119 kernels are compiled')
     processes = SimpleNamespace(compiling=lambda name: name == 'plant')
     with Progress(4, 'nodes ready') as bar:
-        tell = run.waiting_display(processes, bar)
+        tell = run.waiting_display(processes, bar, 4)
         tell(['controller', 'recorder'])
         assert capsys.readouterr().err == ''
         tell(['plant', 'controller'])

@@ -34,7 +34,7 @@ def test_two_processes_make_the_same_file(whole, tmp_path):
 
 
 STRUCK = """
-import os, sys
+import os, signal, sys
 from pathlib import Path
 from parallel_robot_cli.command_line import main
 from parallel_robot_studies.sweep.store import Store
@@ -47,6 +47,7 @@ def struck(store, rows):
     print(Path(f'/proc/{pid}/task/{pid}/children').read_text(), flush=True)
     os.kill(pid, number)
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # it may be ignored in the background
 Store.add = struck
 sys.exit(main())
 """
