@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
-from parallel_robot_base.errors import InputError
+from parallel_robot_base.optional_library import optional
 
 Frame = Any  # a pandas.DataFrame; pandas is untyped
 
@@ -16,9 +16,4 @@ def pandas() -> ModuleType:
     Raises:
         InputError: it is not installed.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise InputError('pandas is not installed; pip install pandas') from None
-    found: ModuleType = pandas
-    return found
+    return optional('pandas')

@@ -43,7 +43,7 @@ def test_the_cache_lies_where_the_user_keeps_caches(tree):
         ('trajectory_gen/circle.py', '@kernel\ndef f(): return 2\n'),
         ('trajectory_gen/spiral.py', '@inlined\ndef g(): return 2\n'),
         # What a vector is in machine code.
-        ('parallel_robot_base/lanes.py', '@lower_builtin(len)\ndef length(): return 3\n'),
+        ('parallel_robot_base/lengths.py', '@lower_builtin(len)\ndef length(): return 3\n'),
         # Compiled code addresses a NamedTuple by position, so its order is a source, too.
         (
             'parallel_robot_model/parameters.py',

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_analysis.metrics import Metrics
-from parallel_robot_base.errors import InputError
+from parallel_robot_base.optional_library import optional
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_studies.sweep.floor import Floor
 from parallel_robot_studies.sweep.plan import Plan, Row
@@ -53,13 +53,8 @@ def arrow() -> ModuleType:
     Raises:
         InputError: it is not installed.
     """
-    try:
-        import pyarrow  # optional
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError('pyarrow is not installed; pip install pyarrow') from None
-    found: ModuleType = pyarrow
-    return found
+    optional('pyarrow.parquet')
+    return optional('pyarrow')
 
 
 def schema(plan: Plan) -> Any:

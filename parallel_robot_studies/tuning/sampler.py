@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.errors import InputError
+from parallel_robot_base.optional_library import optional
 from parallel_robot_studies.tuning.space import Choice, Space, Value
 from parallel_robot_studies.tuning.trial import Trial
 
@@ -31,10 +31,7 @@ def library() -> ModuleType:
     Raises:
         InputError: it is not installed.
     """
-    try:
-        import optuna  # optional
-    except ImportError:
-        raise InputError('optuna is not installed; pip install optuna') from None
+    optuna = optional('optuna')
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna
 
