@@ -23,7 +23,7 @@ unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOO
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo docs bench faults soak style check test clean
+.PHONY: help setup demo docs site bench faults soak style check test clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -41,6 +41,10 @@ docs: setup ## write docs/parameters.md and architecture.md anew, run docs/noteb
 	$(BIN)/python docs/architecture.py docs/architecture.md
 	$(BIN)/python docs/notebook.py
 	$(BIN)/python docs/animation.py docs/images/moving_robot.gif
+
+site: setup ## write the documentation as a site, site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo 'site/index.html'
 
 bench: setup ## measure all, beside the peers, a quarter of an hour; writes docs/benchmarks.md
 	$(BIN)/python benchmarks/all.py
@@ -69,7 +73,7 @@ test: style ## check style, types and layers, then run all tests
 	done; exit $$failed
 
 clean: ## remove .venv and everything built; runs/ stays
-	@rm -rf .venv build install log *.egg-info .*_cache .hypothesis
+	@rm -rf .venv build install log site *.egg-info .*_cache .hypothesis
 	@find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(BIN)/python:

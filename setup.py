@@ -9,6 +9,7 @@ from setuptools import setup
 PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
+DOCS = ['mkdocs-material>=9.6,<10', 'mkdocstrings[python]>=0.30,<2']
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
 STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
@@ -106,8 +107,11 @@ setup(
         'cluster': CLUSTER,
         # `parallel_robot tune`.
         'tune': TUNE,
+        # `make site`.
+        'docs': DOCS,
         # Exact where another version may judge the same code differently.
         'test': [
+            *DOCS,
             *EXPORT,
             *TOP,
             *LIVE,
