@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from parallel_robot_base.errors import InputError
 from parallel_robot_cli.command_line import main
 from parallel_robot_studies.tuning import fronts
-from parallel_robot_studies.tuning.store import FORMAT
+from parallel_robot_studies.tuning.store import Store
 
 TABLE = """trial,chosen,xy_rms_m,chattering_nm,Kp
 3,0,0.0001,0.9,1.0
@@ -20,7 +20,7 @@ def tuning(folder, name, law='pid', table=TABLE, **manifest):
     directory = folder / name
     directory.mkdir()
     same = {'scenario': 'paper_circle', 'measure of effort': 'chattering', 'number of runs': 8}
-    content = {'format': FORMAT, 'law': law, **same, **manifest}
+    content = {'format': Store.FORMAT, 'law': law, **same, **manifest}
     (directory / 'tune.json').write_text(json.dumps(content))
     (directory / 'front.csv').write_text(table)
     return directory
@@ -67,7 +67,7 @@ def test_what_cannot_be_compared_is_refused(tmp_path):
     [
         ({'table': ''}, 'is not the front of a tuning'),
         ({'table': TABLE.replace('0.9', 'x')}, 'is not the front of a tuning'),
-        ({'format': 'other'}, 'is not the directory of a tuning'),
+        ({'format': 'other'}, 'is not that of a tuning'),
         ({'measure of effort': 'noise'}, 'is not the front of a tuning'),
     ],
 )
@@ -77,4 +77,4 @@ def test_a_broken_directory_costs_one_line(broken, wanted, tmp_path, capsys):
     error = capsys.readouterr().err
     assert wanted in error and error.count('\n') == 1
     assert main(['fronts', str(tmp_path / 'no'), '--out', str(tmp_path / 'all.svg')]) == 2
-    assert 'no front in' in capsys.readouterr().err
+    assert 'is not the directory of a tuning' in capsys.readouterr().err

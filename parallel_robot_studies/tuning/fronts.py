@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from parallel_robot_studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot_studies.sweep.results import ERRORS, Quantity
 from parallel_robot_studies.tuning import picture
 from parallel_robot_studies.tuning.effort import MEASURES
-from parallel_robot_studies.tuning.store import FORMAT, MANIFEST
+from parallel_robot_studies.tuning.store import Store
 
 SIZE = (7.0, 4.8)  # inches; higher for more labels
 SAME = ('scenario', 'measure of effort', 'number of runs', 'uncertainty')  # to be comparable
@@ -58,17 +57,15 @@ def read(directory: Path) -> Front:
     Raises:
         InputError: the directory has none.
     """
+    manifest = Store.manifest(directory)
     try:
-        manifest = json.loads((directory / MANIFEST).read_text())
         with (directory / 'front.csv').open(newline='') as file:
             rows = [*csv.DictReader(file)]
     except OSError as missing:
         what = f'{missing.filename}: {missing.strerror}'
         raise InputError(f'no front in {directory}: {what}') from None
     except ValueError:
-        manifest, rows = None, []
-    if not isinstance(manifest, dict) or manifest.get('format') != FORMAT:
-        raise InputError(f'{directory} is not the directory of a tuning')
+        rows = []
     try:
         effort = MEASURES[manifest['measure of effort']]
         (error,) = (each for each in ERRORS if each.column in rows[0])

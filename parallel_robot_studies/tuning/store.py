@@ -6,23 +6,18 @@ objectives of each.
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
-from parallel_robot_base.errors import InputError, RunError, first_line
+from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_studies.locked_directory import LockedDirectory
 from parallel_robot_studies.tuning.sampler import FRONT, distributions, frozen, library
 from parallel_robot_studies.tuning.space import Space
 from parallel_robot_studies.tuning.trial import Trial
 
-FORMAT = 'parallel_robot tune 1'
-MANIFEST, JOURNAL, LOCK = 'tune.json', 'journal.log', 'lock'
-UNFINISHED = '.unfinished'  # suffix of a file that is being written
+JOURNAL = 'journal.log'
 STUDY = 'tuning'  # name of the study in the journal
 
 
@@ -40,13 +35,16 @@ class _Locked:
         """Do nothing."""
 
 
-class Store:
-    """The directory of a tuning; a context manager that holds its lock.
+class Store(LockedDirectory):
+    """The directory of a tuning.
 
     Attributes:
-        directory: The directory.
         trials: Finished trials by number.
     """
+
+    KIND = 'tuning'
+    MANIFEST = 'tune.json'
+    FORMAT = 'parallel_robot tune 1'
 
     def __init__(self, directory: Path, space: Space, identity: Mapping[str, Any]) -> None:
         """Prepare the directory for a tuning, or to go on in it.
@@ -55,39 +53,12 @@ class Store:
             directory: The directory.
             space: The search space.
             identity: What the trials depend on, plain data by name; another one is refused.
-
-        Raises:
-            InputError: the directory holds something else, or cannot be written; when it is
-                entered.
         """
-        self.directory = directory
+        super().__init__(directory)
         self.trials: dict[int, Trial] = {}
         self._space = space
         self._identity = json.loads(json.dumps(dict(identity)))
-        self._lock: IO[str] | None = None
         self._study: Any = None
-
-    def __enter__(self) -> Store:
-        """Open the directory; see the constructor for errors."""
-        try:
-            self._open()
-        except OSError as error:
-            self.__exit__(None, None, None)
-            raise InputError(f'cannot write to {self.directory}: {error.strerror}') from None
-        except BaseException:
-            self.__exit__(None, None, None)
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Release the lock."""
-        if self._lock is not None:
-            self._lock.close()
 
     def add(self, trial: Trial) -> None:
         """Keep a finished trial.
@@ -112,50 +83,26 @@ class Store:
         Raises:
             RunError: it cannot be written.
         """
-        try:
-            self._replace(self.directory / name, content)
-        except OSError as error:
-            raise self._full(self.directory / name, error) from None
+        with self.writing(self.directory / name) as stream:
+            stream.write(content)
 
-    def _full(self, path: Path, error: OSError) -> RunError:
-        kept = f'{len(self.trials)} trials are kept, the same command continues'
-        return RunError(f'cannot write {path}: {error.strerror}; {kept}')
+    def _kept(self) -> str:
+        return f'{len(self.trials)} trials'
 
     def _open(self) -> None:
-        manifest = self.directory / MANIFEST
-        if self.directory.exists() and not manifest.exists():
-            others = {path.name for path in self.directory.iterdir()}
-            if others - {LOCK, MANIFEST + UNFINISHED}:
-                raise InputError(
-                    f'{self.directory} is not the directory of a tuning; choose another --out'
-                )
-        self.directory.mkdir(parents=True, exist_ok=True)
-        self._lock = (self.directory / LOCK).open('w')
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(f'another tuning is writing to {self.directory}') from None
-        if manifest.exists():
-            self._check(manifest)
+        if self.new:
+            self._write_manifest(self._identity)
         else:
-            content = {'format': FORMAT, **self._identity}
-            self._replace(manifest, json.dumps(content, indent=1).encode())
-        for path in self.directory.glob(f'*{UNFINISHED}'):
-            path.unlink()
+            self._check()
         self._load()
 
-    def _check(self, manifest: Path) -> None:
+    def _check(self) -> None:
         """Refuse to mix trials that depend on different things.
 
         Raises:
             InputError: the tuning in the directory is another one.
         """
-        try:
-            found: Any = json.loads(manifest.read_text())
-        except ValueError:
-            found = None
-        if not isinstance(found, dict) or found.get('format') != FORMAT:
-            raise InputError(f'{manifest} is not that of a tuning; choose another --out')
+        found = self.manifest(self.directory)
         for key, value in self._identity.items():
             if found.get(key) != value:
                 raise InputError(
@@ -186,20 +133,6 @@ class Store:
         except Exception as error:  # optuna raises anything on a line that it did not write
             what = f'{journal} cannot be read ({first_line(error)})'
             raise InputError(f'{what}; choose another --out') from None
-
-    @staticmethod
-    def _replace(path: Path, content: bytes) -> None:
-        unfinished = path.with_name(path.name + UNFINISHED)
-        try:
-            with unfinished.open('wb') as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(unfinished, path)
-        except OSError:
-            with contextlib.suppress(OSError):
-                unfinished.unlink(missing_ok=True)
-            raise
 
 
 def _read(entry: Any) -> Trial:
