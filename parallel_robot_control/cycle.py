@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
-from parallel_robot_control import faults, kalman, lock_in
+from parallel_robot_control import faults, kalman, kalman_memory, lock_in
 from parallel_robot_control.approach import Approach, approached, not_begun
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
@@ -256,8 +256,8 @@ def run_cycle(
     filter_ = estimator.kalman
     if tracks and not filter_.velocities:
         velocity = np.zeros_like(velocity)
-        if kalman.running(filter_, when.sample, state.last.known):
-            velocity = kalman.known_velocity(filter_, velocity)
+        if kalman_memory.running(filter_, when.sample, state.last.known):
+            velocity = kalman_memory.known_velocity(filter_, velocity)
     joined, approach = approached(setup.approach, state.approach, desired, position, velocity, dt)
     state = CycleState(
         state.pose, state.last, state.excess, state.held, state.fault, found, approach
@@ -298,7 +298,7 @@ def run_cycle(
         advanced = output.memory
     # 3. The same within the limits, or the safe action. In a fault the memory is kept.
     done = act(limits, desired, position, velocity, state, sensed, asked, dt)
-    kalman.remember(filter_, when.sample, done.torque, tracks)
+    kalman_memory.remember(filter_, when.sample, done.torque, tracks)
     if identified.on:
         lock_in.observe(
             identified,

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import Space, clip, kernel, select, vector
-from parallel_robot_control import kalman
+from parallel_robot_control import kalman_memory
 from parallel_robot_control.contract import Law
 from parallel_robot_control.delay_identification import LockInParameters, lock_in_of, result, text
-from parallel_robot_control.kalman import MOST, Kalman
+from parallel_robot_control.kalman_equations import Kalman
+from parallel_robot_control.kalman_memory import MOST
 from parallel_robot_control.lock_in import LockIn
 
 Array = NDArray[np.float64]
@@ -132,7 +133,7 @@ def estimator_of(
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
             key,
         )
-    memory = memory or kalman.memory(vector(np.zeros(len(parameters.acceleration))))
+    memory = memory or kalman_memory.memory(vector(np.zeros(len(parameters.acceleration))))
     found = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
 
     def variance(values: PerJoint) -> Array:
@@ -155,7 +156,7 @@ def estimator_of(
             variance(parameters.coulomb),
             memory,
         ),
-        found._replace(memory=kalman.of_lock_in(memory)),
+        found._replace(memory=kalman_memory.of_lock_in(memory)),
     )
 
 

@@ -1,21 +1,7 @@
 """Kalman filter at the age of the states, and prediction to the moment at which the torque acts.
 
-For each joint it knows position q, velocity v, a disturbance w that varies, a constant one c, and
-dry friction f against the desired motion:
-
-    M v' = tau - Q v - gravity - w - c - f s,   s = clip(rate_r / SMOOTH, -1, 1)
-    w' = -b w + noise,   c and f drift slowly
-
-The means of all joints move by the nominal model, M and Q at the measured joints. The covariances
-are those of each joint alone, with 1 / M_ii for its mobility, so a cycle has no large matrices.
-Between two states acts what was asked of the motors, so the last torques are remembered.
-Time is cut where the torque changes: nothing need lie on a grid.
-
-Sources:
-    Kalman (1960), A new approach to linear filtering and prediction problems, J. Basic Engineering
-    82(1), for filter and prediction; Johnson (1971), Accommodation of external disturbances in
-    linear regulator and servomechanism problems, IEEE Trans. Automatic Control 16(6), for a
-    disturbance as a state.
+Between two states acts what was asked of the motors, so the last torques are remembered. Time is
+cut where the torque changes: nothing need lie on a grid.
 """
 
 from __future__ import annotations
@@ -25,102 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_compiler import (
-    Space,
-    clip,
-    inner,
-    kernel,
-    multiply,
-    read_at,
-    select,
-    solve,
-    vector,
-    write_at,
-)
-from parallel_robot_control import lock_in
+from parallel_robot_compiler import inner, kernel, multiply, read_at, select
 from parallel_robot_control.contract import JointReference
+from parallel_robot_control.kalman_equations import Kalman, Mean, corrected, moved, sign, spread
+from parallel_robot_control.kalman_memory import MOST, SIZE, TORQUE, begin, read, running, write
 from parallel_robot_model.contract import Model
 
 Array = NDArray[np.float64]
-
-MOST = 50  # samples, largest age from which is predicted
-SMOOTH = 0.002  # rad/s, below which the desired motion has no clear sign
-AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest
-MOVING = 1.0  # (rad/s)^2, of one that moves
-DRIFT = (
-    0.01  # 1/s, of the variances of constant disturbance and dry friction, in parts of themselves
-)
-
-SIZE = 128  # torques that are remembered
-MEANS = 5
-SAMPLE, RUNNING = 0, 1  # floats in the first rows: newest sample; whether the filter ran at it
-MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where these begin
-
-
-class Kalman(NamedTuple):
-    """The filter as the kernels take it; variances have shape (n,).
-
-    Attributes:
-        period: Of the samples [s].
-        command_delay: From a command until it acts [s].
-        velocities: Whether measured velocities are used.
-        position: Variance of the measured positions [rad^2].
-        velocity: Of the measured velocities [(rad/s)^2].
-        disturbance: Of w [(N m)^2].
-        bandwidth: b [1/s].
-        offset: Of c before it is known [(N m)^2].
-        coulomb: Of f before it is known [(N m)^2].
-        memory: Address of its memory, see :func:`memory`.
-    """
-
-    period: float
-    command_delay: float
-    velocities: bool
-    position: Array
-    velocity: Array
-    disturbance: Array
-    bandwidth: float
-    offset: Array
-    coulomb: Array
-    memory: int
-
-
-class Mean(NamedTuple):
-    """What is known of the joints, each shape (n,).
-
-    Attributes:
-        position: q [rad].
-        velocity: v [rad/s].
-        disturbance: w [N m].
-        offset: c [N m].
-        coulomb: f [N m].
-    """
-
-    position: Array
-    velocity: Array
-    disturbance: Array
-    offset: Array
-    coulomb: Array
-
-
-class Variance(NamedTuple):
-    """Covariances of the parts of a Mean, joint by joint, each shape (n,)."""
-
-    qq: Array
-    qv: Array
-    qw: Array
-    qc: Array
-    qf: Array
-    vv: Array
-    vw: Array
-    vc: Array
-    vf: Array
-    ww: Array
-    wc: Array
-    wf: Array
-    cc: Array
-    cf: Array
-    ff: Array
 
 
 class Predicted(NamedTuple):
@@ -135,206 +32,6 @@ class Predicted(NamedTuple):
     position: Array
     velocity: Array
     disturbance: Array
-
-
-def memory(like: Array) -> Space:
-    """Memory of filter and lock-in for vectors as `like`, shape (n,)."""
-    return Space((TORQUE + SIZE + lock_in.ROWS) * like.size)
-
-
-def of_lock_in(memory: Space) -> Space:
-    """The part of the memory that is the lock-in's."""
-    rows = memory.floats.reshape(TORQUE + SIZE + lock_in.ROWS, -1)
-    return Space.within(rows[-lock_in.ROWS :].reshape(-1))
-
-
-@inner
-def running(kalman: Kalman, sample: int, known: bool) -> bool:
-    """Whether the filter ran not long before a sample; `known`: whether there was one."""
-    since = sample - read_at(kalman.memory, SAMPLE, 0.0)
-    on = read_at(kalman.memory, RUNNING, 0.0) != 0.0
-    return known and on and since >= 0.0 and since <= SIZE - 2 * MOST
-
-
-@inner
-def known_velocity(kalman: Kalman, like: Array) -> Array:
-    """The last estimate of the velocity [rad/s], shape (n,)."""
-    return read_at(kalman.memory, MEAN + 1, like)
-
-
-@inner
-def remember(kalman: Kalman, sample: int, torque: Array, tracking: bool) -> None:
-    """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
-
-    Args:
-        kalman: The filter.
-        sample: Index of the sample.
-        torque: [N m], shape (n,).
-        tracking: Whether the filter ran at this sample.
-    """
-    last = int(read_at(kalman.memory, SAMPLE, 0.0))
-    if sample > last + 1:
-        held = read_at(kalman.memory, TORQUE + last % SIZE, torque)
-        for missed in range(max(last + 1, sample - SIZE), sample):
-            write_at(kalman.memory, TORQUE + missed % SIZE, held)
-    write_at(kalman.memory, TORQUE + sample % SIZE, torque)
-    write_at(kalman.memory, SAMPLE, float(sample))
-    write_at(kalman.memory, RUNNING, 1.0 if tracking else 0.0)
-
-
-@inner
-def _write(kalman: Kalman, x: Mean, p: Variance) -> None:
-    """Keep what is known."""
-    mean = vector((x.position, x.velocity, x.disturbance, x.offset, x.coulomb))
-    write_at(kalman.memory, MEAN // MEANS, mean)
-    of_q = vector((p.qq, p.qv, p.qw, p.qc, p.qf))
-    of_v = vector((p.vv, p.vw, p.vc, p.vf, p.ww))
-    of_w = vector((p.wc, p.wf, p.cc, p.cf, p.ff))
-    for k, part in enumerate((of_q, of_v, of_w)):
-        write_at(kalman.memory, VARIANCE // MEANS + k, part)
-
-
-@inner
-def _read(kalman: Kalman, like: Array) -> tuple[Mean, Variance]:
-    """What is known; `like` is any vector of shape (n,)."""
-    five = vector((like, like, like, like, like))
-    x = read_at(kalman.memory, MEAN // MEANS, five)
-    q = read_at(kalman.memory, VARIANCE // MEANS, five)
-    v = read_at(kalman.memory, VARIANCE // MEANS + 1, five)
-    w = read_at(kalman.memory, VARIANCE // MEANS + 2, five)
-    mean = Mean(x[0], x[1], x[2], x[3], x[4])
-    return mean, Variance(
-        q[0], q[1], q[2], q[3], q[4], v[0], v[1], v[2], v[3], v[4], w[0], w[1], w[2], w[3], w[4]
-    )
-
-
-@inner
-def _begin(
-    kalman: Kalman, moving: bool, position: Array, velocity: Array, torque: Array
-) -> tuple[Mean, Variance]:
-    """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
-    z = np.zeros_like(position)
-    for k in range(SIZE):
-        write_at(kalman.memory, TORQUE + k, torque)
-    v = z + select(moving, MOVING, AT_REST)
-    q, w, c, f = (
-        z + kalman.position,
-        z + kalman.disturbance,
-        z + kalman.offset,
-        z + kalman.coulomb,
-    )
-    mean = Mean(position, velocity, z, z, z)
-    return mean, Variance(q, z, z, z, z, v, z, z, z, w, z, z, c, z, f)
-
-
-@inner
-def _sign(kalman: Kalman, reference: JointReference, back: float) -> Array:
-    """Sign of the desired motion some time before the torque acts [s], smooth, shape (n,)."""
-    later = kalman.command_delay - back
-    rate = reference.velocity + later * reference.acceleration
-    return clip(rate / SMOOTH, -1.0, 1.0)
-
-
-@inner
-def _moved(kalman: Kalman, model: Model, x: Mean, sign: Array, torque: Array, h: float) -> Mean:
-    """The means after a time h [s] under a torque [N m], shape (n,)."""
-    against = multiply(model.Q, x.velocity) + model.gravity
-    against = against + x.disturbance + x.offset + x.coulomb * sign
-    acceleration = solve(model.M, torque - against)
-    return Mean(
-        x.position + h * (x.velocity + 0.5 * h * acceleration),
-        x.velocity + h * acceleration,
-        x.disturbance / (1.0 + h * kalman.bandwidth),
-        x.offset,
-        x.coulomb,
-    )
-
-
-@inner
-def _spread(kalman: Kalman, mobility: Array, p: Variance, s: Array, h: float) -> Variance:
-    """The covariances after a time h [s].
-
-    Args:
-        kalman: The filter.
-        mobility: 1 / M_ii [1/(kg m^2)], shape (n,).
-        p: The covariances before.
-        s: Sign of the motion, shape (n,).
-        h: The time.
-    """
-    left = 1.0 / (1.0 + h * kalman.bandwidth)  # of w
-    u = -h * mobility
-    # 1. What a transition makes of the rows,
-    qq, qv, qw = p.qq + h * p.qv, p.qv + h * p.vv, p.qw + h * p.vw
-    qc, qf = p.qc + h * p.vc, p.qf + h * p.vf
-    vv = p.vv + u * (p.vw + p.vc + s * p.vf)
-    vw = p.vw + u * (p.ww + p.wc + s * p.wf)
-    vc = p.vc + u * (p.wc + p.cc + s * p.cf)
-    vf = p.vf + u * (p.wf + p.cf + s * p.ff)
-    # 2. then of the columns; and noise.
-    return Variance(
-        qq + h * qv,
-        qv + u * (qw + qc + s * qf),
-        left * qw,
-        qc,
-        qf,
-        vv + u * (vw + vc + s * vf),
-        left * vw,
-        vc,
-        vf,
-        left * left * p.ww + (1.0 - left * left) * kalman.disturbance,
-        left * p.wc,
-        left * p.wf,
-        p.cc + h * DRIFT * kalman.offset,
-        p.cf,
-        p.ff + h * DRIFT * kalman.coulomb,
-    )
-
-
-@inner
-def _corrected(
-    x: Mean, p: Variance, of: Mean, miss: Array, variance: Array
-) -> tuple[Mean, Variance]:
-    """Means and covariances with one more measured quantity of each joint.
-
-    Args:
-        x: The means before.
-        p: The covariances before.
-        of: Covariances of the parts of a Mean with that quantity.
-        miss: Measured less expected, shape (n,).
-        variance: Of `miss`, shape (n,).
-    """
-    e = miss / variance
-    mean = Mean(
-        x.position + of.position * e,
-        x.velocity + of.velocity * e,
-        x.disturbance + of.disturbance * e,
-        x.offset + of.offset * e,
-        x.coulomb + of.coulomb * e,
-    )
-    return mean, _less(p, 1.0 / variance, of)
-
-
-@inner
-def _less(p: Variance, g: Array, of: Mean) -> Variance:
-    """Covariances less g times the products of a column of them."""
-    q, v, w, c, f = of
-    return Variance(
-        p.qq - g * q * q,
-        p.qv - g * q * v,
-        p.qw - g * q * w,
-        p.qc - g * q * c,
-        p.qf - g * q * f,
-        p.vv - g * v * v,
-        p.vw - g * v * w,
-        p.vc - g * v * c,
-        p.vf - g * v * f,
-        p.ww - g * w * w,
-        p.wc - g * w * c,
-        p.wf - g * w * f,
-        p.cc - g * c * c,
-        p.cf - g * c * f,
-        p.ff - g * f * f,
-    )
 
 
 @kernel
@@ -369,37 +66,37 @@ def predicted(
     late = select(late > most, most, late)
     # 1. From the state before to this one, under the torques that acted.
     if running(kalman, sample, moving):
-        x, p = _read(kalman, position)
+        x, p = read(kalman, position)
         mobility = 1.0 / _diagonal(model.M, position)
-        begin = late + select(dt > most, most, dt)
-        j = _periods(begin, period)
+        start = late + select(dt > most, most, dt)
+        j = _periods(start, period)
         while j > 0:
-            high = select(begin < j * period, begin, j * period)
+            high = select(start < j * period, start, j * period)
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
-            sign = _sign(kalman, reference, high)
+            s = sign(kalman, reference, high)
             torque = read_at(kalman.memory, TORQUE + (sample - j) % SIZE, position)
-            x = _moved(kalman, model, x, sign, torque, h)
-            p = _spread(kalman, mobility, p, sign, h)
+            x = moved(kalman, model, x, s, torque, h)
+            p = spread(kalman, mobility, p, s, h)
             j -= 1
         of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
-        x, p = _corrected(x, p, of, position - x.position, p.qq + kalman.position)
+        x, p = corrected(x, p, of, position - x.position, p.qq + kalman.position)
         if kalman.velocities:
             of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
-            x, p = _corrected(x, p, of, velocity - x.velocity, p.vv + kalman.velocity)
+            x, p = corrected(x, p, of, velocity - x.velocity, p.vv + kalman.velocity)
     else:
         rate = velocity if kalman.velocities else np.zeros_like(velocity)
-        x, p = _begin(kalman, moving, position, rate, before)
-    _write(kalman, x, p)
+        x, p = begin(kalman, moving, position, rate, before)
+    write(kalman, x, p)
     # 2. Over the age of this state, under the torques that were asked for since.
     j = _periods(late, period)
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
         torque = read_at(kalman.memory, TORQUE + (sample - j) % SIZE, position)
-        x = _moved(kalman, model, x, _sign(kalman, reference, high), torque, h)
+        x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
-    unknown = x.disturbance + x.offset + x.coulomb * _sign(kalman, reference, 0.0)
+    unknown = x.disturbance + x.offset + x.coulomb * sign(kalman, reference, 0.0)
     return Predicted(x.position, x.velocity, unknown)
 
 
