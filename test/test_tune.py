@@ -22,9 +22,9 @@ from parallel_robot_studies.tuning.convergence import Rule
 from parallel_robot_studies.tuning.effort import Effort
 from parallel_robot_studies.tuning.front import choose, front
 from parallel_robot_studies.tuning.picture import SUFFIXES
+from parallel_robot_studies.tuning.ranges import Range
 from parallel_robot_studies.tuning.sampler import distributions, within
 from parallel_robot_studies.tuning.space import (
-    Range,
     at_ends,
     doubts,
     objection,

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from parallel_robot_base.optional_library import optional
-from parallel_robot_studies.tuning.space import Choice, Space, Value
+from parallel_robot_studies.tuning.ranges import Choice, Value
+from parallel_robot_studies.tuning.space import Space
 from parallel_robot_studies.tuning.trial import Trial
 
 if TYPE_CHECKING:

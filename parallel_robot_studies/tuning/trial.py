@@ -11,7 +11,7 @@ from typing import Any
 
 from parallel_robot_studies.sweep.run_chunk import Outcome
 from parallel_robot_studies.sweep.table import METRICS
-from parallel_robot_studies.tuning.space import Value
+from parallel_robot_studies.tuning.ranges import Value
 
 FORBIDDEN = 2.0  # violation of gains that are not run; more than if all runs failed
 

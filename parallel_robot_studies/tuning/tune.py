@@ -23,8 +23,9 @@ from parallel_robot_studies.sweep.workers import Workers, completed
 from parallel_robot_studies.tuning import convergence
 from parallel_robot_studies.tuning.convergence import Rule, Verdict
 from parallel_robot_studies.tuning.effort import Effort
+from parallel_robot_studies.tuning.ranges import Value
 from parallel_robot_studies.tuning.sampler import BATCH, FRONT, Goal, propose, within
-from parallel_robot_studies.tuning.space import Space, Value, objection
+from parallel_robot_studies.tuning.space import Space, objection
 from parallel_robot_studies.tuning.store import Store
 from parallel_robot_studies.tuning.trial import Trial, evaluated, forbidden
 from parallel_robot_studies.tuning.weights import Weights
