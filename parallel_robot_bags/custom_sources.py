@@ -1,4 +1,4 @@
-"""Sources of custom laws and robots: which files go into a bag, and under which names."""
+"""Sources of custom modules: which files go into a bag, and under which names."""
 
 from __future__ import annotations
 
@@ -9,13 +9,17 @@ from typing import Any
 from parallel_robot_bags.limits import NAME, SOURCE, SOURCES
 from parallel_robot_base.errors import InputError
 
-KINDS = {'custom_laws': 'law', 'custom_robots': 'robot'}  # by the key that names the files
+KINDS = {  # by the key that names the files
+    'custom_laws': 'law',
+    'custom_robots': 'robot',
+    'custom_trajectories': 'trajectory',
+}
 
 Sources = Mapping[str, Mapping[str, bytes]]  # source by key of KINDS and by name
 
 
 def named(values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Files of the custom laws and robots in a configuration, or in the parameters of a node.
+    """Files of the custom modules in a configuration, or in the parameters of a node.
 
     Args:
         values: Key to value; what is not a list of files is left out.
@@ -55,7 +59,7 @@ def attachment(key: str, path: str) -> tuple[str, bytes]:
 
 
 def parse(attachment: str) -> tuple[str, str] | None:
-    """Key and name of the law or robot in an attachment; None if it is something else."""
+    """Key and name of the custom module in an attachment; None if it is something else."""
     key, _, name = attachment.partition('/')
     good = name.isidentifier() and len(name.encode()) <= NAME
     return (key, name) if key in KINDS and good else None

@@ -85,7 +85,10 @@ def configuration(
             values = _defaults(stored, nodes)
             stored = _checked(values, stored)
             stored |= _of_nodes(values | stored, nodes)
-            stored['custom_robots'] = []  # a file that a bag names is not loaded
+            stored |= {
+                'custom_robots': [],
+                'custom_trajectories': [],
+            }  # named files are not loaded
         loop = validate(config.group(values | stored, LoopParameters, ''))
         names = (loop.scenario, loop.law, *loop.joints)
         if not all(map(is_name, names)):

@@ -126,14 +126,17 @@ class Recorder:
         return sum(stream.gaps or 0 for stream in self._streams.values())
 
     def found(self, node: str, parameters: Mapping[str, Any]) -> list[str]:
-        """Note the parameters of a node at the start; the code of a controller is attached.
+        """Note the parameters of a node at the start.
+
+        The code that trajectory and controller name is attached.
 
         Returns:
-            Why laws or robots cannot be attached, one line each.
+            Why custom modules cannot be attached, one line each.
         """
         self._note(PARAMETERS, {node: plain_data.dump(parameters)})
         troubles = []
-        for key, path in custom_sources.named(parameters) if node.endswith('/controller') else ():
+        owns = node.endswith(('/trajectory', '/controller'))
+        for key, path in custom_sources.named(parameters) if owns else ():
             try:
                 self._attach(key, path)
             except InputError as error:
@@ -151,7 +154,7 @@ class Recorder:
         self._notes.put(lambda writer: writer.note(name, facts))
 
     def _attach(self, key: str, path: str) -> None:
-        """Attach the file of a custom law or robot as it is now, once.
+        """Attach the file of a custom module as it is now, once.
 
         Raises:
             InputError: it cannot be read.

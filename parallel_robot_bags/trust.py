@@ -9,6 +9,7 @@ import sys
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from parallel_robot_bags.custom_sources import KINDS, Sources
 from parallel_robot_base.errors import BagError
@@ -21,14 +22,15 @@ def add_trust_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--trust',
         action='store_true',
-        help='run the laws and the robot whose code the bag holds; on a terminal, show it first',
+        help='run the laws, the robot and the trajectory whose code the bag holds; on a terminal, '
+        'show it first',
     )
 
 
 def custom_files(
-    bag: Path, sources: Sources, robot: str, directory: Path, trust: bool
+    bag: Path, sources: Sources, values: Mapping[str, Any], directory: Path, trust: bool
 ) -> dict[str, list[str]]:
-    """Write the custom laws and the custom robot that a bag holds to files, if they may run.
+    """Write the custom laws, robot and trajectory of a bag to files, if they may run.
 
     They may run when the user says so or has noted their digests: the first words of the lines of
     ``~/.config/parallel_robot/trusted_laws``, as ``sha256sum`` writes them.
@@ -36,7 +38,7 @@ def custom_files(
     Args:
         bag: The bag, for error messages.
         sources: What it holds; all laws are written, since any may become active.
-        robot: Name of its robot; others are left out.
+        values: Its configuration: other robots and trajectories than it names are left out.
         directory: Where to write them.
         trust: Whether the user allowed it; on a terminal, they are asked once more.
 
@@ -46,11 +48,15 @@ def custom_files(
     Raises:
         BagError: they may not run.
     """
+    chosen = {
+        'custom_robots': values['robot_model'],
+        'custom_trajectories': values['trajectory.shape'],
+    }
     used = {
         key: {
             name: source
             for name, source in sources.get(key, {}).items()
-            if key != 'custom_robots' or name == robot
+            if chosen.get(key, name) == name
         }
         for key in KINDS
     }

@@ -18,7 +18,7 @@ from parallel_robot_base.placed import Placed, locating, merged, places_of
 Group = TypeVar('Group')
 
 PRESET = 'paper'  # the gains in config/laws
-CUSTOM = {'custom_laws', 'custom_robots'}  # keys that name Python files
+CUSTOM = {'custom_laws', 'custom_robots', 'custom_trajectories'}  # keys that name Python files
 DEFAULTS = 'defaults.yaml'
 CUSTOM_DEFAULT = 'custom module'  # source of a default in a Python file of a user
 OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
@@ -46,14 +46,15 @@ def resolve(
     Later wins: ``defaults.yaml``, ``laws/*.yaml``, the file of the robot in ``robots/``, the
     defaults of custom modules, the scenario's ``base``, the scenario, `overrides`. A
     ``true_robot`` key that is not set equals its ``robot`` key; ``preset`` says whether the gains
-    are those of the preset; the files of ``custom_laws`` and ``custom_robots`` are absolute.
+    are those of the preset; the files of custom modules are absolute.
 
     Args:
         scenario: Name of a file in ``config/scenarios``, or the path of a YAML file, whose name
             is that of the scenario.
         overrides: Dotted key to value; NumPy's numbers and arrays are accepted, too.
         extend: Returns the defaults of the custom modules that a configuration names. Gains of
-            custom laws for which it has none are taken as they are.
+            custom laws and parameters of custom trajectories for which it has none are taken as
+            they are.
 
     Returns:
         Every key of the suite with its value, plain numbers, texts and lists.
@@ -89,15 +90,19 @@ def resolve_with_sources(
     with locating(asked):
         layers.append(_robot(asked, extend))
     gains = _gains(asked, extend)
+    taken = {key.partition('.')[0] for _, values in layers for key in values}
+    laws, shapes = (_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
+    for key, names in (('custom_laws', laws), ('custom_trajectories', shapes)):
+        if names & taken:
+            what = 'is a group of parameters; rename the file'
+            raise InputError(f'{key}: {min(names & taken)} {what}')
+        taken |= {name.partition('.')[0] for _, values in gains for name in values} | names
     layers += gains
+    layers.append((CUSTOM_DEFAULT, _of(shapes, extend(asked) if extend else {})))
     config = merged(values for _, values in layers)
-    custom_laws = {Path(path).stem for path in asked['custom_laws']}
-    taken = custom_laws & {key.partition('.')[0] for _, values in layers[:2] for key in values}
-    if taken:
-        raise InputError(f'custom_laws: {min(taken)} is a group of parameters; rename the file')
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
     preset = merged(values for _, values in gains)
-    opaque = custom_laws - {key.partition('.')[0] for key in preset}  # not loaded on this floor
+    opaque = (laws | shapes) - {key.partition('.')[0] for key in config}  # not loaded here
     of_scenario.append((of_scenario[-1][0], {'scenario': name}))
     for source, values in (*of_scenario, (OVERRIDE, changed)):
         for key in values:
@@ -145,7 +150,9 @@ def changed(
     for key in CUSTOM & changes.keys():
         _check_paths(key, changes[key])
     gains = preset({**values, **changes}, extend)
-    known = gains | dict(values)
+    found = extend({**values, **changes}) if extend else {}
+    shapes = _of(_names({**values, **changes}, 'custom_trajectories'), found)
+    known = gains | shapes | dict(values)
     for key in changes:
         if key not in known:
             with locating(changes):
@@ -209,17 +216,22 @@ def _robot(values: Mapping[str, Any], extend: Extend | None) -> Layer:
     if taken:
         raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
     if name in custom:
-        laws = {Path(path).stem for path in values['custom_laws']}
+        others = _names(values, 'custom_laws') | _names(values, 'custom_trajectories')
         found = extend(values) if extend else {}
-        return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(laws, found)}
+        return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(others, found)}
     if name not in robot_models():
         raise UnknownNameError('robot_model', str(name), robot_models() + custom, 'robot_model')
     return label(_robot_file(values)), flat(read(_robot_file(values)))
 
 
-def _of(laws: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that are gains of some laws."""
-    return {key: value for key, value in values.items() if key.partition('.')[0] in laws}
+def _names(values: Mapping[str, Any], key: str) -> set[str]:
+    """Names of the custom modules of a kind."""
+    return {Path(path).stem for path in values[key]}
+
+
+def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of some groups: gains of laws, parameters of shapes."""
+    return {key: value for key, value in values.items() if key.partition('.')[0] in groups}
 
 
 def _check_paths(key: str, paths: Any) -> None:

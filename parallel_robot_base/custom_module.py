@@ -1,4 +1,4 @@
-"""Python files of users that define a law or a robot."""
+"""Python files of users that define a law, a robot or a trajectory."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def load(
     """Import a file once, in a separate process first.
 
     Args:
-        path: The file; its stem is the name of the law or robot.
+        path: The file; its stem is the name of what it defines.
         key: Key of the configuration that names it, for messages.
         needed: Attributes that it must have.
         groups: Those of them that must be NamedTuples of parameters.

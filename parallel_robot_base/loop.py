@@ -28,6 +28,9 @@ class LoopParameters(NamedTuple):
     robot_model: Annotated[str, Field('', 'robot, a file of config/robots or a custom one')]
     custom_laws: Annotated[tuple[str, ...], Field('', 'Python files with custom laws')]
     custom_robots: Annotated[tuple[str, ...], Field('', 'Python files with custom robots')]
+    custom_trajectories: Annotated[
+        tuple[str, ...], Field('', 'Python files with custom trajectories')
+    ]
     joints: Annotated[tuple[str, ...], Field('', 'names of the actuated joints, in order')]
     period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
     duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]

@@ -22,7 +22,8 @@ from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.robots import RobotModel, robot_defaults, robot_of
+from parallel_robot_model.robots import RobotModel, robot_of
+from trajectory_gen.shapes import robot_and_shape_defaults
 from trajectory_gen.trajectory import first_pose
 
 Array = NDArray[np.float64]
@@ -78,8 +79,8 @@ class ControlConfiguration(NamedTuple):
 
 
 def custom_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of the custom robot and the custom laws that a configuration names."""
-    return robot_defaults(values) | law_loader.default_gains(values)
+    """Defaults of the custom robot, laws and trajectories that a configuration names."""
+    return robot_and_shape_defaults(values) | law_loader.default_gains(values)
 
 
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from parallel_robot_live import readable_state
 from parallel_robot_live.frames import Camera, Motion
 from parallel_robot_live.source import RefusedError
 from parallel_robot_model.robots import is_known, robot_of
+from trajectory_gen.shapes import shapes_of
 
 PAST = 12.0  # s before a moment that is sought, for the curves
 SPEEDS = (0.001, 100.0)  # slowest, fastest
@@ -203,11 +204,12 @@ def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource
     """
     log, past = run_log.read(bag, memory), history.read(bag, memory)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-    robot = str(log.config['robot_model'])
-    files = custom_files(bag, past.sources, robot, folder, trust)
+    files = custom_files(bag, past.sources, log.config, folder, trust)
     values = replay.configuration(log, past, files, {})
     if not is_known(values):
-        raise BagError(f'{bag} does not hold the robot {robot}')
+        raise BagError(f'{bag} does not hold the robot {values["robot_model"]}')
+    if values['trajectory.shape'] not in shapes_of(values):
+        raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
     return BagSource(log, past, configure(values), values)
 
 

@@ -211,6 +211,7 @@ def _defaults(name: str, robot: Any) -> dict[str, Any]:
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """A configuration with the defaults of a custom robot; see :func:`config.resolve`.
 
-    Gains of custom laws are left as they are: their files are not loaded.
+    Gains of custom laws and parameters of custom trajectories are left as they are: their files
+    are not loaded.
     """
     return config.resolve(scenario, overrides, robot_defaults)

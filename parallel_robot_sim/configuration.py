@@ -23,7 +23,8 @@ from parallel_robot_sim.imperfections import (
     imperfections,
 )
 from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen.trajectory import SHAPES, Trajectory
+from trajectory_gen.shapes import shapes_of
+from trajectory_gen.trajectory import Trajectory
 
 
 class PlantConfiguration(NamedTuple):
@@ -70,7 +71,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
     Raises:
         InputError: a value is wrong, even one that is not used.
     """
-    for name, shape in SHAPES.items():
+    for name, shape in shapes_of(values).items():
         config.group(values, shape.Parameters, name)
     with locating(values):
         loop = validate(config.group(values, LoopParameters, ''))

@@ -22,15 +22,19 @@ from parallel_robot_sim.imperfections import (
     SensorParameters,
 )
 from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
+from trajectory_gen.shapes import SHAPES, Shape
+from trajectory_gen.trajectory import TrajectoryParameters
 
 
-def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
+def groups(
+    robot: Robot, laws: Mapping[str, Law], shapes: Mapping[str, Shape] = SHAPES
+) -> dict[str, dict[str, Any]]:
     """Groups of all parameters but those of recorder and monitor, by title and prefix.
 
     Args:
         robot: Module of the robot.
         laws: The laws by name.
+        shapes: The shapes of motions by name.
     """
     return {
         'The loop': {'': LoopParameters},
@@ -39,7 +43,7 @@ def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
         },
         'Motion': {'trajectory': TrajectoryParameters},
         'What the motion must spare this robot': {'trajectory': robot.MotionLimits},
-        'Shapes of the motion': {name: shape.Parameters for name, shape in SHAPES.items()},
+        'Shapes of the motion': {name: shape.Parameters for name, shape in shapes.items()},
         'Controller': {
             'controller': ControllerParameters,
             'estimator': EstimatorParameters,
@@ -62,14 +66,17 @@ def groups(robot: Robot, laws: Mapping[str, Law]) -> dict[str, dict[str, Any]]:
     }
 
 
-def members(robot: Robot, laws: Mapping[str, Law]) -> list[tuple[str, Parameter]]:
+def members(
+    robot: Robot, laws: Mapping[str, Law], shapes: Mapping[str, Shape] = SHAPES
+) -> list[tuple[str, Parameter]]:
     """Key and description of all these parameters, and of those of the true robot.
 
     Args:
         robot: Module of the robot.
         laws: The laws by name.
+        shapes: The shapes of motions by name.
     """
-    pairs = [pair for part in groups(robot, laws).values() for pair in part.items()]
+    pairs = [pair for part in groups(robot, laws, shapes).values() for pair in part.items()]
     return [
         (f'{prefix}.{parameter.key}' if prefix else parameter.key, parameter)
         for prefix, group in [*pairs, ('true_robot', robot.Parameters)]

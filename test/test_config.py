@@ -17,7 +17,8 @@ from parallel_robot_model import robots
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.robots import robot_of
 from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen.trajectory import SHAPES, TrajectoryParameters
+from trajectory_gen.shapes import SHAPES
+from trajectory_gen.trajectory import TrajectoryParameters
 
 
 @pytest.fixture

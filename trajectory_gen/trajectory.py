@@ -3,74 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
+from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
-from trajectory_gen import (
-    circle,
-    ellipse,
-    excitation,
-    figure_eight,
-    hold,
-    line,
-    move,
-    trapezoid,
-    waypoints,
-)
+from trajectory_gen import shape_trial
+from trajectory_gen.shapes import SHAPES, prepared, shapes_of
 
 Array = NDArray[np.float64]
-
-
-class Shape(Protocol):
-    """A module with a motion: its parameters, the motion, and when it repeats or rests."""
-
-    Parameters: Any
-
-    def motion(self, parameters: Any, t: float) -> PoseMotion:
-        """Pose with two derivatives at time `t` [s]."""
-
-    def span(self, parameters: Any) -> float:
-        """Time after which nothing new happens [s]."""
-
-
-SHAPES: dict[str, Shape] = {
-    'circle': circle,
-    'ellipse': ellipse,
-    'figure_eight': figure_eight,
-    'line': line,
-    'trapezoid': trapezoid,
-    'hold': hold,
-    'move': move,
-    'waypoints': waypoints,
-    'excitation': excitation,
-}
 
 
 class TrajectoryParameters(NamedTuple):
     """Which motion, how far ahead it is published, and how fast the joints may become."""
 
-    shape: Annotated[
-        Literal[
-            'circle',
-            'ellipse',
-            'figure_eight',
-            'line',
-            'trapezoid',
-            'hold',
-            'move',
-            'waypoints',
-            'excitation',
-        ],
-        Field('', 'the motion'),
-    ]
+    shape: Annotated[str, Field('', f'the motion: {", ".join(SHAPES)}, or a custom one')]
     lookahead: Annotated[float, Field('s', 'how long before its stamp a sample is sent', 0.0, 0.5)]
     speed_factor: Annotated[
         float, Field('', 'how fast the motion runs; 2: twice as fast as its shape', 1e-6, 1e6)
@@ -120,21 +73,25 @@ class Trajectory:
         self.parameters = config.group(values, TrajectoryParameters, 'trajectory')
         self.limits = config.group(values, self.robot.module.MotionLimits, 'trajectory')
         name = self.parameters.shape
-        shape = SHAPES[name]
-        validate = getattr(shape, 'validate', lambda parameters: parameters)
-        prepare = getattr(shape, 'prepare', lambda parameters: parameters)
-        self.shape = prepare(validate(config.group(values, shape.Parameters, name)))
-        self.span = shape.span(self.shape) / self.parameters.speed_factor
+        shapes = shapes_of(values)
+        if name not in shapes:
+            raise UnknownNameError('trajectory.shape', name, shapes, 'trajectory.shape')
+        shape = shapes[name]
+        given = config.group(values, shape.Parameters, name)
+        if name not in SHAPES:
+            shape_trial.check(name, shape, given)
+        self.shape, length = prepared(name, shape, given)
+        self.span = length / self.parameters.speed_factor
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
-        given = len(shape.motion(self.shape, 0.0).pose)
-        in_plane = self.robot.module.PLANAR and self._size < given == 3
-        if given != self._size and not in_plane:
+        size = len(shape.motion(self.shape, 0.0).pose)
+        in_plane = self.robot.module.PLANAR and self._size < size == 3
+        if size != self._size and not in_plane:
             names = ', '.join(
                 axis.name for axis in self.robot.module.coordinates(self.robot.parameters)
             )
             raise InputError(
-                f'trajectory.shape {name} has {given} coordinates; the pose of '
+                f'trajectory.shape {name} has {size} coordinates; the pose of '
                 f'{self.robot.name} has {self._size}: {names}',
                 'trajectory.shape',
             )

@@ -14,12 +14,12 @@ from std_srvs.srv import Trigger
 from parallel_robot_base import cdr_reader, realtime, topics
 from parallel_robot_base.loop import OLDEST, STEP_START, WAIT
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_model.robots import resolve
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 from trajectory_gen import preflight
 from trajectory_gen.messages import pose_messages, reference_messages
-from trajectory_gen.trajectory import SHAPES, Trajectory, TrajectoryParameters
+from trajectory_gen.shapes import resolve, shapes_of
+from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 
 BATCH = 200  # samples computed at once
 
@@ -37,7 +37,7 @@ class TrajectoryNode(SuiteNode):
         self.declare_group('robot', robot.Parameters)
         self.declare_group('trajectory', TrajectoryParameters)
         self.declare_group('trajectory', robot.MotionLimits)
-        for name, shape in SHAPES.items():
+        for name, shape in shapes_of(self.values).items():
             self.declare_group(name, shape.Parameters)
         preflight.check(self._trajectory, self.loop.period)
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known

@@ -24,9 +24,10 @@ from parallel_robot_cli.commands.simulate import add_set_argument, given
 from parallel_robot_control.configuration import available, configure, custom_defaults
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.robots import is_known
+from trajectory_gen.shapes import shapes_of
 
 # Beginnings of keys on which torques depend, beside those of the laws.
-USED = ('law', 'custom_laws', 'custom_robots', 'robot', 'safety', 'controller')
+USED = ('law', *config.CUSTOM, 'robot', 'safety', 'controller')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +66,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if changes.get('law') in LAWS:
             needed.pop('custom_laws', None)
         robot = str(log.config['robot_model'])
-        files = custom_files(bag, needed, robot, Path(directory), arguments.trust)
+        files = custom_files(bag, needed, log.config, Path(directory), arguments.trust)
         values = configuration(log, past, files, changes)
         law = str(values['law'])
         if law not in available(values) and not changes:
@@ -76,6 +77,12 @@ def execute(arguments: argparse.Namespace) -> int:
         if not is_known(values):
             raise BagError(
                 f'{bag} does not hold the robot {robot}; --set custom_robots=[FILE] adds one'
+            )
+        shape = values['trajectory.shape']
+        if shape not in shapes_of(values):
+            raise BagError(
+                f'{bag} does not hold the trajectory {shape}; '
+                '--set custom_trajectories=[FILE] adds one'
             )
         figure = arguments.figure
         if changes and figure is None:
@@ -103,7 +110,7 @@ def configuration(
     Args:
         log: The run.
         past: What happened beside the motion.
-        files: Custom laws and robots by key; files that the bag only names are not loaded.
+        files: Custom modules by key; files that the bag only names are not loaded.
         changes: Key to value.
 
     Raises:

@@ -24,6 +24,7 @@ from parallel_robot_base.printable import printable
 from parallel_robot_cli.commands import run, simulate
 from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
 from parallel_robot_model.robots import is_known
+from trajectory_gen.shapes import shapes_of
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own
@@ -60,10 +61,12 @@ def execute(arguments: argparse.Namespace) -> int:
     simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
         robot = str(log.config['robot_model'])
-        files = custom_files(bag, past.sources, robot, Path(directory), arguments.trust)
+        files = custom_files(bag, past.sources, log.config, Path(directory), arguments.trust)
         values = log.config | files
         if not is_known(values):
             raise BagError(f'{bag} does not hold the robot {robot}')
+        if values['trajectory.shape'] not in shapes_of(values):
+            raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
         values = custom_defaults(values) | values  # a recorder started by hand has no gains
         if values['law'] not in available(values):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
@@ -106,7 +109,7 @@ def again(values: Mapping[str, Any], directory: Path) -> tuple[str, dict[str, An
 
     Raises:
         BagError: no file can hold the scenario.
-        InputError: a custom law or robot is not valid.
+        InputError: a custom module is not valid.
     """
     name = str(values['scenario'])
     modules = {key: values[key] for key in MODULES}
@@ -129,7 +132,7 @@ def changes(
     """What of a recorded configuration a scenario with its robot and custom modules does not give.
 
     Raises:
-        InputError: a custom law or robot is not valid.
+        InputError: a custom module is not valid.
     """
     known = resolve(scenario, modules)
     left = {*modules, 'scenario', 'preset', *run.OWN}

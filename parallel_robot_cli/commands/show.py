@@ -28,6 +28,7 @@ from parallel_robot_model.robots import module_of
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
 from parallel_robot_sim.parameter_groups import members
+from trajectory_gen.shapes import shapes_of
 
 BY_COMMANDS = (*OWN, 'duration')  # left out of files unless somebody set them
 UNKNOWN = Field('', '')  # of the keys of the recorder
@@ -101,7 +102,7 @@ def _plot(made: Configuration, path: Path) -> None:
 
 def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
     """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
-    known = members(module_of(values), available(values))
+    known = members(module_of(values), available(values), shapes_of(values))
     known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
     return {key: parameter.field for key, parameter in known}
 

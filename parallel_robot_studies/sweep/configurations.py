@@ -10,14 +10,15 @@ from parallel_robot_base import config
 from parallel_robot_base.loop import LoopParameters, validate
 from parallel_robot_control import configuration as control
 from parallel_robot_sim.configuration import Configuration, configure, configure_plant
-from trajectory_gen.trajectory import SHAPES, Trajectory
+from trajectory_gen.shapes import shapes_of
+from trajectory_gen.trajectory import Trajectory
 
 KEPT = 4  # versions of each part
 NOTHING = object()
 
 
 def _loop(values: Mapping[str, Any]) -> LoopParameters:
-    for name, shape in SHAPES.items():
+    for name, shape in shapes_of(values).items():
         config.group(values, shape.Parameters, name)
     return validate(config.group(values, LoopParameters, ''))
 

@@ -1,0 +1,179 @@
+"""Trial of a custom trajectory before it is used.
+
+Its compiled code runs in a separate process first, with the bounds of arrays checked: once for
+each version of its source. Then, here and for each set of parameters, its derivatives are
+compared with finite differences.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from parallel_robot_base import cache_directory, custom_module, fields, trial_process
+from parallel_robot_base.custom_import import import_file
+from parallel_robot_base.custom_module import RAISED, blaming
+from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_base.trial_process import LIMIT, step
+from parallel_robot_compiler import INTERPRETED, FirstClass, reason
+from parallel_robot_model.contract import PoseMotion
+from trajectory_gen.shapes import prepared
+
+SAMPLES = 500  # over the span, and over the next
+TRIED = 25  # in the separate process
+STEP = 1e-5  # s, of finite differences: they err by 1e-5 of the value at 100 Hz
+TOLERANCE = 1e-3  # of a derivative, relative to its largest value in the motion
+LEAST = 1e-6  # difference that is never an error, in units of the pose per s or s^2
+NAMES = ('pose', 'rate', 'acceleration')
+
+
+def check(name: str, shape: Any, parameters: Any) -> None:
+    """Try a custom trajectory with some parameters.
+
+    Raises:
+        InputError: it does not compile, fails, does not return, returns something invalid, its
+            derivatives are wrong, it jumps, or it goes on after its span.
+    """
+    motion = shape.motion
+    if not hasattr(motion, 'py_func'):
+        raise InputError(f'{name}: motion is not compiled: put @kernel before it')
+    _try_once(name, shape, parameters)
+    made, span = prepared(name, shape, parameters)
+    try:
+        compiled = FirstClass(motion, made, 0.0)
+    except Exception as error:  # Numba raises many kinds
+        cause = reason(error, motion.py_func)
+        raise InputError(f'{name}: motion does not compile: {cause}') from error
+    if not INTERPRETED and not _is_motion(compiled.signature().return_type):
+        raise InputError(
+            f'{name}: motion must return PoseMotion(pose, rate, acceleration), three float arrays'
+        )
+    with blaming(f'{name}: motion'):
+        _compare(name, motion, made, span or 1.0)
+
+
+def _is_motion(kind: Any) -> bool:
+    return getattr(kind, 'instance_class', None) is PoseMotion and all(
+        isinstance(part, types.Array) and part.ndim == 1 and part.dtype == types.float64
+        for part in kind.types
+    )
+
+
+def _compare(name: str, motion: Any, made: Any, span: float) -> None:
+    """Compare a motion with its finite differences, and with itself after its span.
+
+    Raises:
+        InputError: what is wrong, with time, expected and returned value.
+    """
+    # Not at round times, where motions have their corners.
+    times = (np.arange(2 * SAMPLES) + 0.5**0.5) * span / SAMPLES
+    here, before, after = (_sampled(name, motion, made, times + k * STEP) for k in (0, -1, 1))
+    width = (times + STEP) - (times - STEP)
+    for order in (1, 2):
+        expected = (after[order - 1] - before[order - 1]) / width[:, None]
+        allowed = LEAST + TOLERANCE * np.abs(expected).max(axis=0)
+        wrong = np.abs(here[order] - expected) > allowed
+        if wrong.any():
+            k, i = map(int, np.argwhere(wrong)[0])
+            raise InputError(
+                f'{name}: {NAMES[order]}[{i}] at t = {times[k]:.6g} s is {here[order][k, i]:.6g}, '
+                f'but {NAMES[order - 1]}[{i}] changes by {expected[k, i]:.6g} per second'
+            )
+        jump = np.abs(np.diff(here[order - 1], axis=0))
+        most = 2.0 * np.abs(here[order]).max(axis=0) * (times[1] - times[0])
+        wrong = jump > LEAST + most
+        if wrong.any():
+            k, i = map(int, np.argwhere(wrong)[0])
+            raise InputError(
+                f'{name}: {NAMES[order - 1]}[{i}] jumps by {jump[k, i]:.6g} between '
+                f't = {times[k]:.6g} s and {times[k + 1]:.6g} s'
+            )
+    known, later = here[0][:SAMPLES], here[0][SAMPLES:]
+    low, high = known.min(axis=0), known.max(axis=0)
+    slack = LEAST + 0.01 * (high - low)
+    wrong = (later < low - slack) | (later > high + slack)
+    if wrong.any():
+        k, i = map(int, np.argwhere(wrong)[0])
+        raise InputError(
+            f'{name}: pose[{i}] at t = {times[SAMPLES + k]:.6g} s is {later[k, i]:.6g}, but '
+            f'nothing new may happen after its span of {span:.6g} s: '
+            f'{low[i]:.6g} to {high[i]:.6g} until then'
+        )
+
+
+def _sampled(
+    name: str, motion: Any, made: Any, times: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Pose, rate and acceleration at some times, each of shape (N, m).
+
+    Raises:
+        InputError: they are not of one size, or not finite.
+    """
+    found = [motion(made, float(t)) for t in times]
+    size = len(found[0].pose)
+    for t, each in zip(times, found, strict=True):
+        for what, row in zip(NAMES, each, strict=True):
+            if np.shape(row) != (size,) or not size:
+                raise InputError(
+                    f'{name}: {what} at t = {t:.6g} s must be one number for each coordinate of '
+                    f'the pose, not of shape {np.shape(row)}'
+                )
+            if not np.isfinite(row).all():
+                raise InputError(f'{name}: {what} at t = {t:.6g} s is {np.array(row).tolist()}')
+    return tuple(np.array([each[i] for each in found]) for i in range(len(NAMES)))
+
+
+def _try_once(name: str, shape: Any, parameters: Any) -> None:
+    """Run the motion in a separate process, once for each version of its source.
+
+    Raises:
+        InputError: it reads beyond an array, does not return, fails or ends its process.
+    """
+    source = custom_module.source_of(shape)
+    mark = f'moved_{hashlib.sha256(source).hexdigest()[:16]}'
+    if cache_directory.marked(mark) is not None:
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        file = Path(shape.__file__)
+        if not file.is_file() or file.read_bytes() != source:  # changed since
+            file = Path(directory, f'{name}.py')
+            file.write_bytes(source)
+        cache = cache_directory.subdirectory('checked') or directory
+        task = {'file': str(file), 'parameters': fields.plain(parameters)}
+        ended = trial_process.run(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
+    if not ended.returned:
+        raise InputError(f'{name}: {ended.how}')
+    if ended.result:
+        raise InputError(f'{name}: {ended.result}')
+    cache_directory.mark(mark)
+
+
+def _trial(task: dict[str, Any]) -> str:
+    """Call the motion of a task; why it is refused, empty if it is not."""
+    file = Path(task['file'])
+    shape: Any = import_file(file, file.read_bytes())
+    names = [parameter.key for parameter in fields.parameters(shape.Parameters)]
+    values = dict(zip(names, task['parameters'], strict=True))
+    parameters = fields.build(shape.Parameters, values)
+    try:
+        with step('its Python', LIMIT):
+            made, span = prepared('it', shape, parameters)
+        with step('the compilation of motion'):
+            shape.motion(made, 0.0)
+        for t in np.linspace(0.0, 2.0 * (span or 1.0), TRIED):
+            with step('motion', LIMIT):
+                shape.motion(made, float(t))
+    except RAISED as error:
+        # What does not compile, or whose parameters are refused, is told where it is done again.
+        return f'motion: {first_line(error)}' if isinstance(error, IndexError) else ''
+    return ''
+
+
+if __name__ == '__main__':
+    trial_process.serve(_trial)

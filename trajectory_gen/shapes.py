@@ -1,0 +1,115 @@
+"""The shapes of motions by name. A new one is one module and one line here."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any, Protocol
+
+from parallel_robot_base import config, custom_module, fields
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.trial_process import LIMIT, step
+from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.robots import robot_defaults
+from trajectory_gen import (
+    circle,
+    ellipse,
+    excitation,
+    figure_eight,
+    hold,
+    line,
+    move,
+    trapezoid,
+    waypoints,
+)
+
+
+class Shape(Protocol):
+    """A module with a motion: its parameters, the motion, and when it repeats or rests."""
+
+    Parameters: Any
+
+    def motion(self, parameters: Any, t: float) -> PoseMotion:
+        """Pose with two derivatives at time `t` [s]."""
+
+    def span(self, parameters: Any) -> float:
+        """Time after which nothing new happens [s]."""
+
+
+SHAPES: dict[str, Shape] = {
+    'circle': circle,
+    'ellipse': ellipse,
+    'figure_eight': figure_eight,
+    'line': line,
+    'trapezoid': trapezoid,
+    'hold': hold,
+    'move': move,
+    'waypoints': waypoints,
+    'excitation': excitation,
+}
+NEEDED = ('Parameters', 'motion', 'span')
+
+
+def shapes_of(values: Mapping[str, Any]) -> dict[str, Shape]:
+    """The shapes of the suite and the custom trajectories of a resolved configuration, by name.
+
+    Raises:
+        InputError: a file cannot be imported or is not a trajectory.
+    """
+    return SHAPES | custom_trajectories(values)
+
+
+def custom_trajectories(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Custom trajectories that a configuration names, by name.
+
+    Raises:
+        InputError: a file cannot be imported or is not a trajectory.
+    """
+    key = 'custom_trajectories'
+    return dict(
+        custom_module.load(path, key, NEEDED, ('Parameters',), rehearse) for path in values[key]
+    )
+
+
+def rehearse(shape: ModuleType) -> None:
+    """Call what a shape has in Python; what it raises is told where it is called again."""
+    with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
+        prepared('it', shape, shape.Parameters())
+
+
+def prepared(name: str, shape: Any, parameters: Any) -> tuple[Any, float]:
+    """What the motion is computed from, and its span [s].
+
+    Args:
+        name: Name of the shape.
+        shape: The shape.
+        parameters: Its parameters; ``validate`` and ``prepare``, if it has them, take them.
+
+    Raises:
+        InputError: the shape refuses its parameters, fails, or its span is no time.
+    """
+    with custom_module.blaming(name):
+        parameters = getattr(shape, 'validate', lambda parameters: parameters)(parameters)
+        made = getattr(shape, 'prepare', lambda parameters: parameters)(parameters)
+        span = float(shape.span(made))
+    if not 0.0 <= span < math.inf:
+        raise InputError(f'{name}: span must be a time of at least 0 s, not {span:g}')
+    return made, span
+
+
+def robot_and_shape_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults by key of the custom robot and the custom trajectories of a configuration."""
+    found: dict[str, Any] = {}
+    for name, shape in custom_trajectories(values).items():
+        found |= fields.defaults(shape.Parameters, f'{name}.')
+    return found | robot_defaults(values)
+
+
+def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """A configuration with the defaults of custom robot and trajectories; see `config.resolve`.
+
+    Gains of custom laws are left as they are: their files are not loaded.
+    """
+    return config.resolve(scenario, overrides, robot_and_shape_defaults)
