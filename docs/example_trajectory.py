@@ -1,6 +1,5 @@
-"""A Lissajous curve that begins and ends at rest: an example of a custom trajectory."""
+"""A Lissajous curve from rest to rest: an example of a custom trajectory."""
 
-import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -12,29 +11,19 @@ from trajectory_gen.time_law import quintic
 
 
 class Parameters(NamedTuple):
-    center: Annotated[tuple[float, ...], Field('', 'pose around which it moves')] = (
-        0.5,
-        0.35,
-        0.4,
-    )
-    size: Annotated[tuple[float, ...], Field('', 'amplitude of each coordinate')] = (
-        0.03,
-        0.02,
-        0.1,
-    )
+    center: Annotated[tuple[float, ...], Field('', 'pose')] = (0.49, 0.37, 0.5 * np.pi)
+    size: Annotated[tuple[float, ...], Field('', 'amplitudes')] = (0.03, 0.02, 0.1)
     turns: Annotated[tuple[float, ...], Field('', 'periods of each')] = (2.0, 3.0, 1.0)
-    duration: Annotated[float, Field('s', 'time from rest to rest', 1e-3)] = 6.0
+    duration: Annotated[float, Field('s', 'time from rest to rest', 1e-3)] = 12.0
 
 
 @kernel
 def motion(parameters, t):
     s, s_dot, s_ddot = quintic(parameters.duration, t)
-    w = 2.0 * math.pi * np.array(parameters.turns)
-    a = np.array(parameters.size)
-    pose = np.array(parameters.center) + a * np.sin(w * s)
-    rate = a * w * np.cos(w * s) * s_dot
-    acceleration = a * w * (np.cos(w * s) * s_ddot - w * np.sin(w * s) * s_dot**2)
-    return PoseMotion(pose, rate, acceleration)
+    a, w = np.array(parameters.size), 2.0 * np.pi * np.array(parameters.turns)
+    sine, cosine = np.sin(w * s), np.cos(w * s)
+    acceleration = a * w * (cosine * s_ddot - w * sine * s_dot**2)
+    return PoseMotion(np.array(parameters.center) + a * sine, a * w * cosine * s_dot, acceleration)
 
 
 def span(parameters):

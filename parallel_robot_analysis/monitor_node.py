@@ -9,10 +9,11 @@ from std_msgs.msg import Float64
 from parallel_robot_analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_base import realtime, topics
 from parallel_robot_base.topics import Topic
-from parallel_robot_model.robots import module_of, resolve
+from parallel_robot_model.robots import module_of
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
+from trajectory_gen.shapes import resolve
 
 
 class MonitorNode(SuiteNode):

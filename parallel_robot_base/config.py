@@ -92,11 +92,12 @@ def resolve_with_sources(
     gains = _gains(asked, extend)
     taken = {key.partition('.')[0] for _, values in layers for key in values}
     laws, shapes = (_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
-    for key, names in (('custom_laws', laws), ('custom_trajectories', shapes)):
-        if names & taken:
-            what = 'is a group of parameters; rename the file'
-            raise InputError(f'{key}: {min(names & taken)} {what}')
-        taken |= {name.partition('.')[0] for _, values in gains for name in values} | names
+    for key in ('custom_laws', 'custom_trajectories'):
+        for name in (Path(path).stem for path in asked[key]):
+            if name in taken:
+                raise InputError(f'{key}: {name} is a group of parameters; rename the file')
+            taken.add(name)
+        taken |= {name.partition('.')[0] for _, values in gains for name in values}
     layers += gains
     layers.append((CUSTOM_DEFAULT, _of(shapes, extend(asked) if extend else {})))
     config = merged(values for _, values in layers)

@@ -23,7 +23,7 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.robots import RobotModel, robot_of
-from trajectory_gen.shapes import robot_and_shape_defaults
+from trajectory_gen.shapes import robot_and_shape_defaults, shapes_of
 from trajectory_gen.trajectory import first_pose
 
 Array = NDArray[np.float64]
@@ -130,12 +130,16 @@ def _configured(values: Mapping[str, Any]) -> ControlConfiguration:
 def first_guess(values: Mapping[str, Any], robot: RobotModel) -> Array:
     """The parameter ``controller.guess``, or the first pose of the trajectory, shape (m,).
 
+    Where the file of a custom trajectory is not loaded, as for a bag, it is the initial pose.
+
     Raises:
         InputError: the parameter is not a pose.
     """
     given = list(config.group(values, ControllerParameters, 'controller').guess)
     if not given:
-        return first_pose(values)
+        if values['trajectory.shape'] in shapes_of(values):
+            return first_pose(values)
+        given = list(values['plant.initial_pose'])
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
     if len(given) != len(names):
         raise InputError(

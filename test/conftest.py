@@ -21,7 +21,8 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 PROCESSES = (  # tests that start processes, or take long: not for make check
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion',),
-    *('config', 'custom_import', 'custom_laws', 'custom_robots', 'docs', 'empty_graph'),
+    *('config', 'custom_import', 'custom_laws', 'custom_robots', 'custom_trajectories'),
+    *('docs', 'empty_graph'),
     *('hostile_bags', 'hostile_loop', 'hostile_wire', 'joins', 'kernel_cache', 'life_cycle'),
     *(
         'live_page',

@@ -344,6 +344,7 @@ VALUES = {
     'duration': (-1, 1e300, 1e9, 'long', None),
     'time_mode': ('never', 1, ['wall']),
     'custom_laws': ('x', [1], ['/etc/passwd'], ['/dev/stdin'], [['a']]),
+    'custom_trajectories': ('x', [1], ['/etc/passwd']),
     'plant.torque_limit': (0, 'a', [1, 2], [], 1e308, [math.pi, 'a', 1]),
     'robot.l1': (0, -1, 1e308, 'a', [1], 1e-300),
     'robot.base_x': ([1, 2], [1, 1, 1], 'abc', [0, 1, 'a']),
@@ -379,6 +380,7 @@ ATTACHMENTS = {
     'a robot of the suite': 'custom_robots/planar_3rrr',
     'robot NUL': 'custom_robots/a\0b',
     'robot parent': 'custom_robots/../../../owned',
+    'trajectory parent': 'custom_trajectories/../../../owned',
 }
 NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e155, 1e300, 5e-324)
 EXTREMES = {

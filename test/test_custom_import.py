@@ -17,7 +17,8 @@ from parallel_robot_cli.command_line import main
 
 ROOT = Path(__file__).parents[1]
 ROBOT = (ROOT / 'docs' / 'example_robot.py').read_text()
-TEXTS = {'custom_laws': LAW, 'custom_robots': ROBOT}
+TRAJECTORY = (ROOT / 'docs' / 'example_trajectory.py').read_text()
+TEXTS = {'custom_laws': LAW, 'custom_robots': ROBOT, 'custom_trajectories': TRAJECTORY}
 SHORT = ['--duration', '0.1']
 ENDS = {
     'leaves': ('os._exit(0)', 'its import ends the process with code 0'),
@@ -87,6 +88,8 @@ def test_in_every_command(name, tmp_path, capsys):
         ('controller', 'custom_laws'),
         ('trajectory', 'custom_robots'),
         ('plant', 'custom_robots'),
+        ('trajectory', 'custom_trajectories'),
+        ('controller', 'custom_trajectories'),
     ],
 )
 def test_in_a_node(node, key, tmp_path):

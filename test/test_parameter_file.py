@@ -72,6 +72,7 @@ def test_nodes_of_others_are_left_out_with_a_warning(file, caplog):
         ('ros__parameters: {law: pid}\n', 'must stand under the name of a node, or /**'),
         ('custom_laws: [evil.py]\n', 'custom_laws is code: give it by --set custom_laws=[FILE]'),
         ('custom_robots: [evil.py]\n', 'custom_robots is code'),
+        ('custom_trajectories: [evil.py]\n', 'custom_trajectories is code'),
         ('/plant: {ros__parameters: {custom_robots: [evil.py]}}\n', 'custom_robots is code'),
     ],
 )

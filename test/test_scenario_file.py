@@ -79,6 +79,7 @@ def test_the_file_of_a_shipped_scenario_is_that_scenario():
         ('scenario: other\n', 'a scenario has the name of its file'),
         ('custom_laws: [a.py]\n', 'custom_laws is given on a command line alone: it is code'),
         ('custom_robots: [a.py]\n', 'custom_robots is given on a command line alone'),
+        ('custom_trajectories: [a.py]\n', 'custom_trajectories is given on a command line alone'),
         ('/**: {ros__parameters: {law: pid}}\n', 'is a parameter file of ROS'),
     ],
 )  # fmt: skip

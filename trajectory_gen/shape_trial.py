@@ -78,9 +78,9 @@ def _compare(name: str, motion: Any, made: Any, span: float) -> None:
     for order in (1, 2):
         expected = (after[order - 1] - before[order - 1]) / width[:, None]
         allowed = LEAST + TOLERANCE * np.abs(expected).max(axis=0)
-        wrong = np.abs(here[order] - expected) > allowed
-        if wrong.any():
-            k, i = map(int, np.argwhere(wrong)[0])
+        excess = np.abs(here[order] - expected) / allowed
+        if excess.max() > 1.0:
+            k, i = map(int, np.unravel_index(excess.argmax(), excess.shape))
             raise InputError(
                 f'{name}: {NAMES[order]}[{i}] at t = {times[k]:.6g} s is {here[order][k, i]:.6g}, '
                 f'but {NAMES[order - 1]}[{i}] changes by {expected[k, i]:.6g} per second'
