@@ -1,4 +1,4 @@
-"""Start of the command line: Ctrl-C is heeded before anything slow is imported."""
+"""Start of the command line: Ctrl-C works before anything slow is imported."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ def main() -> int:
             for number in (signal.SIGINT, signal.SIGTERM):  # until the node has its own handlers
                 signal.signal(number, lambda *_: os._exit(0))
             signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
+        else:
+            signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # cleans up
+            default = signal.SIGTERM, signal.SIG_DFL
+            os.register_at_fork(after_in_child=lambda: signal.signal(*default))
         from parallel_robot_cli import command_line
 
         return command_line.main()

@@ -200,6 +200,16 @@ def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
 
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+def test_a_signal_while_a_report_is_drawn_leaves_nothing_of_it(name, launch, tmp_path):
+    assert launch(COMMAND_LINE, 'simulate', 'paper_circle', '--out', 'bag').wait() == 0
+    process = launch('parallel_robot_cli', 'report', 'bag', '--out', 'report', fresh=True)
+    process.until(lambda: [*tmp_path.glob('.report.*/report/figure_3*.svg')])
+    assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
+    assert process.stderr == ''
+    assert not [*tmp_path.glob('*report*')]
+
+
 def test_a_recorder_that_is_stopped_early_is_no_success(begin, tmp_path):
     process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
