@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
+from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.topics import DEPTH
 
 Tell = Callable[[str, dict[str, Any]], None]  # full name of a node, its parameters
@@ -83,6 +84,9 @@ class ParameterWatch:
             return
         values = {
             parameter.name: _plain(parameter.value) for parameter in event.changed_parameters
+        }
+        values |= {
+            new.name: _plain(new.value) for new in event.new_parameters if new.name == MOTION
         }
         values = {key: value for key, value in values.items() if key not in OTHERS}
         if values:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
@@ -14,7 +15,7 @@ from parallel_robot_base.fields import Field
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
-from trajectory_gen import shape_trial
+from trajectory_gen import shape_trial, waypoints
 from trajectory_gen.shapes import SHAPES, prepared, shapes_of
 
 Array = NDArray[np.float64]
@@ -98,6 +99,14 @@ class Trajectory:
         self._pose = vector(np.zeros(self._size))
         still = PoseMotion(self._pose, self._pose, self._pose)
         self._joints = self.robot.kernel('joint_motion', still)
+
+    def along(self, spline: waypoints.Spline) -> Trajectory:
+        """Another motion of the same robot, within the same limits, at its own speed."""
+        made = copy.copy(self)
+        made.shape, made.span = spline, waypoints.span(spline)
+        made.parameters = self.parameters._replace(shape='waypoints', speed_factor=1.0)
+        made._motion = FirstClass(waypoints.motion, spline, 0.0)
+        return made
 
     def sample(self, times: Any) -> Reference:
         """Evaluate the motion.

@@ -2,26 +2,36 @@
 
 Before the start it publishes the first sample of the motion, at rest. The motion starts at the
 common `start_stamp`, or else with the first command of a controller or a call of ``~/start``.
+A message on ``~/motion`` lets it go on through other points.
 """
 
 from __future__ import annotations
 
+import math
 import sys
+import threading
 
 import numpy as np
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from parallel_robot_base import cdr_reader, realtime, topics
+from parallel_robot_base.errors import InputError, ParallelRobotError
 from parallel_robot_base.loop import OLDEST, STEP_START, WAIT
+from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_ros import parameters
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
-from trajectory_gen import preflight
+from trajectory_gen import motion_message, preflight
+from trajectory_gen.course import Course
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.shapes import resolve, shapes_of
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 
 BATCH = 200  # samples computed at once
+SOON = 0.1  # s, from a message to its motion; doubled where the computer takes longer
+LATEST = 10.0  # s, after which it is given up
 
 
 class TrajectoryNode(SuiteNode):
@@ -41,7 +51,11 @@ class TrajectoryNode(SuiteNode):
             self.declare_group(name, shape.Parameters)
         preflight.check(self._trajectory, self.loop.period)
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
-        self._batch: tuple[int, np.ndarray, np.ndarray] | None = None
+        self._course = Course(self._trajectory, self.loop.period)
+        self._course.prepare()
+        self._asked_motion: bytes | None = None  # a message that waits to be looked at
+        self._turn = threading.Lock()  # held while samples are published, or change
+        self._batch: tuple[int, Course, np.ndarray, np.ndarray] | None = None
         self._start_requested = False
         self._asked = 0  # ns, stamp of the last state (lockstep)
         self._late = 0  # ns, age of the states, as the first one tells it (lockstep)
@@ -50,6 +64,7 @@ class TrajectoryNode(SuiteNode):
         self._reference = self.publisher(topics.REFERENCE)
         self._pose = self.publisher(topics.POSE_REFERENCE, essential=False)
         self.create_service(Trigger, '~/start', self._answer_start)
+        self.create_subscription(JointTrajectory, '~/motion', self._on_motion, 1, raw=True)
         if self.lockstep:
             self.subscribe(topics.JOINT_STATES, self._on_state)
             return
@@ -109,19 +124,68 @@ class TrajectoryNode(SuiteNode):
             for index in range(max(self._sent + 1, k), k + BATCH + 1):
                 self._publish(index)
 
+    def _on_motion(self, data: bytes) -> None:
+        """Take a message with a new motion; of several that wait, the newest counts."""
+        waits, self._asked_motion = self._asked_motion is not None, data
+        if not waits:
+            self.background.do(self._change_motion)
+
+    def _change_motion(self) -> None:
+        """Go on with the motion of the message that waits, or say why not."""
+        data, self._asked_motion = self._asked_motion, None
+        try:
+            self._begin_motion(data or b'')
+        except ParallelRobotError as error:
+            self.counts['new motions refused'] += 1
+            text = f'new motion refused: {error}'
+            self.get_logger().warning(text, throttle_duration_sec=0.1)
+
+    def _begin_motion(self, data: bytes) -> None:
+        """Let the motion of a message follow the samples that have been sent.
+
+        Raises:
+            InputError: the message is wrong, or there is no motion that it could follow.
+            MotionError: the robot cannot perform it.
+        """
+        robot = self._trajectory.robot
+        names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
+        points = motion_message.read(data, names)
+        soon = 0.0 if self.lockstep else SOON
+        while soon <= LATEST:
+            begin = self._sent + math.ceil(soon / self.loop.period)
+            if self._sent < 0 or (self.last_index is not None and begin >= self.last_index):
+                raise InputError('the motion has not begun, or has come to its end')
+            course = self._course.then(begin, points)
+            with self._turn:
+                if self._sent <= begin:
+                    self._course = course
+                    break
+            soon *= 2.0
+        else:
+            raise InputError(f'its check takes longer than {LATEST:g} s')
+        stamp = self._start + begin * self.period_ns
+        text = f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s'
+        self.get_logger().info(f'new motion: {text}')
+        parameters.declare_text(self, MOTION, text, 'motion that a message asked for')
+
     def _publish(self, k: int) -> None:
         """Publish sample `k` of the motion; nothing after its end."""
+        with self._turn:
+            self._publish_next(k)
+
+    def _publish_next(self, k: int) -> None:
         last = self.last_index
         if k <= self._sent or (last is not None and k > last):
             return
         first = k // BATCH * BATCH
-        if self._batch is None or self._batch[0] != first:
+        if self._batch is None or self._batch[:2] != (first, self._course):
             indices = np.arange(first, first + BATCH)
             stamps = self._start + indices * self.period_ns
-            samples = self._trajectory.sample(indices * self.loop.period)
+            samples = self._course.sample(indices)
             references = reference_messages(self.loop.joints, stamps, samples)
-            self._batch = (first, references, pose_messages(stamps, samples.pose))
-        _, references, poses = self._batch
+            poses = pose_messages(stamps, samples.pose)
+            self._batch = (first, self._course, references, poses)
+        _, _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
         self._published += 1
         if k % topics.SLOW == 0 and self._trajectory.robot.module.PLANAR:

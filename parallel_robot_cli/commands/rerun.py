@@ -20,6 +20,7 @@ from parallel_robot_bags.trust import add_trust_argument, custom_files
 from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.printable import printable
 from parallel_robot_cli.commands import run, simulate
 from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
@@ -159,6 +160,9 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
         lines.append(
             f'{len(happened)} changes of law, gains or fault during the run are not repeated'
         )
+    motions = sum(MOTION in change.values for change in past.changes)
+    if motions:
+        lines.append(f'{motions} new motions during the run are not repeated')
     return lines
 
 
