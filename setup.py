@@ -64,7 +64,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/laws', glob('config/laws/*.yaml')),
-        (f'share/{NAME}/config/hardware', glob('config/hardware/*.yaml')),
+        (f'share/{NAME}/config/hardware', glob('config/hardware/*.*')),
         (f'share/{NAME}/config/middleware', glob('config/middleware/*.xml')),
         (f'share/{NAME}/config/robots', glob('config/robots/*.yaml')),
         (f'share/{NAME}/config/scenarios', glob('config/scenarios/*.yaml')),

@@ -79,8 +79,10 @@ class ControllerNode(SuiteNode):
         self.counts = self._controller.counts
         self._warn(self._controller.law.warnings)
         joints = self.loop.joints
+        fields = 'position', 'velocity', 'effort'
+        needed = 2 if configured.estimator.takes_velocities else 1
         self._state_reader = JointReader(
-            topics.JOINT_STATES, joints, ('position', 'velocity'), self.counts, 'effort'
+            topics.JOINT_STATES, joints, fields[:needed], self.counts, fields[needed:]
         )
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts

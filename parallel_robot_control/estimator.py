@@ -67,6 +67,12 @@ class EstimatorParameters(NamedTuple):
         PerJoint, Field('N m', 'dry friction, rms before it is known (kalman)', 0.0)
     ]
 
+    @property
+    def takes_velocities(self) -> bool:
+        """Whether measured velocities are used, whichever law is active."""
+        known = self.kind in ('filter', 'levant')
+        return not known and (self.kind != 'kalman' or self.velocities)
+
 
 class Estimator(NamedTuple):
     """The parameters as the kernels take them.

@@ -27,8 +27,8 @@ LONGEST = 2000  # messages of a topic that may wait: two seconds
 ROUNDS = 3  # of the executor in a look, for answers of the nodes
 ASKED = ('controller', 'trajectory')  # nodes whose parameters are wanted
 FIELDS = {
-    topics.JOINT_STATES: (('position', 'velocity'), 'effort'),
-    topics.REFERENCE: (('position', 'velocity', 'acceleration'), ''),
+    topics.JOINT_STATES: (('position',), ('velocity', 'effort')),
+    topics.REFERENCE: (('position', 'velocity', 'acceleration'), ()),
 }
 PARAMETER_EVENTS = 100  # that may wait
 
@@ -167,7 +167,7 @@ class LiveGraph(RosGraph):
 def _read_all(reader: JointReader, messages: list[bytes], topic: Topic, joints: int) -> Heard:
     """Read messages; those of one layout are read together."""
     needed, optional = FIELDS[topic]
-    layout, names = reader.layout, [name for name in (*needed, optional) if name]
+    layout, names = reader.layout, [*needed, *optional]
     if layout and messages and set(names) <= set(layout.dtype.names or ()):
         length = len(layout.template)
         records = layout.decode(b''.join(data[:length] for data in messages), len(messages))

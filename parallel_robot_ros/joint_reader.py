@@ -33,7 +33,7 @@ class JointReader:
         joints: tuple[str, ...],
         fields: Sequence[str],
         counts: Counter[str],
-        optional: str = '',
+        optional: Sequence[str] = (),
     ) -> None:
         """Prepare to read a topic.
 
@@ -42,7 +42,7 @@ class JointReader:
             joints: Names of the joints, in the order in which they are read.
             fields: Names of the fields: position, velocity, acceleration.
             counts: Counts the messages that cannot be used, by reason.
-            optional: Field that is zero where a message lacks it, or has no finite number there.
+            optional: Fields that are zero where a message lacks them or has no finite number.
         """
         self._topic = topic
         self._joints = joints
@@ -58,8 +58,8 @@ class JointReader:
         """Read one message.
 
         Returns:
-            Stamp [ns] and one array of shape (n,) for each field, the optional one last; None for
-            a message that cannot be used.
+            Stamp [ns] and one array of shape (n,) for each field, the optional ones last; None
+            for a message that cannot be used.
         """
         records = self.layout.decode(data) if self.layout else None
         if records is None:
@@ -75,14 +75,13 @@ class JointReader:
         if records['nanosec'][0] >= NANOSECONDS:
             self._counts[f'{self._topic.name}: the stamp has more than a second in ns'] += 1
             return None
-        if self._optional:
-            vectors.append(self._read_optional(records))
+        vectors += [self._read_optional(records, name) for name in self._optional]
         return int(cdr.stamps_of(records)[0]), vectors
 
-    def _read_optional(self, records: np.ndarray) -> np.ndarray:
-        if self._optional not in (records.dtype.names or ()):
+    def _read_optional(self, records: np.ndarray, name: str) -> np.ndarray:
+        if name not in (records.dtype.names or ()):
             return np.zeros(len(self._joints))
-        values = records[self._optional][0][self.order]
+        values = records[name][0][self.order]
         return np.where(np.isfinite(values), values, 0.0)
 
     def _learn(self, data: bytes) -> str:

@@ -2,13 +2,14 @@
 
 import shutil
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import yaml
 
 from parallel_robot_bags import custom_sources
-from parallel_robot_base import assignments, config, config_files
+from parallel_robot_base import assignments, config, config_files, topics
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
@@ -46,10 +47,8 @@ def test_every_scenario_gives_complete_groups(scenario):
         robot_of(values, prefix)
 
 
-@pytest.mark.parametrize(
-    'path', sorted((config.directory() / 'hardware').glob('*.yaml')), ids=lambda path: path.name
-)
-def test_every_parameter_file_is_of_ros_and_for_every_node(path):
+def test_the_strict_parameters_are_of_ros_and_for_every_node():
+    path = config.directory() / 'hardware' / 'strict.yaml'
     (nodes,) = yaml.safe_load(path.read_text()).items()
     assert nodes[0] == '/**' and set(nodes[1]) == {'ros__parameters'}
     given = config.flat(nodes[1]['ros__parameters'])
@@ -64,6 +63,26 @@ def test_the_strict_time_outs_are_tighter_than_those_of_a_desktop():
     values = config.resolve('paper_circle')
     for key, value in config.flat(strict['/**']['ros__parameters']).items():
         assert value < values[key], key
+
+
+def test_ros2_control_is_asked_for_what_the_controller_speaks_to(values):
+    """Its controllers take what is below their own names; joints are those of the suite."""
+    hardware = config.directory() / 'hardware'
+    asked = yaml.safe_load((hardware / 'ros2_control.yaml').read_text())
+    manager = asked['controller_manager']['ros__parameters']
+    name = topics.COMMANDS.name.removesuffix('/commands')
+    assert manager[name]['type'] == 'effort_controllers/JointGroupEffortController'
+    assert manager['update_rate'] == round(1 / values['period'])
+    assert asked[name]['ros__parameters']['joints'] == values['joints']
+    robot = ElementTree.parse(hardware / 'topic_based.urdf').getroot()
+    tree = {joint.get('name') for joint in robot.findall('joint')}
+    control = robot.find('ros2_control')
+    joints = {joint.get('name'): joint for joint in control.findall('joint')}
+    assert list(joints) == values['joints'] and tree == {*joints}  # the order of the efforts
+    for joint in joints.values():
+        assert [one.get('name') for one in joint.findall('command_interface')] == ['effort']
+        names = [one.get('name') for one in joint.findall('state_interface')]
+        assert names == ['position', 'velocity', 'effort']
 
 
 def test_the_papers_numbers_are_in_the_files(robot):

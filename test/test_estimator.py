@@ -4,8 +4,17 @@ import numpy as np
 import pytest
 from assembly import simulate
 
+from parallel_robot_base import config
 from parallel_robot_compiler import kernel, read_row, vector, write_row
-from parallel_robot_control.estimator import FILTER, LEVANT, Estimated, Estimator, estimated
+from parallel_robot_control.estimator import (
+    FILTER,
+    LEVANT,
+    Estimated,
+    Estimator,
+    EstimatorParameters,
+    estimated,
+)
+from parallel_robot_sim import simulate as run_scenario
 
 H = 1e-3  # s
 T = np.arange(2001) * H
@@ -72,3 +81,26 @@ def test_the_loop_needs_no_measured_velocity(kind):
     blind = simulate('paper_circle', 3.0, {**more, 'safety.speed_limit': 1e3})
     assert not blind.out.fault.any()
     assert blind.steady_rms() < 1.5 * exact + 1e-5
+
+
+@pytest.mark.parametrize(
+    ('kind', 'velocities', 'taken'),
+    [
+        ('auto', False, True),  # the next law may ask for another kind
+        ('none', False, True),
+        ('filter', True, False),
+        ('levant', True, False),
+        ('kalman', True, True),
+        ('kalman', False, False),
+    ],
+)
+def test_measured_velocities_count_where_the_node_asks_for_them_alone(kind, velocities, taken):
+    """The node reads states without velocities where they do not count, as zeros."""
+    keys = {'estimator.kind': kind, 'estimator.velocities': velocities}
+    exact, noisy = (
+        run_scenario('paper_circle', duration=0.02, **keys, **{'sensor.velocity_noise': noise})
+        for noise in (0.0, 0.1)
+    )
+    parameters = config.group(exact.values, EstimatorParameters, 'estimator')
+    assert parameters.takes_velocities is taken
+    assert np.array_equal(exact.torque, noisy.torque) is not taken

@@ -9,6 +9,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_base import topics
+from parallel_robot_base.layouts import joint_state
 from parallel_robot_ros.joint_reader import JointReader
 
 JOINTS = ('joint1', 'joint2', 'joint3')
@@ -107,6 +108,21 @@ def test_what_cannot_be_used_is_counted_with_its_reason(name, reader, counts):
 def test_other_joints_that_are_not_finite_do_no_harm(reader):
     names = ('gripper', *JOINTS)
     assert is_read(reader, state(names, position=[np.nan, 0.1, 0.2, 0.3]))
+
+
+def test_velocities_may_be_missing_where_they_are_not_used(counts):
+    """As joint_state_broadcaster has it without velocity interfaces: NaN for each joint."""
+    reader = JointReader(
+        topics.JOINT_STATES, JOINTS, ('position',), counts, ('velocity', 'effort')
+    )
+    names, nan = ('gripper', *JOINTS[::-1]), [np.nan] * 4
+    position = np.array([9.0, 0.3, 0.2, 0.1])
+    empty = joint_state(names, ('position', 'effort')).encode(STAMP, position=position, effort=nan)
+    for data in (state(names, position=[*position], velocity=nan, effort=nan), empty):
+        _, (angles, rate, effort) = reader.read(data)
+        assert [*angles] == [0.1, 0.2, 0.3]
+        assert not rate.any() and not effort.any()
+    assert not counts
 
 
 def test_references_are_read_alike(counts):
