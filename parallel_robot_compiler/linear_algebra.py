@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.extending import overload
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler.kernels import kernel
 from parallel_robot_compiler.numba_parts import in_kernels
 from parallel_robot_compiler.vector_operators import elementwise, emit, pack
 from parallel_robot_compiler.vector_types import VectorType
-
-Array = NDArray[np.float64]
 
 
 @kernel

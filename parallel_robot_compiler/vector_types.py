@@ -15,11 +15,9 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import NativeValue, box, models, register_model, typeof_impl, unbox
-from numpy.typing import NDArray
 
 from parallel_robot_compiler.numba_parts import cgutils
 
-Array = NDArray[np.float64]
 INTERPRETED = bool(numba.config.DISABLE_JIT)  # kernels run as plain Python, for a debugger
 if INTERPRETED:
     np.seterr(all='ignore')  # 1 / 0 is inf, and whole numbers wrap around, as in kernels

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_base import layouts
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import answers_message
-from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, SKIPPED, Array, Shared
+from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, SKIPPED, Shared
 
 
 class AnswerLog:

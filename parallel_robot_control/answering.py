@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.loop import OLDEST
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
@@ -63,9 +63,6 @@ from parallel_robot_control.shared_arrays import (
     VELOCITY,
 )
 from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message
-
-Array = NDArray[np.float64]
-
 
 # Return value of answer: bits, if the state was answered ...
 ANSWERED = 1

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import inner, select, vector
 from parallel_robot_control.contract import JointReference
-
-Array = NDArray[np.float64]
 
 
 class ApproachParameters(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import Boxed, Space, distinguish, vector
 from parallel_robot_control import delay_identification
 from parallel_robot_control.configuration import ControlConfiguration
@@ -15,8 +15,6 @@ from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
 from parallel_robot_model.contract import PoseMotion
-
-Array = NDArray[np.float64]
 
 
 class Control(NamedTuple):

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.config import PRESET
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, build, parameters, plain
@@ -25,8 +25,6 @@ from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.robots import RobotModel, robot_of
 from trajectory_gen.shapes import robot_and_shape_defaults, shapes_of
 from trajectory_gen.trajectory import first_pose
-
-Array = NDArray[np.float64]
 
 
 class ControllerParameters(NamedTuple):

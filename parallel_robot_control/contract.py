@@ -20,12 +20,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_model.contract import Model
-
-Array = NDArray[np.float64]
 
 
 class JointReference(NamedTuple):

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_base import cdr, cdr_reader, layouts
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import need_compiler
 from parallel_robot_control import configuration, faults, law_core, transitions
@@ -38,8 +38,6 @@ from parallel_robot_control.reference_buffer import (
 from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import ACTED, HEARD, LAST, MEASURED, NEVER, PHASE
 from parallel_robot_control.wire import wire_of
-
-Array = NDArray[np.float64]
 
 LOST = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 

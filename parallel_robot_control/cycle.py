@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
 from parallel_robot_control import faults, kalman, kalman_memory, lock_in
 from parallel_robot_control.approach import Approach, approached, not_begun
@@ -14,8 +14,6 @@ from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
 from parallel_robot_model.contract import Estimate
-
-Array = NDArray[np.float64]
 
 
 class CycleState(NamedTuple):

@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import vector
@@ -27,8 +28,6 @@ from parallel_robot_control.lock_in import (
     LockIn,
 )
 from parallel_robot_control.safety import Limits
-
-Array = NDArray[np.float64]
 
 ROOM = 0.5  # share of a safety limit that the sine may take
 LEAST = 4, 20  # samples of an oscillation, oscillations

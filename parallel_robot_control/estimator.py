@@ -6,8 +6,8 @@ import math
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import Space, clip, kernel, select, vector
@@ -17,8 +17,6 @@ from parallel_robot_control.delay_identification import LockInParameters, lock_i
 from parallel_robot_control.kalman_equations import Kalman
 from parallel_robot_control.kalman_memory import MOST
 from parallel_robot_control.lock_in import LockIn
-
-Array = NDArray[np.float64]
 
 NONE, FILTER, LEVANT, KALMAN = range(4)
 KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN}

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel, vector
-
-Array = NDArray[np.float64]
 
 
 class Integral(NamedTuple):

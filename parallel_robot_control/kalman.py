@@ -9,15 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, kernel, multiply, read_at, select
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.kalman_equations import Kalman, Mean, corrected, moved, sign, spread
 from parallel_robot_control.kalman_memory import MOST, SIZE, TORQUE, begin, read, running, write
 from parallel_robot_model.contract import Model
-
-Array = NDArray[np.float64]
 
 
 class Predicted(NamedTuple):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import Space, inner, read_at, select, vector, write_at
 from parallel_robot_control import lock_in
 from parallel_robot_control.kalman_equations import Kalman, Mean, Variance
-
-Array = NDArray[np.float64]
 
 MOST = 50  # samples, largest age from which is predicted
 AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest

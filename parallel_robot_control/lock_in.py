@@ -21,12 +21,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import every, inner, read_at, select, solve, write_at
 from parallel_robot_model.contract import Model
-
-Array = NDArray[np.float64]
 
 NEAR = 0.05, 2.0  # periods, standard errors from a whole number of periods, which it then is
 APART = 0.5  # periods by which a joint may tell another delay than all together

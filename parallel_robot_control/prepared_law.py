@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba import typeof
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_compiler import (
@@ -26,8 +26,6 @@ from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.contract import Model
-
-Array = NDArray[np.float64]
 
 
 class PreparedLaw(NamedTuple):

@@ -7,16 +7,14 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.experimental import structref
-from numpy.typing import NDArray
 
 from parallel_robot_base import layouts
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import entry_point, inner, kernel, read_row, vector
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate
 from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message, wire_of
-
-Array = NDArray[np.float64]
 
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 SIZE = 10_000  # samples; when full, the oldest is dropped

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import clip, inlined, kernel, select, some, vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-
-Array = NDArray[np.float64]
 
 TORQUE, RATE, RAMP = 1, 2, 4  # bits of the limits that acted
 ACTED_TEXT = {TORQUE: 'torque limit', RATE: 'torque rate limit', RAMP: 'ramp after a take-over'}

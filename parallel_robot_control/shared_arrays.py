@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import layouts
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import vector
 from parallel_robot_control.approach import Approach
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
-
-Array = NDArray[np.float64]
 
 NEVER = -1  # a stamp that no message has
 AGES = 4096  # answers for which the age of the state is kept

@@ -8,15 +8,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import vector
 from parallel_robot_control import faults
 from parallel_robot_control.approach import not_begun
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
-
-Array = NDArray[np.float64]
 
 
 def taking_over(state: CycleState, torque: Array) -> CycleState:

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.experimental import structref
-from numpy.typing import NDArray
 
 from parallel_robot_base import cdr
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.cdr import ENCAPSULATION, SPARE
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel
-
-Array = NDArray[np.float64]
 
 NOT_UNDERSTOOD = -1  # stamp that marks a message of another layout, or with an invalid stamp
 

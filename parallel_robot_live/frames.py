@@ -18,11 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_model.poses import poses_of
 from parallel_robot_model.robots import RobotModel
-
-Array = NDArray[np.float64]
 
 HEADER = struct.Struct('<IIdfI')
 FRAME = 1.0 / 30.0  # s of motion in a frame

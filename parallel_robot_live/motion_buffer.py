@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_bags.run_log import reference_at
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.contract import JointReference
-
-Array = NDArray[np.float64]
 
 OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
 GAP = NANOSECONDS  # ns between two states, beyond which another motion begins

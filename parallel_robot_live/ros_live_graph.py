@@ -14,14 +14,13 @@ from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import cdr, topics
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.topics import Topic
 from parallel_robot_cli.top.graph import Tell
 from parallel_robot_cli.top.robots import Robots
 from parallel_robot_cli.top.ros_graph import RosGraph
 from parallel_robot_live.source import Description
 from parallel_robot_ros.joint_reader import JointReader
-
-Array = NDArray[np.float64]
 
 LONGEST = 2000  # messages of a topic that may wait: two seconds
 ROUNDS = 3  # of the executor in a look, for answers of the nodes

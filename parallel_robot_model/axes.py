@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import every, kernel, select, vector
@@ -37,8 +37,6 @@ from parallel_robot_model.contract import (
 )
 from parallel_robot_model.feasibility import Infeasible, first_sample
 from parallel_robot_model.joint_load import JointLoad, net_torque
-
-Array = NDArray[np.float64]
 
 PARTS = ('axis', 'machine')
 PLANAR = False

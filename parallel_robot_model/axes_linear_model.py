@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from parallel_robot_base.arrays import Array
 
 NAMES = 'inertia1, inertia2, ...: motor and load of each axis'
 

@@ -14,13 +14,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel, multiply
 from parallel_robot_model.feasibility import Infeasible
 from parallel_robot_model.joint_load import JointLoad
-
-Array = NDArray[np.float64]
 
 FOUND = 0  # no fault: there is a pose, and no margin is violated
 REACHED = -1  # no part of the robot is out of reach

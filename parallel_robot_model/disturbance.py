@@ -6,12 +6,10 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import kernel, some, vector
-
-Array = NDArray[np.float64]
 
 
 class DisturbanceParameters(NamedTuple):

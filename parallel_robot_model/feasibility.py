@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.printable import apart
-
-Array = NDArray[np.float64]
 
 
 class Infeasible(NamedTuple):

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import clip, kernel, select, vector
-
-Array = NDArray[np.float64]
 
 
 class FrictionParameters(NamedTuple):

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel
 from parallel_robot_model.disturbance import DisturbanceParameters, disturbance_torque
 from parallel_robot_model.friction import FrictionParameters, friction_torque
-
-Array = NDArray[np.float64]
 
 
 class JointLoad(NamedTuple):

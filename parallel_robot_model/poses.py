@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.contract import FOUND
 from parallel_robot_model.robots import RobotModel
-
-Array = NDArray[np.float64]
 
 
 def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:

@@ -21,8 +21,8 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel, multiply, select, vector
@@ -43,8 +43,6 @@ from parallel_robot_model.contract import (
 from parallel_robot_model.feasibility import Infeasible, first_sample
 from parallel_robot_model.joint_load import JointLoad, net_torque
 from parallel_robot_model.link_checks import check_links
-
-Array = NDArray[np.float64]
 
 PARTS = ('joint', 'arm')
 PLANAR = True

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from parallel_robot_base.arrays import Array
 
 NAMES = (
     'a = I1 + m1 lc1^2 + (m2 + mp) l1^2, b = I2 + m2 lc2^2 + mp l2^2, h = l1 (m2 lc2 + mp l2), '

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import clip, kernel, select, vector
 from parallel_robot_sim.memory import (
     COMMAND,
@@ -23,8 +23,6 @@ from parallel_robot_sim.memory import (
 )
 from parallel_robot_sim.random_numbers import normals
 from parallel_robot_sim.sensors import rounded
-
-Array = NDArray[np.float64]
 
 EARLY = 1e-6  # of a period, by which a time may be missed by rounding
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import (
     FirstClass,
     kernel,
@@ -20,8 +21,6 @@ from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors import sensed
 from trajectory_gen.trajectory import Reference
-
-Array = NDArray[np.float64]
 
 
 class ClosedLoopRun(NamedTuple):

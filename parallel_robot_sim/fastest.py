@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.printable import apart
 from parallel_robot_compiler import kernel, read_row, vector, write_row
@@ -14,8 +14,6 @@ from parallel_robot_model.contract import inverse_dynamics
 from parallel_robot_sim.configuration import Configuration
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference, Trajectory
-
-Array = NDArray[np.float64]
 
 FACTOR = 'trajectory.speed_factor'
 RESERVE = 1e-4  # of the factor: the fastest moment may lie between two samples

@@ -6,14 +6,12 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint, check
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import Space
-
-Array = NDArray[np.float64]
 
 KINDS = 6  # of vectors that the plant remembers, see memory.py
 LONGEST = 0.1  # s, of a delay

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inlined
-
-Array = NDArray[np.float64]
 
 
 @inlined

@@ -9,12 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, read_at, select, write_at
 from parallel_robot_sim.random_numbers import whole_number
-
-Array = NDArray[np.float64]
 
 # Kinds of vectors,
 POSITION, VELOCITY, COMMAND, LAGGED, DISTURBANCE, EFFORT = range(6)

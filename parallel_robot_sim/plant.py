@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import clip, kernel, vector
 from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.integrators import ode3, rk4
 from parallel_robot_sim.sensors import keep_sensed
-
-Array = NDArray[np.float64]
 
 
 class PlantParameters(NamedTuple):

@@ -8,11 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, kernel, read_at, write_at
-
-Array = NDArray[np.float64]
 
 MAX_SEED = 2**53  # kernels take the seed as a float
 

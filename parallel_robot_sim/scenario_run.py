@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_base import config, parameter_file
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import DURATION
@@ -24,7 +24,6 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import Simulation
 
-Array = NDArray[np.float64]
 File = str | Path
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, kernel, select, vector
 from parallel_robot_model.contract import Measurement
 from parallel_robot_sim.memory import (
@@ -22,8 +22,6 @@ from parallel_robot_sim.memory import (
     sample_at,
 )
 from parallel_robot_sim.random_numbers import normals
-
-Array = NDArray[np.float64]
 
 
 @kernel

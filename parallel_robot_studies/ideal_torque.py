@@ -8,8 +8,8 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import PerJoint
 from parallel_robot_compiler import Boxed, kernel, read_row, write_row
 from parallel_robot_model.joint_load import JointLoad, net_torque
@@ -18,8 +18,6 @@ from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.plant import PlantSetup
 from parallel_robot_studies.limit.linear_motion import performed, smooth
 from trajectory_gen.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 KEPT = 96  # ideal torques: those of the samples that the laws of a study share
 

@@ -5,9 +5,8 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
 from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-
-Array = NDArray[np.float64]
 
 ROBOT = config.group(config.resolve('paper_circle'), RobotParameters, 'robot')
 PAPER_START = np.array([0.5284, 0.3681, np.pi / 2])

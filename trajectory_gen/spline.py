@@ -7,12 +7,11 @@ import warnings
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import spsolve
 
-Array = NDArray[np.float64]
+from parallel_robot_base.arrays import Array
 
 DEGREE = 5  # of a motion of least mean square jerk between points
 ENDS = 3  # coefficients at each end that position, zero rate and zero acceleration fix

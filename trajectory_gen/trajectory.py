@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
@@ -17,8 +18,6 @@ from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel, robot_of
 from trajectory_gen import shape_trial, waypoints
 from trajectory_gen.shapes import SHAPES, prepared, shapes_of
-
-Array = NDArray[np.float64]
 
 
 class TrajectoryParameters(NamedTuple):

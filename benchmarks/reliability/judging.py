@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from parallel_robot_base.arrays import Array
 
 BOUND = 1e-4  # m, end-effector error below which the loop is well
 QUIET = 0.5  # s, for which it must stay there

@@ -12,6 +12,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.batch import States, answer
@@ -19,8 +20,6 @@ from parallel_robot_control.configuration import ControlConfiguration, configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.reference_buffer import RESTART
 from parallel_robot_control.transitions import taking_over
-
-Array = NDArray[np.float64]
 
 
 class Ghost:

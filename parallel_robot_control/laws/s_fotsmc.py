@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
@@ -16,8 +16,6 @@ from parallel_robot_control.coupling import coupling
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import sig
 from parallel_robot_model.contract import Model, inverse_dynamics
-
-Array = NDArray[np.float64]
 
 ROUNDING = 0.005  # of gamma2, which the paper rounds to two digits
 

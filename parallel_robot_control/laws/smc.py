@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel, vector
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.switching_functions import saturate
 from parallel_robot_model.contract import Model, inverse_dynamics
-
-Array = NDArray[np.float64]
 
 
 class Gains(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
@@ -14,8 +13,6 @@ from parallel_robot_control.contract import ControlOutput, Feedback, JointRefere
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import sig
 from parallel_robot_model.contract import Model, inverse_dynamics
-
-Array = NDArray[np.float64]
 
 
 class Gains(NamedTuple):

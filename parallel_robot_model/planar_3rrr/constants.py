@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import vector
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-
-Array = NDArray[np.float64]
 
 
 class Constants(NamedTuple):

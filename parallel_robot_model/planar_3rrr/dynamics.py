@@ -13,9 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import cross, dot, kernel, vector
 from parallel_robot_model.contract import Model
 from parallel_robot_model.joint_load import JointLoad, net_torque
@@ -32,8 +30,6 @@ from parallel_robot_model.planar_3rrr.velocities import (
     rates_of,
     velocity_maps,
 )
-
-Array = NDArray[np.float64]
 
 
 class Symmetric(NamedTuple):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel, select
 from parallel_robot_model.contract import FOUND, Estimate, Location, no_model
 from parallel_robot_model.planar_3rrr.constants import Constants
@@ -12,8 +10,6 @@ from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
 from parallel_robot_model.planar_3rrr.forward_kinematics import forward_kinematics
 from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2, SafetyMargins
 from parallel_robot_model.planar_3rrr.singularity import measures
-
-Array = NDArray[np.float64]
 
 
 @kernel

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import (
     dot,
     every,
@@ -28,8 +28,6 @@ from parallel_robot_model.planar_3rrr.posture import (
 )
 from parallel_robot_model.planar_3rrr.singularity import type_2_measure
 from parallel_robot_model.planar_3rrr.velocities import Columns
-
-Array = NDArray[np.float64]
 
 # Why there is no trustworthy pose.
 GUESS_OUT_OF_REACH = 1

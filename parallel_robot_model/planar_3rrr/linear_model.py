@@ -13,11 +13,9 @@ platform centre to its three joints, which belong to the distal links as well.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-
-Array = NDArray[np.float64]
 
 NAMES = (
     'a = I1 + m1 lc1^2 + m2 l1^2, b = I2 + m2 lc2^2, h = m2 l1 lc2, all legs alike; '

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_compiler import kernel, vector
 from parallel_robot_model.contract import REACHED, JointMotion, Measurement, PoseMotion
@@ -22,8 +22,6 @@ from parallel_robot_model.planar_3rrr.velocities import (
     rates_of,
     velocity_maps,
 )
-
-Array = NDArray[np.float64]
 
 
 @kernel

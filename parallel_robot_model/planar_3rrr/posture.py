@@ -16,13 +16,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel, select
 from parallel_robot_model.contract import REACHED
 from parallel_robot_model.planar_3rrr.constants import Constants
-
-Array = NDArray[np.float64]
 
 
 class Posture(NamedTuple):

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import cross, kernel, select
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 from parallel_robot_model.planar_3rrr.posture import Posture
 from parallel_robot_model.planar_3rrr.velocities import jacobian_x
-
-Array = NDArray[np.float64]
 
 
 class Singularity(NamedTuple):

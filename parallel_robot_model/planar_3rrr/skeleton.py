@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
-
-Array = NDArray[np.float64]
 
 
 def segments(robot: RobotParameters, pose: Array, theta: Array) -> dict[str, Array]:

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.posture import Posture
-
-Array = NDArray[np.float64]
 
 
 class Columns(NamedTuple):

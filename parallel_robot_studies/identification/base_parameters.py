@@ -10,14 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_model.linear_model import LinearModel
 from parallel_robot_model.poses import poses_of
 from parallel_robot_model.robots import RobotModel
-
-Array = NDArray[np.float64]
 
 STATES = 200  # with which combinations are found
 NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it

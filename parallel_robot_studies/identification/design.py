@@ -11,18 +11,16 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_studies.identification import base_parameters
 from parallel_robot_studies.identification.base_parameters import BaseParameters
 from trajectory_gen.trajectory import Reference, Trajectory
-
-Array = NDArray[np.float64]
 
 SAMPLES = 300  # of a motion, for the search
 SHARE = 0.5  # of the largest speed and torque that a motion may take

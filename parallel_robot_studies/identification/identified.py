@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import BagError
 from parallel_robot_control.configuration import first_guess
 from parallel_robot_model.friction import FrictionParameters
@@ -24,8 +24,6 @@ from parallel_robot_studies.identification.least_squares import Fit
 from parallel_robot_studies.identification.physical_robot import PhysicalRobot
 from parallel_robot_studies.identification.recording import Recording
 from parallel_robot_studies.identification.regression_rows import Rows
-
-Array = NDArray[np.float64]
 
 LATEST = 0.02  # s, largest delay that is looked for
 COUNTS = 0.2  # of a period, a delay that is taken into account

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_studies.identification.regression_rows import Rows
-
-Array = NDArray[np.float64]
 
 ITERATIONS = 3  # of the weights
 FLOOR = 1e-9  # of the torque, the smallest error of a joint that is assumed

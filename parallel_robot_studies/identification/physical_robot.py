@@ -20,15 +20,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, lsq_linear
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import plain
 from parallel_robot_model.robots import RobotModel
 from parallel_robot_studies.identification.base_parameters import BaseParameters, linear_model
 from parallel_robot_studies.identification.least_squares import Fit
-
-Array = NDArray[np.float64]
 
 WEIGHT = 1e-3  # of a relative change of a parameter, in standard errors of the fit
 SMALLEST = 1e-6  # of the nominal value, the smallest that counts as positive

@@ -14,11 +14,10 @@ from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_bags.statuses import ControllerStatus
 from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import BagError
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_sim.plant import PlantParameters
-
-Array = NDArray[np.float64]
 
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory

@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, savgol_filter
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.poses import poses_of
 from parallel_robot_model.robots import RobotModel
 from parallel_robot_studies.identification import base_parameters
 from parallel_robot_studies.identification.base_parameters import BaseParameters
 from parallel_robot_studies.identification.recording import STILL, Recording, stretches
-
-Array = NDArray[np.float64]
 
 CUTOFF = 10.0  # Hz
 WINDOW = 0.4  # of 1 / cutoff, the window of the polynomials, which pass frequencies 4 times higher

@@ -15,12 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base.arrays import Array
 from parallel_robot_studies.identification.recording import GAP, SPAN, STILL
-
-Array = NDArray[np.float64]
 
 SHORTEST = 0.1  # s of a phase
 NONE = f'sensor noise: the bag has no phase of rest of {SHORTEST:g} s'

@@ -11,13 +11,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_analysis.metrics import SMOOTH
+from parallel_robot_base.arrays import Array
 from parallel_robot_studies.limit.linear_motion import LinearMotion
 from parallel_robot_studies.limit.prediction import Noise
-
-Array = NDArray[np.float64]
 
 POINTS = 3  # of the second half of a motion
 WEIGHTS = np.logspace(4.0, -4.5, 18)  # of chattering against error, in units of the model's own

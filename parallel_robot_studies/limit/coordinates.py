@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import kernel, multiply, read_row, solve, write_row
 from parallel_robot_model.robots import RobotModel
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState
-
-Array = NDArray[np.float64]
 
 SMALL = 1e-6  # of coordinates, in their units: half the width of a difference
 ENOUGH = 1e-8  # correction of coordinates after which the next one is none

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import PerJoint
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, write_row
 from parallel_robot_sim.assembly import Plant, assemble_plant
@@ -14,8 +14,6 @@ from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_studies.limit.coordinates import coordinates_of
 from trajectory_gen.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 INTERVAL = 0.02  # s, between two points of linearisation, about
 SMALL = 1e-5  # of coordinates, rates and torques, in their units: half the width of a difference

@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, kernel
 from parallel_robot_sim.imperfections import Imperfections
 from parallel_robot_studies.limit.linear_motion import LinearMotion
-
-Array = NDArray[np.float64]
 
 EVERY = 5  # samples from one prediction to the next
 EXACT = (1e-12, 1e-10)  # rad and rad/s, noise of what is measured exactly

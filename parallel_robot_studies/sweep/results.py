@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_studies.sweep import statistics
 from parallel_robot_studies.sweep.plan import Plan
 from parallel_robot_studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot_studies.sweep.table import arrow
 
-Array = NDArray[np.float64]
 REASONS = 3  # most frequent reasons of failures that are told
 
 

@@ -14,13 +14,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_base.arrays import Array
+
 FEWEST = 10  # runs of which a rank correlation is computed
 LEVEL = 0.95  # of all intervals
 RESAMPLES = 999
 BATCH = 20_000_000  # numbers that are resampled at once
 HUGE = 1e150  # in place of infinity, with which intervals cannot be interpolated
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
