@@ -11,6 +11,7 @@ NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 DOCS = ['mkdocs-material>=9.6,<10', 'mkdocstrings[python]>=0.30,<2']
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
+MUJOCO = ['mujoco>=3.2']
 STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']
@@ -107,6 +108,8 @@ setup(
         'cluster': CLUSTER,
         # `parallel_robot tune`.
         'tune': TUNE,
+        # `parallel_robot verify`.
+        'mujoco': MUJOCO,
         # `make site`.
         'docs': DOCS,
         # Exact where another version may judge the same code differently.
@@ -122,7 +125,7 @@ setup(
             'ipykernel>=6.29',
             'mcap-ros2-support>=0.5',
             'ros-jazzy-domain-coordinator==0.12.0',
-            'mujoco>=3.2',
+            *MUJOCO,
             'mypy==2.4.1',
             'nbclient>=0.10',
             'nbformat>=5.10',

@@ -16,7 +16,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import checkout
 import mujoco
 import numpy as np
 from rows import Row, ratios, row, show
@@ -26,11 +25,9 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.mujoco_model import coordinates_of, planar_3rrr
 from parallel_robot_sim.plant import step
 from trajectory_gen.trajectory import Reference
-
-sys.path.insert(0, str(checkout.ROOT / 'test'))
-from mujoco_robot import coordinates_of, model_of
 
 STEPS = 12_000  # the run of the paper, two turns of the circle
 SHORT = 1_000  # steps of a second of motion
@@ -99,7 +96,7 @@ def cases(experiment: Experiment) -> dict[str, tuple[Callable[[], Any], int]]:
 def mujoco_alone(experiment: Experiment, integrator: Any) -> Callable[[], None]:
     """MuJoCo's plant under a constant torque."""
     robot = experiment.trajectory.robot.parameters
-    model = model_of(robot, (2.5, 2.5, 2.5), PERIOD)
+    model = planar_3rrr(robot, (2.5, 2.5, 2.5), PERIOD)
     model.opt.integrator = integrator
     data = mujoco.MjData(model)
     begin = coordinates_of(robot, experiment.trajectory.sample(0.0).pose[0])

@@ -39,6 +39,7 @@ COMMANDS = {
     'fronts': 'the fronts of several tunings in one picture',
     'identify': 'masses, inertias and friction of the robot from its motion in a bag',
     'limit': 'the least error of any controller, in a scenario or on the robots of a study',
+    'verify': 'the simulated plants against MuJoCo, on random robots under random torques',
     'compare': "all laws on one scenario, without ROS, beside the paper's claims",
 }
 
