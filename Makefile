@@ -12,8 +12,10 @@ WARM := import logging, sys; \
   from parallel_robot_control.controller import Controller; \
   from parallel_robot_sim.configuration import configure; \
   from parallel_robot_sim.simulator import Simulator; \
+  from trajectory_gen.course import Course; \
   whole = configure(resolve('paper_circle')); \
-  Controller(whole.control); Simulator(whole.plant).warm()
+  Controller(whole.control); Simulator(whole.plant).warm(); \
+  Course(whole.trajectory, whole.loop.period).prepare()
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
