@@ -57,6 +57,7 @@ setup(
         'trajectory_gen',
     ],
     package_data={
+        'parallel_robot_bags': ['*.json'],
         'parallel_robot_analysis.report': ['templates/*'],
         'parallel_robot_live': ['static/*.*', 'static/uplot/*'],
     },

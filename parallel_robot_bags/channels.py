@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import yaml
-from rosbags.typesys import Stores, get_typestore
 
+from parallel_robot_bags.message_types import message_type
 from parallel_robot_base import plain_data
 from parallel_robot_base.topics import DEPTH, Topic
 
@@ -55,10 +55,8 @@ def channel(
 @functools.cache
 def channel_of(topic: Topic) -> Channel:
     """Describe a topic of the suite for a bag."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    text, _ = store.generate_msgdef(topic.type, ros_version=2)
     profiles = [qos_profile(True, topic.latched)]
-    return channel(topic.name, topic.type, text, store.hash_rihs01(topic.type), profiles)
+    return channel(topic.name, topic.type, *message_type(topic.type), profiles)
 
 
 def qos_profile(reliable: bool, latched: bool) -> dict[str, Any]:

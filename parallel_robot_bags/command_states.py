@@ -11,7 +11,7 @@ from parallel_robot_bags.samples import Samples
 from parallel_robot_control.contract import JointReference
 
 UNKNOWN = -1  # stamp where the bag does not say
-NEIGHBOURS = 21  # messages whose median says how many commands came before each of them
+NEIGHBOURS = 21  # messages (odd) whose median says how many commands came before each of them
 EXTRAPOLATED = ('position', 'velocity', 'acceleration')
 
 
@@ -94,10 +94,7 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     ends = np.cumsum(sizes)
     rows = whole[np.repeat(starts - (ends - sizes), sizes) + np.arange(ends[-1])]
 
-    from scipy.ndimage import median_filter  # takes half a second, which `simulate` is spared
-
-    before = np.searchsorted(heard, times, side='right')
-    ahead = median_filter(ends - before, size=NEIGHBOURS, mode='nearest')
+    ahead = _median(ends - np.searchsorted(heard, times, side='right'))
     free = np.maximum.accumulate(np.concatenate([[0], ends - ahead]))[:-1]
     command = np.arange(len(rows)) - np.repeat(ahead, sizes)
     found = (command >= np.repeat(free, sizes)) & (command < len(heard))
@@ -113,6 +110,13 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
         int(steps[steps > 0].sum()),
         int((steps < 0).sum()),
     )
+
+
+def _median(values: np.ndarray) -> np.ndarray:
+    """Median of the neighbours of each value; the first and the last stand for those beyond."""
+    around = np.pad(values, NEIGHBOURS // 2, mode='edge')
+    windows = np.lib.stride_tricks.sliding_window_view(around, NEIGHBOURS)
+    return np.partition(windows, NEIGHBOURS // 2)[:, NEIGHBOURS // 2]
 
 
 def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rosbags.typesys import Stores, get_typestore
-
 from parallel_robot_base.errors import InputError
 from parallel_robot_ros.message_types import prefixes
 
@@ -26,6 +24,8 @@ def definition(type_name: str) -> str:
     Raises:
         InputError: no such type is installed as a .msg file.
     """
+    from rosbags.typesys import Stores, get_typestore  # slow to import
+
     store = get_typestore(Stores.ROS2_JAZZY)
     if type_name in store.types:
         return store.generate_msgdef(type_name, ros_version=2)[0]

@@ -6,16 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rosbags.typesys import Stores, get_typestore
-
 from parallel_robot_bags.bag_reader import Messages
 from parallel_robot_bags.limits import MESSAGE, STATUSES, is_name
+from parallel_robot_bags.message_types import deserialize
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import STATUS, Topic
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import messages, safety
 
-STORE = get_typestore(Stores.ROS2_JAZZY)
 LIMIT_TEXT = {safety.ACTED_CODE[bit]: text for bit, text in safety.ACTED_TEXT.items()}
 
 
@@ -62,7 +60,7 @@ def decoder(bag: Path) -> Callable[[Topic, Messages], list[tuple[int, Controller
 def decoded(message: bytes) -> ControllerStatus | None:
     """A message on ``controller/status``; None when it is broken or not the suite's."""
     try:
-        array: Any = STORE.deserialize_cdr(message, STATUS.type)
+        array: Any = deserialize(message, STATUS.type)
         values = {item.key: item.value for item in array.status[0].values}
         law, text = values[messages.LAW], values[messages.FAULT]
         fault, codes = values[messages.FAULT_CODE], values[messages.LIMIT_CODES].split(',')

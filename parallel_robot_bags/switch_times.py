@@ -6,13 +6,11 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-from rosbags.typesys import Stores, get_typestore
-
+from parallel_robot_bags.message_types import deserialize
 from parallel_robot_base.cdr_reader import header_stamp
 from parallel_robot_base.topics import ACTIVE_LAW, STATUS
 
 MOST = 100  # names, and statuses, that may wait for each other
-STORE = get_typestore(Stores.ROS2_JAZZY)  # kept: it compiles what it decodes
 
 
 class SwitchTimes:
@@ -71,7 +69,7 @@ class SwitchTimes:
 def _law_of_status(message: bytes) -> str:
     """Name of the law in a status; empty if it is broken or not the suite's."""
     try:
-        status: Any = STORE.deserialize_cdr(message, STATUS.type)
+        status: Any = deserialize(message, STATUS.type)
         return str(next(item.value for item in status.status[0].values if item.key == 'law'))
     except Exception:  # in broken bytes, any length or string can be wrong
         return ''
@@ -79,7 +77,7 @@ def _law_of_status(message: bytes) -> str:
 
 def _law_of_name(message: bytes) -> str:
     try:
-        name: Any = STORE.deserialize_cdr(message, ACTIVE_LAW.type)
+        name: Any = deserialize(message, ACTIVE_LAW.type)
         return str(name.data)
     except Exception:  # in broken bytes, any length or string can be wrong
         return ''

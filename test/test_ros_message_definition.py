@@ -7,6 +7,7 @@ import pytest
 from bags import STORE
 from rosbags.typesys import get_types_from_msg
 
+from parallel_robot_bags import message_types
 from parallel_robot_bags.ros_message_definition import concatenate, definition
 from parallel_robot_base.errors import InputError
 
@@ -57,3 +58,8 @@ def test_parts_are_found_wherever_they_are_installed(tmp_path):
 def test_what_is_not_installed_as_msg_is_refused(name):
     with pytest.raises(InputError, match=r'not installed as a \.msg file'):
         definition(name)
+
+
+def test_the_types_of_the_suite_are_those_of_rosbags():
+    known = {name: message_types.message_type(name) for name in message_types.from_rosbags()}
+    assert known == message_types.from_rosbags(), 'python -m parallel_robot_bags.message_types'

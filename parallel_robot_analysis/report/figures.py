@@ -26,6 +26,7 @@ LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins
 LARGEST = 'Largest '  # of all joints
 COLUMNS = 6  # of a legend
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
+MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
 
 
 class NamedMotion(Motion, Protocol):
@@ -107,7 +108,7 @@ def figure_of_runs(runs: Mapping[str, tuple[NamedMotion, Poses]], scale: str = A
     logs, poses = zip(*runs.values(), strict=True)
     planar = all(pose.planar for pose in poses)
     title = ', '.join(dict.fromkeys(label(log.scenario) for log in logs))
-    figure, path, (first, joints, torque) = panels(title, planar)
+    figure, path, (first, joints, torque) = panels(title, planar, fitted=True)
     names = [without_mathematics(label(name)) for name in runs]
     looks = [
         {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
@@ -212,10 +213,23 @@ class Curve(NamedTuple):
     name: str
 
 
-def panels(title: str, planar: bool) -> tuple[Any, Any, list[Any]]:
-    """A figure, the panel of the path, None if not planar, and three panels over time."""
+def panels(title: str, planar: bool, fitted: bool = False) -> tuple[Any, Any, list[Any]]:
+    """A figure, the panel of the path, None if not planar, and three panels over time.
+
+    Args:
+        title: Of the figure.
+        planar: Whether the robot moves in a plane.
+        fitted: Whether the panels leave the room that their surroundings need, a legend below
+            for example. It takes as long as to draw the figure.
+    """
     figure = _figure(title)
-    grid = figure.add_gridspec(3, 2 if planar else 1, width_ratios=(1.1, 1.0)[-1 - planar :])
+    margins: dict[str, float] = {}
+    if not fitted:
+        figure.set_layout_engine('none')
+        margins = {**MARGINS, 'hspace': 0.4}
+    columns = 2 if planar else 1
+    ratios = (1.1, 1.0)[-columns:]
+    grid = figure.add_gridspec(3, columns, width_ratios=ratios, **margins)
     path = figure.add_subplot(grid[:, 0]) if planar else None
     first = figure.add_subplot(grid[0, -1])
     others = [figure.add_subplot(grid[k, -1], sharex=first) for k in (1, 2)]

@@ -100,6 +100,7 @@ def draw(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> list[Pa
         files = [directory / f'{name}.{kind}' for kind in FORMATS]
         for file, kind in zip(files, FORMATS, strict=True):
             figure.savefig(file, metadata=UNDATED[kind])
+            figure.set_layout_engine('none')  # it is found: a third of the time of each
     return files
 
 
