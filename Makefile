@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
   launch/* config/*.yaml config/*/*.* parallel_robot_*/*.py parallel_robot_*/*/*.py \
-  parallel_robot_*/*/templates/* parallel_robot_live/static/*.* \
+  parallel_robot_*/*/templates/* parallel_robot_bags/*.json parallel_robot_live/static/*.* \
   parallel_robot_live/static/uplot/* trajectory_gen/*.py))
 WARM := import logging, sys; \
   sys.stderr.isatty() and logging.basicConfig(format='  %(message)s', level='INFO'); \
@@ -16,6 +16,7 @@ WARM := import logging, sys; \
   whole = configure(resolve('paper_circle')); \
   Controller(whole.control); Simulator(whole.plant).warm(); \
   Course(whole.trajectory, whole.loop.period).prepare()
+PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
@@ -42,7 +43,11 @@ docs: setup ## write docs/parameters.md and architecture.md anew, run docs/noteb
 	$(BIN)/python docs/parameters.py docs/parameters.md
 	$(BIN)/python docs/architecture.py docs/architecture.md
 	$(BIN)/python docs/notebook.py
-	$(BIN)/python docs/animation.py docs/images/moving_robot.gif
+	@bags=$$(mktemp -d) && trap 'rm -rf "$$bags"' EXIT && \
+	for law in $(PAPER); do \
+	$(BIN)/parallel_robot simulate paper_circle --law $$law --duration 6 --out $$bags/$$law || exit; \
+	done && rm -f docs/images/moving_robot.gif && \
+	$(BIN)/parallel_robot video $(PAPER:%=$$bags/%) --rate 12.5 --out docs/images/moving_robot.gif
 
 site: setup ## write the documentation as a site, site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet

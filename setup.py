@@ -16,6 +16,7 @@ STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']
 LIVE = ['aiohttp>=3.10,<4']
+VIDEO = ['av>=12,<19']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
@@ -36,6 +37,7 @@ setup(
         'parallel_robot_analysis',
         'parallel_robot_analysis.replay',
         'parallel_robot_analysis.report',
+        'parallel_robot_analysis.video',
         'parallel_robot_bags',
         'parallel_robot_base',
         'parallel_robot_cli',
@@ -111,6 +113,8 @@ setup(
         'tune': TUNE,
         # `parallel_robot verify`.
         'mujoco': MUJOCO,
+        # `parallel_robot video --out x.mp4`; a GIF needs nothing more.
+        'video': VIDEO,
         # `make site`.
         'docs': DOCS,
         # Exact where another version may judge the same code differently.
@@ -121,6 +125,7 @@ setup(
             *LIVE,
             *CLUSTER,
             *TUNE,
+            *VIDEO,
             'hypothesis>=6.100',
             'import-linter>=2.16,<3',
             'ipykernel>=6.29',

@@ -32,6 +32,7 @@ COMMANDS = {
     'rerun': 'the experiment of a bag once more, from the bag alone',
     'report': "the paper's figures and an interactive page of one bag or several",
     'export': 'a bag as a table, one row a state',
+    'video': 'the moving robot of a bag, or of up to four side by side, as MP4 or GIF',
     'recover': 'a whole bag of what is intact in a broken one',
     'show': 'the effective configuration of a scenario, and the source of each value',
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',

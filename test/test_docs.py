@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from assembly import simulated
-from PIL import Image
 
 from parallel_robot_base import config, layouts
 from parallel_robot_base.fields import parameters
@@ -36,15 +35,6 @@ def test_the_page_of_parameters_is_the_one_that_the_code_writes():
 def test_the_packages_are_drawn_from_their_imports():
     page = (DOCS / 'architecture.md').read_text()
     assert page == script('architecture').text(page), 'run make docs'
-
-
-def test_the_moving_robot_can_be_drawn_again(tmp_path, monkeypatch):
-    animation = script('animation')
-    monkeypatch.setattr(animation, 'DURATION', 0.3)
-    animation.draw(animation.record(tmp_path), tmp_path / 'robot.gif')
-    with Image.open(tmp_path / 'robot.gif') as moving:
-        assert moving.n_frames == 4
-        assert moving.info['duration'] == 80
 
 
 def test_every_key_has_its_row():
