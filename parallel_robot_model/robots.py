@@ -121,11 +121,15 @@ def _wrong(name: str, kind: Any, sizes: Mapping[str, int]) -> str:
 
 @functools.lru_cache(maxsize=64)
 def _constants(robot: RobotModel) -> Boxed:
-    made = getattr(robot.module, 'constants', None)  # optional in the contract
-    with custom_module.blaming(robot.name):
-        values = made(robot.parameters) if made else robot.parameters
+    values = _unboxed(robot)
     distinguish(values)
     return Boxed(values)
+
+
+def _unboxed(robot: RobotModel) -> Any:
+    made = getattr(robot.module, 'constants', None)  # optional in the contract
+    with custom_module.blaming(robot.name):
+        return made(robot.parameters) if made else robot.parameters
 
 
 def module_of(values: Mapping[str, Any]) -> Robot:
@@ -183,7 +187,8 @@ def rehearse(module: ModuleType) -> None:
     with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
         group = config.group(_defaults('it', found), found.Parameters, 'robot')
         robot = RobotModel('it', found, found.validate(group, 'robot'))
-        found.joints(robot.parameters), robot.pose_size, robot.constants
+        found.joints(robot.parameters), robot.pose_size
+        _unboxed(robot)  # to box them takes the compiler, whose time is not the file's
 
 
 def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
