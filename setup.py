@@ -73,6 +73,7 @@ setup(
         (f'share/{NAME}/config/robots', glob('config/robots/*.yaml')),
         (f'share/{NAME}/config/scenarios', glob('config/scenarios/*.yaml')),
         (f'share/{NAME}/config/studies', glob('config/studies/*.yaml')),
+        (f'share/{NAME}/config/views', glob('config/views/*.*')),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         # Where `ros2 run` looks; pip puts console scripts only in bin/.
         (f'lib/{NAME}', glob('scripts/*')),
@@ -88,6 +89,7 @@ setup(
         'mcap>=1.1',
         'numba>=0.59,<0.69',  # private parts are used: see parallel_robot_compiler/numba_parts.py
         'numpy>=1.26',
+        'pillow>=10',
         'plotly>=5.24',
         'pyyaml>=6.0.1',
         'rosbags>=0.10.9',

@@ -1,23 +1,33 @@
-"""Node that publishes metrics of the motion that it sees."""
+"""Node that publishes metrics of the motion that it sees, and all joints of the robot."""
 
 from __future__ import annotations
 
 import sys
 
-from std_msgs.msg import Float64
+import numpy as np
+from std_msgs.msg import Float64, String
 
 from parallel_robot_analysis.monitor import Monitor, MonitorParameters
-from parallel_robot_base import realtime, topics
+from parallel_robot_analysis.posture import Posture
+from parallel_robot_base import layouts, realtime, topics
 from parallel_robot_base.topics import Topic
-from parallel_robot_model.robots import module_of
+from parallel_robot_model.robots import module_of, robot_of
+from parallel_robot_model.tree import has_tree
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 from trajectory_gen.shapes import resolve
 
+DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
+LINKS = Topic('monitor/joint_states', 'sensor_msgs/msg/JointState', topics.MARKERS_EVERY)
+
 
 class MonitorNode(SuiteNode):
-    """Publishes each metric on a topic of its own, ten times in a second of motion."""
+    """Publishes each metric on a topic of its own, ten times in a second of motion.
+
+    For tools that draw robots it publishes the description, and fifty times in a second of motion
+    the joints of all links, with the passive ones that close the chain.
+    """
 
     priority = realtime.LISTENER
     example = '--ros-args -p monitor.window:=2.0'
@@ -41,6 +51,12 @@ class MonitorNode(SuiteNode):
             )
             for name in self._monitor.names
         }
+        self._posture = Posture(self.values) if has_tree(robot_of(self.values)) else None
+        if self._posture is not None:
+            self._layout = layouts.joint_state(self._posture.joints, ('position',))
+            self._links = self.publisher(LINKS, essential=False)
+            description = self.publisher(DESCRIPTION, essential=False)
+            description.publish(String(data=self._posture.description))
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
 
@@ -54,6 +70,11 @@ class MonitorNode(SuiteNode):
         if message is None:
             return
         stamp, (position, effort) = message
+        if self._posture is not None:
+            angles = self._posture.add_state(stamp, position)
+            if angles is not None:
+                records = self._layout.records(1, np.array([stamp]), position=angles)
+                self._links.publish(records[0].tobytes())
         found = self._monitor.add_state(stamp, position, effort)
         if found is not None:
             for name, publisher in self._metrics.items():

@@ -27,6 +27,7 @@ from parallel_robot_base.errors import InputError, RobotError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel, multiply, select, vector
 from parallel_robot_model import serial_2r_linear_model as linear_model  # noqa: F401
+from parallel_robot_model import serial_2r_tree as tree  # noqa: F401
 from parallel_robot_model.contract import (
     FOUND,
     REACHED,

@@ -14,12 +14,12 @@ from bags import full_disk
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.readable_metrics import EFFORT, STEADY, TORQUE
 from parallel_robot_analysis.report import figures, runs
-from parallel_robot_bags import history, run_log, simulation_bag
+from parallel_robot_bags import history, recovery, run_log, simulation_bag
 from parallel_robot_bags.experiment import software
 from parallel_robot_base import config
 from parallel_robot_base.options import Parser
 from parallel_robot_cli.command_line import COMMANDS, main, module_of
-from parallel_robot_cli.commands import recover, rerun, run, simulate
+from parallel_robot_cli.commands import rerun, run, simulate
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 
@@ -211,7 +211,7 @@ def test_simulate_and_analyze(tmp_path, capsys):
 
 def test_a_path_may_be_a_text(bag, tmp_path):
     copy, picture = str(tmp_path / 'copy'), str(tmp_path / 'run.png')
-    recover.recover(str(bag), copy)
+    recovery.recover(str(bag), copy)
     log = run_log.read(copy)
     assert history.read(copy).facts == history.read(bag).facts
     assert rerun.compare(str(bag), copy) == (rerun.compare(bag, tmp_path / 'copy')[0], '')

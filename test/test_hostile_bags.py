@@ -17,12 +17,11 @@ import pytest
 from bags import content, full_disk
 
 from parallel_robot_analysis.report import runs
-from parallel_robot_bags import history, run_log
+from parallel_robot_bags import history, recovery, run_log
 from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.limits import COPIES, RATIO, RECORD, Allowance
 from parallel_robot_base.errors import BagError
 from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import recover
 
 ROOT = Path(__file__).parents[1]
 EVERY = os.environ.get('HOSTILE_BAGS') == 'all'
@@ -150,11 +149,11 @@ def test_the_player_reads_it_too(name, make, good):
 
 def test_recover_keeps_what_it_has_when_its_last_look_fails(make, tmp_path, monkeypatch):
     """Commands of another length, once an IndexError; and whatever nobody thought of."""
-    recover.recover(make('commands of four'), tmp_path / 'four')
+    recovery.recover(make('commands of four'), tmp_path / 'four')
     assert list((tmp_path / 'four').glob('*.mcap'))
     monkeypatch.setattr(run_log, 'read', lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        recover.recover(tmp_path / 'four', tmp_path / 'again')
+        recovery.recover(tmp_path / 'four', tmp_path / 'again')
     messages = [content(next((tmp_path / name).glob('*.mcap'))) for name in ('four', 'again')]
     assert messages[0] == messages[1]
 

@@ -2,12 +2,16 @@
 
 import signal
 
+import mujoco
 import numpy as np
+import pytest
 from assembly import simulated
 from bags import streams, write_foreign
+from geometry import PAPER_START, legs, wrap
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.monitor import WindowMetrics
+from parallel_robot_analysis.monitor_node import DESCRIPTION, LINKS
 from parallel_robot_bags import run_log
 from parallel_robot_base import config, topics
 from parallel_robot_base.topics import Topic
@@ -50,4 +54,27 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
         return all(heard) and np.allclose([v[-1].data for v in heard], expected, rtol=1e-9)
 
     peer.until(lambda: agree() or play())  # again where states overtook their references
+    assert process.end(signal.SIGINT) == 0
+
+
+def test_it_publishes_what_draws_the_robot(launch, peer, robot):
+    process = launch('parallel_robot_analysis.monitor_node')
+    texts = peer.listen(DESCRIPTION)
+    links = peer.listen(LINKS)
+    publisher = peer.publisher(topics.JOINT_STATES)
+    theta, beta = legs(robot, PAPER_START)
+    state = streams(np.tile(theta, (100, 1)), np.tile(theta, (100, 1)))[topics.JOINT_STATES]
+
+    def play():
+        for _, data in state:
+            publisher.publish(data)
+        peer.spin(0.05)
+
+    peer.until(lambda: (texts and links) or play())
+    model = mujoco.MjModel.from_xml_string(texts[-1].data)
+    assert {model.joint(k).name for k in range(model.njnt)} == set(links[-1].name)
+    known = dict(zip(links[-1].name, links[-1].position, strict=True))
+    for k, name in enumerate(('joint1', 'joint2', 'joint3')):
+        assert wrap(known[name] - theta[k]) == pytest.approx(0, abs=1e-9)
+        assert wrap(known[f'{name}_passive'] - (beta - theta)[k]) == pytest.approx(0, abs=1e-9)
     assert process.end(signal.SIGINT) == 0

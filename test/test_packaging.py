@@ -44,6 +44,7 @@ ROSDEP_KEYS = {  # that exist
     *(
         'python3-numba',
         'python3-numpy',
+        'python3-pil',
         'python3-pytest',
         'python3-rosbags-pip',
         'python3-scipy',
@@ -430,9 +431,12 @@ def test_every_import_is_declared(setup):
                 imported.add(node.module.partition('.')[0])
         ours = {*sys.stdlib_module_names, *setup['packages'], *ROS, *optional, *WITH_NUMBA}
         for module in imported - ours:
-            keys = {f'python3-{module}', f'python3-{module}-pip'}
+            keys = {f'python3-{module.lower()}', f'python3-{module}-pip'}
             assert bool(DEPENDENCIES & keys) != (module in PIP), (name, module)
-            assert {'yaml': 'pyyaml'}.get(module, module) in required, (name, module)
+            assert {'yaml': 'pyyaml', 'PIL': 'pillow'}.get(module, module) in required, (
+                name,
+                module,
+            )
 
 
 def test_rosdep_knows_every_dependency_and_the_docs_say_what_it_does_not():

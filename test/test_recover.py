@@ -17,10 +17,10 @@ from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis import metrics
 from parallel_robot_bags import bag_writer, run_log, simulation_bag
+from parallel_robot_bags.recovery import recover
 from parallel_robot_base import config, topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands.recover import recover
 
 CASES = 100
 RANDOM = random.Random(5)

@@ -15,10 +15,10 @@ from rosbags.rosbag2 import Reader
 
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log
+from parallel_robot_bags.recovery import recover
 from parallel_robot_base import topics
 from parallel_robot_base.processes import MODULES
 from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands.recover import recover
 from parallel_robot_control.configuration import configure
 
 pytest_plugins = ['ros_fixtures']

@@ -1,4 +1,4 @@
-"""The command ``export``: a bag as a table, one row for each state."""
+"""The command ``export``: a bag as a table, one row for each state, or as a bag for viewers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from typing import IO
 import numpy as np
 
 from parallel_robot_analysis import table
-from parallel_robot_bags import new_files
+from parallel_robot_analysis.frames import Frames
+from parallel_robot_bags import new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.progress import tracked
+from parallel_robot_bags.recovery import recover
 from parallel_robot_base.errors import InputError, RunError, UnknownNameError
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
@@ -27,18 +29,27 @@ Columns = Mapping[str, np.ndarray]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument('bag', type=Path, help='directory of a bag, or one file of it')
-    parser.add_argument(
+    kind = parser.add_mutually_exclusive_group(required=True)
+    kind.add_argument(
         '--out',
         type=Path,
-        required=True,
         metavar='FILE',
-        help='must not exist; its suffix chooses: .csv or .parquet',
+        help='table; must not exist; its suffix chooses: .csv or .parquet',
+    )
+    kind.add_argument(
+        '--foxglove',
+        type=Path,
+        metavar='DIR',
+        help='copy of the bag, with description, frames (tf) and paths of the robot for Foxglove, '
+        'Lichtblick and RViz; must not exist',
     )
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.foxglove:
+        return _copy(arguments.bag, arguments.foxglove, arguments.max_memory)
     out: Path = arguments.out
     if out.suffix not in FORMATS:
         raise UnknownNameError('table format', out.suffix, FORMATS)
@@ -54,6 +65,17 @@ def execute(arguments: argparse.Namespace) -> int:
         kind = RunError if error.errno in FULL else InputError
         raise kind(f'cannot write {out}: {error.strerror}') from None
     print(f'table   {out}, {len(found["time_s"])} rows, {len(found)} columns')
+    return 0
+
+
+def _copy(bag: Path, out: Path, memory: int) -> int:
+    """Write a bag with all that viewers need to draw the robot."""
+    log = run_log.read(bag, memory)
+    for warning in log.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    frames = Frames(log)
+    recover(bag, out, memory, frames.write)
+    print(f'bag     {out}, with {frames.count} frames of the robot')
     return 0
 
 

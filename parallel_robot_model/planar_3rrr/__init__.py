@@ -5,7 +5,7 @@ in which everything has a closed form and the loops stay closed to round-off.
 """
 
 from parallel_robot_model.contract import Coordinate
-from parallel_robot_model.planar_3rrr import linear_model
+from parallel_robot_model.planar_3rrr import linear_model, tree
 from parallel_robot_model.planar_3rrr.constants import constants
 from parallel_robot_model.planar_3rrr.dynamics import acceleration
 from parallel_robot_model.planar_3rrr.estimate import estimate, locate
@@ -53,5 +53,6 @@ __all__ = [
     'measure',
     'segments',
     'start',
+    'tree',
     'validate',
 ]

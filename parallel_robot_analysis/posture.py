@@ -1,0 +1,63 @@
+"""The joints of all links of a robot, passive ones too, from its actuated joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.topics import MARKERS_EVERY
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.configuration import first_guess
+from parallel_robot_model.poses import poses_of
+from parallel_robot_model.robots import robot_of
+from parallel_robot_model.tree import angles_of, links_of
+from parallel_robot_model.urdf import urdf
+
+
+class Posture:
+    """Follows the links of the nominal robot of a configuration.
+
+    Attributes:
+        joints: Names of the joints of all links, L.
+        description: The robot as URDF.
+    """
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Prepare.
+
+        Raises:
+            InputError: a parameter is wrong, or the robot says nothing of its links.
+        """
+        self._robot = robot_of(values)
+        self._first_guess = self._guess = first_guess(values, self._robot)
+        self.links = links_of(self._robot, tuple(values['joints']))
+        self.joints = tuple(link.joint for link in self.links)
+        self.description = urdf(self._robot.name, self.links)
+        self._period = MARKERS_EVERY * round(values['period'] * NANOSECONDS)
+        self._newest: int | None = None
+
+    def add_state(self, stamp: int, position: np.ndarray) -> np.ndarray | None:
+        """Take a state.
+
+        Args:
+            stamp: Stamp of the state [ns].
+            position: Actuated joints [rad], shape (n,).
+
+        Returns:
+            Angles of the joints of all links [rad], shape (L,), fifty times in a second of motion;
+            None otherwise, and where there is no pose.
+        """
+        due = self._newest is None or stamp // self._period != self._newest // self._period
+        self._newest = stamp
+        if not due:
+            return None
+        try:
+            pose = poses_of(self._robot, position[np.newaxis], self._guess)
+        except KinematicsError:  # it was put elsewhere
+            self._guess = self._first_guess
+            return None
+        self._guess = pose[0]
+        return angles_of(self._robot, pose, position[np.newaxis])[0]

@@ -1,0 +1,40 @@
+"""The command ``urdf``: the robot of a scenario as URDF."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from parallel_robot_analysis.posture import Posture
+from parallel_robot_bags import new_files
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.placed import locating
+from parallel_robot_cli.commands.simulate import add_scenario_argument, add_set_argument, given
+from parallel_robot_control.configuration import resolve
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_scenario_argument(parser)
+    add_set_argument(parser)
+    parser.add_argument(
+        '--out', type=Path, metavar='FILE', help='must not exist; default: the terminal'
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.out:
+        new_files.check(arguments.out, '--out')
+    values = resolve(arguments.scenario, given(arguments))
+    with locating(values):
+        posture = Posture(values)
+    if not arguments.out:
+        print(posture.description, end='')
+        return 0
+    try:
+        new_files.write(arguments.out, posture.description.encode())
+    except OSError as error:
+        raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
+    print(f'urdf    {arguments.out}, {len(posture.links)} links')
+    return 0
