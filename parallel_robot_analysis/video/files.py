@@ -11,19 +11,20 @@ import numpy as np
 from parallel_robot_base.errors import UnknownNameError
 from parallel_robot_base.optional_library import optional
 
-COLOURS = 128  # of all frames of a GIF
+COLOURS = 256  # of all frames of a GIF
 MOST = {'.mp4': 50_000, '.gif': 1500}  # frames; those of a GIF are held in memory
 QUALITY = {'crf': '20', 'preset': 'medium'}  # of H.264
 Frames = Iterable[np.ndarray]
 
 
-def encode(frames: Frames, suffix: str, rate: float) -> io.BytesIO:
+def encode(frames: Frames, suffix: str, rate: float, full: Frames) -> io.BytesIO:
     """The content of a video.
 
     Args:
         frames: Each of type uint8, shape (height, width, 3), both even.
         suffix: One of FORMATS.
         rate: Frames a second [Hz].
+        full: One frame that has all their colours.
 
     Raises:
         UnknownNameError: no such format.
@@ -31,7 +32,7 @@ def encode(frames: Frames, suffix: str, rate: float) -> io.BytesIO:
     """
     check_format(suffix)
     content = io.BytesIO()
-    FORMATS[suffix](frames, rate, content)
+    FORMATS[suffix](frames, rate, content, full)
     return content
 
 
@@ -48,7 +49,7 @@ def check_format(suffix: str) -> None:
         optional('av')
 
 
-def _mp4(frames: Frames, rate: float, content: io.BytesIO) -> None:
+def _mp4(frames: Frames, rate: float, content: io.BytesIO, _: Frames) -> None:
     av = optional('av')
     with av.open(content, 'w', format='mp4') as container:
         stream = container.add_stream('libx264', rate=Fraction(rate).limit_denominator(1000))
@@ -62,13 +63,20 @@ def _mp4(frames: Frames, rate: float, content: io.BytesIO) -> None:
         container.mux(stream.encode())
 
 
-def _gif(frames: Frames, rate: float, content: io.BytesIO) -> None:
+def _gif(frames: Frames, rate: float, content: io.BytesIO, full: Frames) -> None:
     from PIL import Image  # slow to import
 
-    pictures = map(Image.fromarray, frames)
-    first = next(pictures).quantize(COLOURS, Image.Quantize.MAXCOVERAGE)  # has all colours
-    others = (picture.quantize(palette=first, dither=Image.Dither.NONE) for picture in pictures)
-    first.save(content, 'GIF', save_all=True, append_images=others, duration=1e3 / rate, loop=0)
+    (last,) = map(Image.fromarray, full)
+    palette = last.quantize(COLOURS, Image.Quantize.FASTOCTREE)  # keeps white, and thin curves
+    pictures = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    )
+    first = next(pictures)
+    first.save(content, 'GIF', save_all=True, append_images=pictures, duration=1e3 / rate, loop=0)
 
 
-FORMATS: dict[str, Callable[[Frames, float, io.BytesIO], None]] = {'.mp4': _mp4, '.gif': _gif}
+FORMATS: dict[str, Callable[[Frames, float, io.BytesIO, Frames], None]] = {
+    '.mp4': _mp4,
+    '.gif': _gif,
+}

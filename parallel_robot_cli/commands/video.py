@@ -66,7 +66,8 @@ def execute(arguments: argparse.Namespace) -> int:
     magnified = arguments.magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]
     frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
-    content = files.encode(frames, out.suffix, arguments.rate)
+    last = film.frames(scenes, times[-1:], magnified)
+    content = files.encode(frames, out.suffix, arguments.rate, last)
     try:
         new_files.write(out, content.getbuffer())
     except OSError as error:
