@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,9 +55,36 @@ class MujocoRobot:
             return np.array(self._data.body('payload').xpos[:2])
         return np.array(self._data.qpos[self._shown])
 
+    @property
+    def motion(self) -> tuple[Array, Array]:
+        """The present coordinates of the suite's plant and their derivative, each shape (c,)."""
+        return self._data.qpos[self._shown], self._data.qvel[self._shown]
+
     def advance(self, torque: Array, period: float) -> None:
         """Hold torques [N m], shape (n,), over a period [s], a multiple of the step."""
         self._data.qfrc_applied[self._actuated] = torque
+        self._step(period)
+
+    def advance_under(self, load: Callable[[Array, float], Array], period: float) -> None:
+        """Advance by a period [s], a multiple of the step, under torques that change within it.
+
+        Args:
+            load: Function of the rates of the actuated joints [rad/s], shape (n,), and the time
+                since the start [s] that returns their torques [N m], shape (n,).
+            period: How long.
+        """
+
+        def control(_: Any, data: Any) -> None:
+            velocity = data.qvel[self._actuated]
+            data.qfrc_applied[self._actuated] = load(velocity, data.time)
+
+        self._engine.set_mjcb_control(control)  # called by the integrator at each of its stages
+        try:
+            self._step(period)
+        finally:
+            self._engine.set_mjcb_control(None)
+
+    def _step(self, period: float) -> None:
         steps = round(period / self._model.opt.timestep)
         self._engine.mj_step(self._model, self._data, steps)
         self._engine.mj_kinematics(self._model, self._data)

@@ -11,9 +11,16 @@ from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.integrators import ode3, rk4
 from parallel_robot_sim.sensors import keep_sensed
 
+MUJOCO = 'mujoco'  # the engine that nodes alone can use
+
 
 class PlantParameters(NamedTuple):
     """Start, integration and motors of the plant."""
+
+    engine: Annotated[
+        Literal['analytic', 'mujoco'],
+        Field('', 'what moves the robot: its equations, or MuJoCo, which nodes alone can use'),
+    ]
 
     initial_pose: Annotated[
         tuple[float, ...], Field('', 'pose at rest at the start, in the units of the robot')
@@ -92,6 +99,27 @@ def _acceleration(
 
 
 @kernel
+def torques(
+    setup: PlantSetup, state: PlantState, command: Array, period: float
+) -> tuple[Array, Array]:
+    """Torques over one period under a constant command, see :func:`step` [N m].
+
+    Returns:
+        That of the motors, and less the disturbances that are constant over a period; each
+        shape (n,).
+    """
+    limit = vector(setup.stepping.torque_limit)
+    torque = clip(command, -limit, limit)
+    acting = torque
+    if setup.imperfections.on:
+        joints = setup.measure(setup.robot, state.coordinates, state.rate)
+        keep_sensed(setup, joints, state.torque, state.time, period)
+        torque = driven(setup, command, limit, state.time, period)
+        acting = torque - held_disturbance(setup, command, state.time, period)
+    return torque, acting
+
+
+@kernel
 def step(setup: PlantSetup, state: PlantState, command: Array, period: float) -> PlantState:
     """Advance the plant by one period under a constant command.
 
@@ -104,17 +132,8 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     Returns:
         State at the end; not finite if the robot was driven out of its workspace.
     """
-    # 1. The motors saturate.
     stepping = setup.stepping
-    limit = vector(stepping.torque_limit)
-    torque = clip(command, -limit, limit)
-    acting = torque
-    if setup.imperfections.on:
-        joints = setup.measure(setup.robot, state.coordinates, state.rate)
-        keep_sensed(setup, joints, state.torque, state.time, period)
-        torque = driven(setup, command, limit, state.time, period)
-        acting = torque - held_disturbance(setup, command, state.time, period)
-    # 2. The equations of motion are integrated, with the torque held constant.
+    torque, acting = torques(setup, state, command, period)
     q, v, t = state.coordinates, state.rate, state.time
     h = period / stepping.substeps
     arguments = (setup, acting)

@@ -31,10 +31,10 @@ from parallel_robot_sim.imperfections import (
     LoadParameters,
     SensorParameters,
 )
+from parallel_robot_sim.mujoco_simulator import simulator_of
 from parallel_robot_sim.plant import PlantParameters
 from parallel_robot_sim.plant_run import ENDLESS, REPEAT, PlantRun
 from parallel_robot_sim.ros_markers import RobotMarkers
-from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.messages import pose_fields
 
 
@@ -62,10 +62,10 @@ class PlantNode(SuiteNode):
         }.items():
             self.declare_group(prefix, group)
         self.declare_group('disturbance', LoadParameters)
-        simulator = Simulator(configuration)
+        simulator = simulator_of(configuration)
         simulator.warm()
         self.run = PlantRun(
-            lambda: Simulator(configuration), self.loop, self._on_time_out, self._on_driven_out
+            lambda: simulator_of(configuration), self.loop, self._on_time_out, self._on_driven_out
         )
         self._torque = np.zeros(len(self.loop.joints))  # torque of the command being read
         self._published = 0  # number of states

@@ -19,10 +19,15 @@ from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
 MOST_SAMPLES = 5_000_000  # samples of a simulation, which keeps all of them in memory
 ENDLESS = 'duration must be positive: a run needs an end'
+NODES_ALONE = (
+    'plant.engine must be analytic in a compiled loop, not mujoco: that is for the nodes, '
+    'parallel_robot run --time-mode lockstep'
+)
 
 
 class Simulation(NamedTuple):
@@ -100,6 +105,26 @@ class Simulation(NamedTuple):
         return f'{loop.joints[joint]} at {value} rad/s is above safety.speed_limit, {limit} rad/s'
 
 
+def samples_of(configuration: Configuration) -> int:
+    """Number of samples of a run in a compiled loop.
+
+    Raises:
+        InputError: it has no end or too many, or only nodes can run it.
+    """
+    loop = configuration.loop
+    if loop.last_index is None:
+        raise InputError(ENDLESS, 'duration')
+    if loop.last_index > MOST_SAMPLES:
+        raise InputError(
+            f'duration must be at most {MOST_SAMPLES * loop.period:g} s in a simulation, '
+            f'not {loop.duration:g}',
+            'duration',
+        )
+    if configuration.plant.parameters.engine == MUJOCO:
+        raise InputError(NODES_ALONE, 'plant.engine')
+    return loop.last_index + 1
+
+
 def simulate(configuration: Configuration) -> Simulation:
     """Run the closed loop for its ``duration``.
 
@@ -108,24 +133,16 @@ def simulate(configuration: Configuration) -> Simulation:
         RunError: the robot left its workspace.
     """
     loop = configuration.loop
-    if loop.last_index is None:
-        with locating(configuration.values):
-            raise InputError(ENDLESS, 'duration')
+    with locating(configuration.values):
+        samples = samples_of(configuration)
     experiment = assemble(configuration)
-    if loop.last_index > MOST_SAMPLES:
-        with locating(configuration.values):
-            raise InputError(
-                f'duration must be at most {MOST_SAMPLES * loop.period:g} s in a simulation, '
-                f'not {loop.duration:g}',
-                'duration',
-            )
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
-    reference = trajectory.sample(np.arange(loop.last_index + 1) * loop.period)
+    reference = trajectory.sample(np.arange(samples) * loop.period)
     run(control, plant, trajectory.sample(0.0), loop.period)  # compiles the loop, or loads it
     begun = time.perf_counter()
     result = run(control, plant, reference, loop.period)
     loop_time = time.perf_counter() - begun
-    if result.steps <= loop.last_index:
+    if result.steps < samples:
         last = (result.steps - 1) * loop.period
         raise RunError(f'{DRIVEN_OUT} after t = {last:.3f} s')
     return Simulation(experiment, reference, result, loop_time)

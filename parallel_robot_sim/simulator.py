@@ -97,11 +97,16 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace; it stays where it was.
         """
-        if not self._advance(self._core, command):
+        if not self._step(command):
             raise RunError(
                 f'{DRIVEN_OUT} at pose {np.round(self.pose, 4).tolist()} ({self._units})'
             )
         self._silent = 0
+
+    def _step(self, command: np.ndarray) -> bool:
+        """Advance the state; False, with the state unchanged, if the robot was driven out."""
+        inside: bool = self._advance(self._core, command)
+        return inside
 
     def wait(self, command: np.ndarray) -> bool:
         """Advance by one period for which no new command came.

@@ -28,6 +28,7 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
         'live_page',
         'lockstep',
         'monitor_node',
+        'mujoco_engine',
         'node_parameters',
         'nodes',
         'notebook',

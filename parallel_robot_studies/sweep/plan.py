@@ -25,7 +25,7 @@ from parallel_robot_base.placed import Placed, locating, merged
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.simulation import ENDLESS, MOST_SAMPLES
+from parallel_robot_sim.simulation import samples_of
 from parallel_robot_studies.sweep import uncertainty
 from parallel_robot_studies.sweep.configurations import Configurations
 from parallel_robot_studies.sweep.study import Study, Variant
@@ -196,11 +196,7 @@ def plan(study: Study) -> Plan:
             nominal = _as_drawn(study, case)
         configuration = configure(nominal)
         with locating(case.overrides):
-            if configuration.loop.last_index is None:
-                raise InputError(ENDLESS, 'duration')
-            if configuration.loop.last_index > MOST_SAMPLES:
-                what = f'duration: a run can have at most {MOST_SAMPLES} samples'
-                raise InputError(what, 'duration')
+            samples_of(configuration)
     built = Configurations()
     for case in cases:
         for each in study.uncertainties:

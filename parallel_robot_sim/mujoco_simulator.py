@@ -1,0 +1,66 @@
+"""The plant with MuJoCo in the place of the equations of motion; the rest is the suite's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_compiler import entry_point, vector
+from parallel_robot_model.joint_load import net_torque
+from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.mujoco_model import MujocoRobot
+from parallel_robot_sim.plant import MUJOCO, torques
+from parallel_robot_sim.simulator import Simulator
+
+LONGEST = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion over a second
+
+
+class MujocoSimulator(Simulator):
+    """Motors, sensors, friction and disturbances as ever; MuJoCo moves the bodies."""
+
+    def __init__(self, configuration: PlantConfiguration) -> None:
+        """Put the robot at rest at its initial pose.
+
+        Raises:
+            InputError: MuJoCo is not installed or cannot build the robot, or the robot does not
+                reach that pose.
+        """
+        super().__init__(configuration)
+        self._period = configuration.loop.period
+        still = [0.0] * len(configuration.loop.joints)  # friction is the suite's
+        pose = np.array(configuration.parameters.initial_pose)
+        step = self._period / max(2, math.ceil(self._period / LONGEST))
+        self._bodies = MujocoRobot(self.robot, pose, still, step)
+        state, torque = self.state, self.state.torque
+        self._torques = entry_point(torques, self._setup, state, torque, self._period)
+        self._net = entry_point(net_torque, self._setup.load, torque, torque, 0.0)
+
+    def _step(self, command: np.ndarray) -> bool:
+        state = self.state
+        torque, acting = self._torques(self._setup, state, vector(command), self._period)
+
+        def load(velocity: Array, time: float) -> Array:
+            net: Array = self._net(self._setup.load, acting, vector(velocity), time)
+            return np.array(net)
+
+        self._bodies.advance_under(load, self._period)
+        coordinates, rate = self._bodies.motion
+        if not (np.isfinite(coordinates).all() and np.isfinite(rate).all()):
+            return False
+        for kept, found in zip(
+            self._state, (coordinates, rate, torque, state.time + self._period), strict=True
+        ):
+            kept[:] = found
+        return True
+
+
+def simulator_of(configuration: PlantConfiguration) -> Simulator:
+    """The simulator that ``plant.engine`` names, at its initial pose.
+
+    Raises:
+        InputError: it cannot be built.
+    """
+    known = MujocoSimulator if configuration.parameters.engine == MUJOCO else Simulator
+    return known(configuration)
