@@ -47,7 +47,7 @@ docs: setup ## write docs/parameters.md and architecture.md anew, run docs/noteb
 	for law in $(PAPER); do \
 	$(BIN)/parallel_robot simulate paper_circle --law $$law --duration 6 --out $$bags/$$law || exit; \
 	done && rm -f docs/images/moving_robot.gif && \
-	$(BIN)/parallel_robot video $(PAPER:%=$$bags/%) --rate 8 --out docs/images/moving_robot.gif
+	$(BIN)/parallel_robot video $(PAPER:%=$$bags/%) --rate 9 --out docs/images/moving_robot.gif
 
 site: setup ## write the documentation as a site, site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet

@@ -11,7 +11,7 @@ import numpy as np
 from parallel_robot_base.errors import UnknownNameError
 from parallel_robot_base.optional_library import optional
 
-COLOURS = 64  # of all frames of a GIF
+COLOURS = 48  # of all frames of a GIF
 MOST = {'.mp4': 50_000, '.gif': 1500}  # frames; those of a GIF are held in memory
 QUALITY = {'crf': '20', 'preset': 'medium'}  # of H.264
 Frames = Iterable[np.ndarray]
