@@ -17,6 +17,7 @@ CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']
 LIVE = ['aiohttp>=3.10,<4']
 VIDEO = ['av>=12,<19']
+FOXGLOVE = ['foxglove-sdk>=0.30,<0.31']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 
 setup(
@@ -108,6 +109,8 @@ setup(
         'top': TOP,
         # The page of `parallel_robot live`.
         'live': LIVE,
+        # `parallel_robot live --foxglove`.
+        'foxglove': FOXGLOVE,
         # `parallel_robot sweep`, and `sweep --scheduler`.
         'study': STUDY,
         'cluster': CLUSTER,
@@ -125,6 +128,7 @@ setup(
             *EXPORT,
             *TOP,
             *LIVE,
+            *FOXGLOVE,
             *CLUSTER,
             *TUNE,
             *VIDEO,

@@ -31,6 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='start the nodes of a scenario, and end them with the page; default: those that run',
     )
     shown.add_argument('--bag', type=Path, metavar='BAG', help='play a bag, without nodes')
+    parser.add_argument(
+        '--foxglove',
+        action='store_true',
+        help='serve Foxglove and Lichtblick instead of a page, to look at alone; default port: '
+        '8765',
+    )
     parser.add_argument('--law', help='with --run: control law, default: that of the scenario')
     parser.add_argument(
         '--duration',
@@ -63,12 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    try:
-        import aiohttp  # noqa: F401  optional
-    except ImportError:
-        raise InputError("aiohttp is not installed; pip install 'parallel_robot[live]'") from None
-    from parallel_robot_live.serving import listening
-
     changed = given(arguments)
     for option in ('law', 'duration'):
         if getattr(arguments, option) is not None:
@@ -78,6 +78,14 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.port is not None and not 0 <= arguments.port < 1 << 16:
         raise InputError(f'--port must be from 0 to 65535, not {arguments.port}')
     namespace = full(arguments.namespace) if arguments.namespace is not None else None
+    if arguments.foxglove:
+        return _foxglove(arguments, changed, namespace)
+    try:
+        import aiohttp  # noqa: F401  optional
+    except ImportError:
+        raise InputError("aiohttp is not installed; pip install 'parallel_robot[live]'") from None
+    from parallel_robot_live.serving import listening
+
     handler = signal.signal(signal.SIGTERM, _stop)
     try:
         with ExitStack() as stack:
@@ -94,6 +102,35 @@ def execute(arguments: argparse.Namespace) -> int:
         print('ended', file=sys.stderr)
     finally:
         signal.signal(signal.SIGTERM, handler)
+    return 0
+
+
+def _foxglove(
+    arguments: argparse.Namespace, changed: dict[str, Any], namespace: str | None
+) -> int:
+    """Serve Foxglove until the user ends it."""
+    if arguments.bag is not None:
+        raise InputError(
+            'Foxglove opens bags by itself: parallel_robot export BAG --foxglove makes one with '
+            'the robot in it'
+        )
+    from parallel_robot_live.ros_foxglove import PORT, serve  # needs ROS
+
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    port = PORT if arguments.port is None else arguments.port
+    try:
+        with ExitStack() as stack:
+            values = None
+            if arguments.run is not None:
+                from parallel_robot_live.started_graph import started_graph
+
+                namespace, changed = namespace or '', {'duration': 0.0, **changed}
+                graph = started_graph(arguments.run, changed, namespace)
+                values = stack.enter_context(graph).values
+            os.nice(NICE)
+            serve(arguments.host, port, namespace, values)
+    except KeyboardInterrupt:
+        print('ended', file=sys.stderr)
     return 0
 
 

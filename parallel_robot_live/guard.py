@@ -7,6 +7,9 @@ import secrets
 import time
 from collections.abc import Callable
 
+OPEN = (
+    'warning: who can reach this machine can look, and can read the traffic: it is not encrypted'
+)
 RATE, BURST = 10.0, 20.0  # requests a second, and at once, that may change something
 
 
@@ -51,6 +54,11 @@ class Guard:
             return False
         self._left -= 1.0
         return True
+
+
+def is_loopback(address: str) -> bool:
+    """Whether an address, with or without a zone, is that of this machine alone."""
+    return ipaddress.ip_address(address.partition('%')[0]).is_loopback
 
 
 def _name(host: str) -> str:

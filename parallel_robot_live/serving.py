@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import signal
 import socket
 import sys
@@ -13,6 +12,7 @@ from contextlib import contextmanager
 from aiohttp import web
 
 from parallel_robot_base.errors import InputError
+from parallel_robot_live.guard import OPEN, is_loopback
 from parallel_robot_live.server import LiveServer
 from parallel_robot_live.source import Source
 
@@ -75,16 +75,11 @@ async def _serve(listening: socket.socket, host: str, source: Source, read_only:
     name = f'[{host}]' if ':' in host else host
     token = '' if read_only else f'#{server.guard.token}'
     print(f'page    http://{name}:{listening.getsockname()[1]}/{token}', flush=True)
-    if not _is_loopback(listening):
-        what = 'who can reach this machine can look, and can read the traffic: it is not encrypted'
-        print(f'warning: {what}', file=sys.stderr)
+    if not is_loopback(listening.getsockname()[0]):
+        print(OPEN, file=sys.stderr)
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
     await ended.wait()
     await runner.cleanup()
-
-
-def _is_loopback(listening: socket.socket) -> bool:
-    return ipaddress.ip_address(listening.getsockname()[0].partition('%')[0]).is_loopback

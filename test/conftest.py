@@ -22,7 +22,7 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion',),
     *('config', 'custom_import', 'custom_laws', 'custom_robots', 'custom_trajectories'),
-    *('docs', 'empty_graph'),
+    *('docs', 'empty_graph', 'foxglove'),
     *('hostile_bags', 'hostile_loop', 'hostile_wire', 'joins', 'kernel_cache', 'life_cycle'),
     *(
         'live_page',

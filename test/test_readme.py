@@ -23,7 +23,9 @@ COMMANDS = sorted(
         for line in block.replace('\\\n', ' ').splitlines()
     }
 )
-WRITES = r'(?:--out|--foxglove|--json|--figure|--plot|recorder.out:=|cp -r \S+|>)'  # before a new name
+WRITES = (
+    r'(?:--out|--foxglove|--json|--figure|--plot|recorder.out:=|cp -r \S+|>)'  # before a new name
+)
 LINKS = [
     (path, target)
     for path, text in PAGES.items()

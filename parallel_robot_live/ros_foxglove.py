@@ -1,0 +1,213 @@
+"""A running robot for Foxglove and Lichtblick: its topics as they are, description and frames.
+
+The server has no capability: whoever connects can look and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import socket
+import sys
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from parallel_robot_analysis.posture import Posture
+from parallel_robot_bags.message_types import message_type
+from parallel_robot_base import layouts, topics
+from parallel_robot_base.errors import InputError, ParallelRobotError
+from parallel_robot_base.optional_library import optional
+from parallel_robot_base.topics import Topic
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_cli.top.robots import Robots
+from parallel_robot_live.graph_values import known_values
+from parallel_robot_live.guard import OPEN, is_loopback
+from parallel_robot_live.ros_live_graph import LiveGraph
+
+PORT = 8765  # where Foxglove looks for a server
+LOOK = 0.02  # s, between two looks at the graph
+EVERY = 10  # looks, from one check of what runs to the next
+DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
+
+
+class Server:
+    """Sends to all that subscribe; late subscribers of latched topics get the last message."""
+
+    def __init__(self, host: str, port: int) -> None:
+        """Listen.
+
+        Raises:
+            InputError: foxglove-sdk is not installed, or the port cannot be had.
+        """
+        self._library = optional('foxglove')
+        self._channels: dict[str, Any] = {}
+        self._latched: dict[str, bytes] = {}
+        try:
+            self._server = self._library.start_server(
+                name='parallel_robot', host=host, port=port, server_listener=self
+            )
+        except Exception as error:  # the library has its own, without a base
+            raise InputError(f'cannot listen on {host} port {port}: {error}') from None
+        self._frames = self._library.channels.FrameTransformsChannel('/tf')
+        self.port: int = self._server.port
+
+    def send(self, topic: Topic, data: bytes) -> None:
+        """Send a serialised message."""
+        name = '/' + topic.name.lstrip('/')
+        if name not in self._channels:
+            text = message_type(topic.type).definition.encode()
+            schema = self._library.Schema(name=topic.type, encoding='ros2msg', data=text)
+            self._channels[name] = self._library.Channel(
+                name, message_encoding='cdr', schema=schema
+            )
+        if topic.latched:
+            self._latched[name] = data
+        self._channels[name].log(data, log_time=time.time_ns())
+
+    def send_frames(self, posture: Posture, stamp: int, angles: Any) -> None:
+        """Send the frames of all links; stamp in nanoseconds."""
+        messages = self._library.messages
+        sec, nanosec = divmod(stamp, NANOSECONDS)
+        transforms = [
+            messages.FrameTransform(
+                timestamp=messages.Timestamp(sec, nanosec),
+                parent_frame_id=link.parent,
+                child_frame_id=link.name,
+                translation=messages.Vector3(x=link.origin[0], y=link.origin[1], z=0.0),
+                rotation=messages.Quaternion(
+                    x=0.0, y=0.0, z=math.sin(angle / 2.0), w=math.cos(angle / 2.0)
+                ),
+            )
+            for link, angle in zip(posture.links, angles.tolist(), strict=True)
+        ]
+        self._frames.log(messages.FrameTransforms(transforms=transforms), log_time=time.time_ns())
+
+    def close(self) -> None:
+        """End all connections."""
+        self._server.stop()
+
+    # Called by the library, in a thread of its own.
+
+    def on_subscribe(self, client: Any, channel: Any) -> None:
+        """Send what is latched."""
+        data = self._latched.get(channel.topic)
+        if data is not None:
+            self._channels[channel.topic].log(data, log_time=time.time_ns())
+
+    def on_unsubscribe(self, client: Any, channel: Any) -> None:
+        """Nothing: the library knows who is left."""
+
+
+class FoxgloveGraph(LiveGraph):
+    """Passes on each message of the suite's topics of one robot."""
+
+    def __init__(self, robots: Robots, send: Callable[[Topic, bytes], None]) -> None:
+        """Prepare; `send` takes the messages."""
+        super().__init__(robots)
+        self._send = send
+
+    def takers(self) -> dict[Topic, Callable[[bytes], None]]:
+        """All that a bag has, and what is read here."""
+        taken = super().takers()
+
+        def both(topic: Topic, data: bytes) -> None:
+            self._send(topic._replace(name=f'{self._namespace}/{topic.name}'), data)
+            if topic in taken:
+                taken[topic](data)
+
+        return {topic: partial(both, topic) for topic in topics.RECORDED}
+
+
+def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] | None) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Args:
+        host: Address to listen on.
+        port: Its port; 0 for any.
+        namespace: Full name of that of the robot; None for the first that is heard.
+        given: Configuration of a graph that was started here; None for any other.
+
+    Raises:
+        InputError: the port cannot be had.
+    """
+    server, robots = Server(host, port), Robots()
+    ended: list[int] = []
+    handlers = {
+        number: signal.signal(number, lambda number, _: ended.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    print(f'foxglove  ws://{host}:{server.port}', flush=True)
+    if not is_loopback(str(socket.getaddrinfo(host, server.port)[0][4][0])):
+        print(OPEN, file=sys.stderr)
+    try:
+        graph = FoxgloveGraph(robots, server.send)
+        with graph:
+            watched = _Watched(graph, robots, server, namespace, given)
+            while not ended:
+                watched.look()
+                time.sleep(LOOK)
+    finally:
+        server.close()
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+class _Watched:
+    """The robot that is shown, and its links as soon as its nodes have said what it is."""
+
+    def __init__(
+        self,
+        graph: FoxgloveGraph,
+        robots: Robots,
+        server: Server,
+        namespace: str | None,
+        given: Mapping[str, Any] | None,
+    ) -> None:
+        self._graph, self._robots, self._server, self._given = graph, robots, server, given
+        self._fixed, self._namespace = namespace is not None, namespace or ''
+        self._parameters: dict[str, dict[str, Any]] = {}
+        self._posture: Posture | None = None
+        self._joints: tuple[str, ...] = ()
+        self._looks = 0
+        graph.watch(self._namespace)
+
+    def look(self) -> None:
+        """Pass on what has come."""
+        self._graph.look()
+        if self._looks % EVERY == 0:
+            self._check()
+        self._looks += 1
+        if self._posture is None:
+            return
+        heard = self._graph.heard(topics.JOINT_STATES, self._joints)
+        for stamp, position in zip(heard.stamps.tolist(), heard.fields[0], strict=True):
+            angles = self._posture.add_state(stamp, position)
+            if angles is not None:
+                self._server.send_frames(self._posture, stamp, angles)
+
+    def _check(self) -> None:
+        """See which nodes run, and what their robot is."""
+        names = self._robots.names()
+        if not self._fixed and names and self._namespace not in names:
+            self._namespace = names[0]
+            self._graph.watch(names[0])
+        if names:
+            self._graph.ask_parameters()
+        if self._graph.parameters == self._parameters:
+            return
+        self._parameters = dict(self._graph.parameters)
+        if 'controller' not in self._parameters:
+            return
+        values = known_values(self._parameters, self._given)
+        self._joints = tuple(values['joints'])
+        try:
+            self._posture = Posture(values)
+        except ParallelRobotError as error:
+            self._posture = None
+            print(f'warning: no picture: {error}', file=sys.stderr)
+            return
+        name = f'{self._namespace}/{DESCRIPTION.name}'
+        text = layouts.text_message(self._posture.description)
+        self._server.send(DESCRIPTION._replace(name=name), text)
