@@ -107,6 +107,10 @@ class NodeProcesses:
         """Whether a process still runs."""
         return self._processes[name].poll() is None
 
+    def signal(self, name: str, number: int) -> None:
+        """Send a signal to a process, if it still runs."""
+        self._processes[name].send_signal(number)
+
     def compiling(self, name: str) -> bool:
         """Whether a node has logged that it compiles."""
         return NOTICE in self._output(name)

@@ -160,6 +160,21 @@ class Session:
             reason = result.reason if result else SILENT
             raise RunError(f'{name} does not start: {reason}')
 
+    def trigger(self, service: str) -> str:
+        """Call a service without arguments, as ``'controller/clear_fault'``; returns its answer.
+
+        Raises:
+            RunError: it does not answer.
+        """
+        client = self._node.create_client(Trigger, service)
+        try:
+            answer = self._call(client, Trigger.Request(), START_TIMEOUT)
+        finally:
+            self._node.destroy_client(client)
+        if answer is None:
+            raise RunError(f'{service}: {SILENT}')
+        return str(answer.message)
+
     def _call(self, client: Any, request: Any, seconds: float = ANSWER_TIMEOUT) -> Any:
         """Answer of a service, None when there is none in time."""
         self._watch()

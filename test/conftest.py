@@ -35,7 +35,7 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
         'numba_settings',
     ),
     *('own_scenarios', 'packaging', 'player_node', 'processes', 'python', 'realtime'),
-    *('recorder', 'recorder_node', 'replay', 'report', 'rerun', 'run', 'run_log'),
+    *('recorder', 'recorder_node', 'rehearse', 'replay', 'report', 'rerun', 'run', 'run_log'),
     *('safety_nodes', 'show', 'start', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes'),
     *('trust', 'tune'),
 )

@@ -31,7 +31,7 @@ from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_cli.commands import simulate
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import assemble
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import ENDLESS
 
@@ -49,6 +49,8 @@ OWN = (
     'recorder.command_line',
 )  # keys that run gives to its nodes
 LOOK = 0.1  # s, between two looks at the processes
+# What acts on a run from outside: its processes, a session, seconds since t = 0 (wall time).
+During = Callable[[NodeProcesses, 'Session', float], None]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -116,18 +118,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         RunError: the run did not come to its end.
     """
     configuration = configure(resolve(scenario, changed))
-    if not configuration.loop.duration:
-        with locating(configuration.values):
-            raise InputError(ENDLESS, 'duration')
-    experiment = assemble(configuration)
-    loop = experiment.loop
-    new_files.check_directory(out)
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-
-    parameters = node_parameters(MODULES, scenario, changed, loop)
-    parameters['recorder']['recorder.out'] = str(out)
-    parameters['recorder']['recorder.command_line'] = command_line()
-    ended = _supervise(parameters, loop, namespace)
+    ended = move(configuration, scenario, changed, out, namespace)
     try:
         log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
     except BagError:
@@ -140,7 +131,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     remarks += readable_metrics.sensor_remarks(
         log.config, lambda: true_motion.of_bag(out, log, TRUSTED)
     )
-    doubts = (*experiment.control.law.warnings, *noise_doubts(configuration))
+    doubts = (*ended.doubts, *noise_doubts(configuration))
     for text in (*doubts, *remarks):
         print(f'warning: {text}', file=sys.stderr)
     if ended.signal:
@@ -151,6 +142,42 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     if ended.driven_out:
         raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
     return StoppedError(ended.signal).exit_code if ended.signal else 0
+
+
+def move(
+    configuration: Configuration,
+    scenario: str,
+    changed: dict[str, Any],
+    out: Path,
+    namespace: str = '',
+    during: During = lambda *_: None,
+) -> End:
+    """Let the nodes run a scenario into a bag.
+
+    Args:
+        configuration: The scenario with its changes.
+        scenario: Its name, or the path of its file.
+        changed: Key to value.
+        out: Directory of the bag.
+        namespace: Full name of the namespace of the nodes; empty for none.
+        during: Called again and again while the robot moves.
+
+    Raises:
+        InputError: the configuration is wrong, or the bag cannot be written there.
+        RunError: a node failed.
+        StoppedError: a signal came before the motion began.
+    """
+    if not configuration.loop.duration:
+        with locating(configuration.values):
+            raise InputError(ENDLESS, 'duration')
+    experiment = assemble(configuration)
+    new_files.check_directory(out)
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    parameters = node_parameters(MODULES, scenario, changed, experiment.loop)
+    parameters['recorder']['recorder.out'] = str(out)
+    parameters['recorder']['recorder.command_line'] = command_line()
+    ended = _supervise(parameters, experiment.loop, namespace, during)
+    return ended._replace(doubts=tuple(experiment.control.law.warnings))
 
 
 def evaluate(log: run_log.RunLog) -> list[str]:
@@ -182,13 +209,22 @@ def node_parameters(
 
 
 class End(NamedTuple):
-    """Whether a motion ended because the robot was driven out, or by which signal; 0: none."""
+    """How a motion ended.
+
+    Attributes:
+        driven_out: Whether the robot was driven out of its workspace.
+        signal: Number of the signal that ended it; 0: none.
+        doubts: What the theory says against the gains of its law.
+    """
 
     driven_out: bool = False
     signal: int = 0
+    doubts: tuple[str, ...] = ()
 
 
-def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str) -> End:
+def _supervise(
+    parameters: dict[str, dict[str, Any]], loop: LoopParameters, namespace: str, during: During
+) -> End:
     """Start the nodes, give them their common start, and wait for the end of the motion.
 
     Raises:
@@ -211,10 +247,15 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
                 processes.check()
 
             with Session(MODULES, watch, namespace, loop.middleware) as session:
-                start(processes, session, loop, MODULES)
+                begin = start(processes, session, loop, MODULES)
+
+                def act() -> None:
+                    during(processes, session, (time.time_ns() - begin) / NANOSECONDS)
+
                 try:
                     with Progress(loop.duration, 's') as progress:
-                        follow(processes, session, loop.last_index or 0, loop.duration, progress)
+                        samples, duration = loop.last_index or 0, loop.duration
+                        follow(processes, session, samples, duration, progress, act)
                 except StoppedError as error:
                     return End(signal=error.signal)
                 for name in session.silent(filter(processes.running, MODULES)):
@@ -227,8 +268,8 @@ def _supervise(parameters: dict[str, dict[str, Any]], loop: LoopParameters, name
 
 def start(
     processes: NodeProcesses, session: Session, loop: LoopParameters, names: Collection[str]
-) -> None:
-    """Wait until some nodes are ready, then give them their common start.
+) -> int:
+    """Wait until some nodes are ready, then give them their common start [ns].
 
     Raises:
         RunError: one of them does not become ready or does not start.
@@ -242,6 +283,7 @@ def start(
     for name in ('recorder', 'trajectory', 'controller', 'plant'):
         if name in names:
             session.start(name, stamp)
+    return stamp
 
 
 def waiting_display(
@@ -267,9 +309,22 @@ def waiting_display(
 
 
 def follow(
-    processes: NodeProcesses, session: Any, samples: int, duration: float, progress: Progress
+    processes: NodeProcesses,
+    session: Any,
+    samples: int,
+    duration: float,
+    progress: Progress,
+    act: Callable[[], None] = lambda: None,
 ) -> None:
     """Wait until the recorder has all of the motion, or the robot has left its workspace.
+
+    Args:
+        processes: The nodes.
+        session: Talks to them.
+        samples: Index of the last sample.
+        duration: Of the motion [s].
+        progress: Shows how far the motion is.
+        act: Called again and again.
 
     Raises:
         RunError: the motion stands still.
@@ -277,6 +332,7 @@ def follow(
     seen, since = session.state, time.monotonic()
     while processes.running('recorder'):
         session.spin(LOOK)
+        act()
         if session.driven_out:
             return
         if session.state != seen:
