@@ -45,7 +45,7 @@ async def heard(address, enough):
     return told, found
 
 
-def test_a_client_gets_all_topics_and_the_robot(launch, tmp_path):
+def test_a_client_gets_all_topics_and_the_robot(launch, domain):
     words = ('--foxglove', '--run', 'paper_circle', '--port', '0', *SET)
     process = launch('parallel_robot_cli', 'live', *words, fresh=True)
     process.until(lambda: 'ws://' in process.stdout)

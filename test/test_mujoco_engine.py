@@ -46,7 +46,7 @@ def test_both_engines_move_the_robot_alike(scenario, period):
     assert np.array_equal(ours.state.torque, theirs.state.torque)
 
 
-def test_a_graph_of_nodes_moves_it_as_the_simulation_does(launch, tmp_path):
+def test_a_graph_of_nodes_moves_it_as_the_simulation_does(launch, domain, tmp_path):
     changes = [f'{key}={value}' for key, value in FINE.items()]
     changes += ['friction.coulomb=[0,0,0]']
     words = ['paper_circle', '--duration', '0.5', *(w for c in changes for w in ('--set', c))]
