@@ -5,6 +5,7 @@ The server has no capability: whoever connects can look and nothing else.
 
 from __future__ import annotations
 
+import collections
 import math
 import signal
 import socket
@@ -35,8 +36,8 @@ DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
 class Server:
     """Sends to all that subscribe; late subscribers of latched topics get the last message."""
 
-    def __init__(self, host: str, port: int) -> None:
-        """Listen.
+    def __init__(self, host: str, port: int, namespace: str) -> None:
+        """Listen; the topics of a robot, by its namespace, are there from the beginning.
 
         Raises:
             InputError: foxglove-sdk is not installed, or the port cannot be had.
@@ -44,27 +45,43 @@ class Server:
         self._library = optional('foxglove')
         self._channels: dict[str, Any] = {}
         self._latched: dict[str, bytes] = {}
+        self._late: collections.deque[str] = collections.deque()  # who wants latched messages
+        self._frames = self._library.channels.FrameTransformsChannel('/tf')
+        self.offer(namespace)
         try:
             self._server = self._library.start_server(
                 name='parallel_robot', host=host, port=port, server_listener=self
             )
         except Exception as error:  # the library has its own, without a base
             raise InputError(f'cannot listen on {host} port {port}: {error}') from None
-        self._frames = self._library.channels.FrameTransformsChannel('/tf')
         self.port: int = self._server.port
 
+    def offer(self, namespace: str) -> None:
+        """Have the channels of a robot, by its namespace, before there is anything to send.
+
+        The library tells clients of a new channel a moment before it lets them subscribe to it.
+        """
+        for topic in (*topics.RECORDED, DESCRIPTION):
+            name = f'{namespace}/{topic.name}'
+            if name not in self._channels:
+                text = message_type(topic.type).definition.encode()
+                schema = self._library.Schema(name=topic.type, encoding='ros2msg', data=text)
+                self._channels[name] = self._library.Channel(
+                    name, message_encoding='cdr', schema=schema
+                )
+
     def send(self, topic: Topic, data: bytes) -> None:
-        """Send a serialised message."""
-        name = '/' + topic.name.lstrip('/')
-        if name not in self._channels:
-            text = message_type(topic.type).definition.encode()
-            schema = self._library.Schema(name=topic.type, encoding='ros2msg', data=text)
-            self._channels[name] = self._library.Channel(
-                name, message_encoding='cdr', schema=schema
-            )
+        """Send a serialised message of a topic by its full name."""
         if topic.latched:
-            self._latched[name] = data
-        self._channels[name].log(data, log_time=time.time_ns())
+            self._latched[topic.name] = data
+        self._channels[topic.name].log(data, log_time=time.time_ns())
+
+    def send_latched(self) -> None:
+        """Send to late subscribers what they missed."""
+        while self._late:
+            name = self._late.popleft()
+            if name in self._latched:
+                self._channels[name].log(self._latched[name], log_time=time.time_ns())
 
     def send_frames(self, posture: Posture, stamp: int, angles: Any) -> None:
         """Send the frames of all links; stamp in nanoseconds."""
@@ -91,10 +108,8 @@ class Server:
     # Called by the library, in a thread of its own.
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Send what is latched."""
-        data = self._latched.get(channel.topic)
-        if data is not None:
-            self._channels[channel.topic].log(data, log_time=time.time_ns())
+        """Note that somebody is late; the subscription itself may still be on its way."""
+        self._late.append(channel.topic)
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
         """Nothing: the library knows who is left."""
@@ -132,7 +147,7 @@ def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] 
     Raises:
         InputError: the port cannot be had.
     """
-    server, robots = Server(host, port), Robots()
+    server, robots = Server(host, port, namespace or ''), Robots()
     ended: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: ended.append(number))
@@ -176,6 +191,7 @@ class _Watched:
     def look(self) -> None:
         """Pass on what has come."""
         self._graph.look()
+        self._server.send_latched()
         if self._looks % EVERY == 0:
             self._check()
         self._looks += 1
@@ -192,6 +208,7 @@ class _Watched:
         names = self._robots.names()
         if not self._fixed and names and self._namespace not in names:
             self._namespace = names[0]
+            self._server.offer(names[0])
             self._graph.watch(names[0])
         if names:
             self._graph.ask_parameters()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
@@ -18,7 +20,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.topics import Topic
 from parallel_robot_cli.top.graph import Tell
 from parallel_robot_cli.top.robots import Robots
-from parallel_robot_cli.top.ros_graph import RosGraph
+from parallel_robot_cli.top.ros_graph import ANSWER_TIMEOUT, RosGraph
 from parallel_robot_live.source import Description
 from parallel_robot_ros.joint_reader import JointReader
 
@@ -63,7 +65,7 @@ class LiveGraph(RosGraph):
         self.descriptions: dict[str, Description] = {}
         self._messages: dict[Topic, list[bytes]] = {topics.JOINT_STATES: [], topics.REFERENCE: []}
         self._readers: dict[tuple[Topic, tuple[str, ...]], JointReader] = {}
-        self._waiting: set[str] = set()  # nodes that were asked and have not answered
+        self._waiting: dict[str, float] = {}  # nodes that were asked and have not answered: when
 
     def __enter__(self) -> LiveGraph:
         """Join the domain."""
@@ -114,11 +116,13 @@ class LiveGraph(RosGraph):
     def ask_parameters(self) -> None:
         """Ask the nodes for their parameters, where they are not known."""
         for node in ASKED:
-            if node in self.parameters or node in self._waiting:
+            now = time.monotonic()
+            asked = self._waiting.get(node, -math.inf)  # an answer can be lost as well
+            if node in self.parameters or now - asked < ANSWER_TIMEOUT:
                 continue
             client = self._clients[f'{node}/list_parameters']
             if client.service_is_ready():
-                self._waiting.add(node)
+                self._waiting[node] = now
                 self._call(f'{node}/list_parameters', ListParameters.Request(), self._names(node))
 
     def reset(self, tell: Tell) -> None:
@@ -138,7 +142,7 @@ class LiveGraph(RosGraph):
         def values(names: list[str], answer: Any) -> None:
             found = map(_plain, answer.values)
             self.parameters[node] = dict(zip(names, found, strict=False))
-            self._waiting.discard(node)
+            self._waiting.pop(node, None)
             if node == 'controller':
                 described = DescribeParameters.Request(names=names)
                 self._call('controller/describe_parameters', described, self._on_described)
@@ -157,7 +161,7 @@ class LiveGraph(RosGraph):
             return
         if event.new_parameters:  # the node has started once more
             self.parameters.pop(node, None)
-            self._waiting.discard(node)
+            self._waiting.pop(node, None)
         elif node in self.parameters:
             changed = {one.name: _plain(one.value) for one in event.changed_parameters}
             self.parameters[node] = {**self.parameters[node], **changed}

@@ -57,7 +57,7 @@ def test_a_client_gets_all_topics_and_the_robot(launch, domain):
         return wanted <= found.keys() and len(found['/tf']) > 5
 
     for _ in range(2):  # the second comes late, and gets what is latched
-        told, found = asyncio.run(heard(address, enough))
+        told, found = asyncio.run(asyncio.wait_for(heard(address, enough), PATIENCE))
         assert told['serverInfo']['capabilities'] == []
         for topic in LATCHED:
             assert found[topic]
