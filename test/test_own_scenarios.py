@@ -128,7 +128,7 @@ def test_nodes_are_given_an_absolute_path(here, monkeypatch):
     )
     with pytest.raises(ZeroDivisionError):
         main(['run', 'mine.yaml', '--param-file', 'more.yaml', '--out', 'bag'])
-    parameters, loop, _ = given[0]
+    parameters, loop, *_ = given[0]
     assert loop.scenario == 'mine'
     for values in parameters.values():
         assert values['scenario'] == str(here / 'mine.yaml')
