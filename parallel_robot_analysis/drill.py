@@ -43,7 +43,7 @@ def fault_between(
     if began is None:
         others = sorted({fault for _, fault in seen} - {NO_FAULT})
         return Finding(False, f'no fault {wanted}' + (f', but {", ".join(others)}' * bool(others)))
-    last = next(fault for time, fault in reversed(seen))
+    last = seen[-1][1]
     if last != NO_FAULT:
         return Finding(False, f'{last} was not cleared')
     cleared = next(time for time, fault in seen if time > began and fault == NO_FAULT)

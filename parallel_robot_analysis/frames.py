@@ -10,14 +10,13 @@ import numpy as np
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.posture import Posture
 from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.channels import Channel, channel, qos_profile
+from parallel_robot_bags.channels import channel_of
 from parallel_robot_bags.progress import tracked
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_base.topics import FRAME, MARKERS, MARKERS_EVERY, Topic
+from parallel_robot_base import layouts
+from parallel_robot_base.topics import FRAME, FRAMES, MARKERS, ROBOT_DESCRIPTION
 from parallel_robot_base.units import NANOSECONDS
 
-DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
-FRAMES = Topic('tf', 'tf2_msgs/msg/TFMessage', MARKERS_EVERY)
 PATHS = {'reference': (0.6, 0.6, 0.6), 'end effector': (0.16, 0.32, 0.75)}
 WIDTH = 0.001  # m, of a path
 ALL = 10_000  # points of a path, more than a screen has dots
@@ -48,11 +47,11 @@ class Frames:
         Raises:
             OSError: the disk is full or gone.
         """
-        for topic in (DESCRIPTION, MARKERS, FRAMES):
-            writer.add(self._channel(topic))
+        for topic in (ROBOT_DESCRIPTION, MARKERS, FRAMES):
+            writer.add(channel_of(topic))
         begin = int(self._log.heard[0])
-        text = self._message('std_msgs/msg/String', data=self._posture.description)
-        writer.write(DESCRIPTION.name, begin, self._bytes(text))
+        text = layouts.text_message(self._posture.description)
+        writer.write(ROBOT_DESCRIPTION.name, begin, text)
         writer.write(MARKERS.name, begin, self._bytes(self._paths(int(self._log.stamps[0]))))
         for log_time, message in self._frames():
             writer.write(FRAMES.name, log_time, self._bytes(message))
@@ -148,8 +147,3 @@ class Frames:
 
     def _bytes(self, message: Any) -> bytes:
         return bytes(self._store.serialize_cdr(message, message.__msgtype__))
-
-    def _channel(self, topic: Topic) -> Channel:
-        text, _ = self._store.generate_msgdef(topic.type, ros_version=2)
-        profiles = [qos_profile(True, topic.latched)]
-        return channel(topic.name, topic.type, text, self._store.hash_rihs01(topic.type), profiles)

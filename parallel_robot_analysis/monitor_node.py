@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from std_msgs.msg import Float64, String
+from std_msgs.msg import Float64
 
 from parallel_robot_analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_analysis.posture import Posture
@@ -18,7 +18,6 @@ from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 from trajectory_gen.shapes import resolve
 
-DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
 LINKS = Topic('monitor/joint_states', 'sensor_msgs/msg/JointState', topics.MARKERS_EVERY)
 
 
@@ -55,8 +54,8 @@ class MonitorNode(SuiteNode):
         if self._posture is not None:
             self._layout = layouts.joint_state(self._posture.joints, ('position',))
             self._links = self.publisher(LINKS, essential=False)
-            description = self.publisher(DESCRIPTION, essential=False)
-            description.publish(String(data=self._posture.description))
+            description = self.publisher(topics.ROBOT_DESCRIPTION, essential=False)
+            description.publish(layouts.text_message(self._posture.description))
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from parallel_robot_base.errors import BagError, InputError
+from parallel_robot_base.errors import BagError, InputError, RunError
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def check(path: Path, option: str) -> None:
@@ -36,6 +39,20 @@ def write(path: Path, content: bytes | memoryview) -> None:
     except BaseException:
         path.unlink(missing_ok=True)
         raise
+
+
+def save(path: Path, content: bytes | memoryview) -> None:
+    """Write the file that a command was asked for, which must not exist.
+
+    Raises:
+        InputError: it exists or cannot be written there.
+        RunError: the disk is full.
+    """
+    try:
+        write(path, content)
+    except OSError as error:
+        kind = RunError if error.errno in FULL else InputError
+        raise kind(f'cannot write {path}: {error.strerror}') from None
 
 
 @contextlib.contextmanager

@@ -47,6 +47,8 @@ ACTIVE_LAW = Topic('controller/active_law', 'std_msgs/msg/String', 0, latched=Tr
 STATUS = Topic('controller/status', 'diagnostic_msgs/msg/DiagnosticArray', 0, latched=True)
 UNSTAMPED = ('std_msgs/msg/Float64MultiArray', 'std_msgs/msg/String')
 MARKERS = Topic('markers', 'visualization_msgs/msg/MarkerArray', MARKERS_EVERY)
+ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
+FRAMES = Topic('tf', 'tf2_msgs/msg/TFMessage', MARKERS_EVERY)  # in bags alone
 CLOCK = Topic('clock', 'rosgraph_msgs/msg/Clock')
 
 RECORDED = (

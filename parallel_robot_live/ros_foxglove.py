@@ -30,7 +30,6 @@ from parallel_robot_live.ros_live_graph import LiveGraph
 PORT = 8765  # where Foxglove looks for a server
 LOOK = 0.02  # s, between two looks at the graph
 EVERY = 10  # looks, from one check of what runs to the next
-DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched=True)
 
 
 class Server:
@@ -61,7 +60,7 @@ class Server:
 
         The library tells clients of a new channel a moment before it lets them subscribe to it.
         """
-        for topic in (*topics.RECORDED, DESCRIPTION):
+        for topic in (*topics.RECORDED, topics.ROBOT_DESCRIPTION):
             name = f'{namespace}/{topic.name}'
             if name not in self._channels:
                 text = message_type(topic.type).definition.encode()
@@ -225,6 +224,6 @@ class _Watched:
             self._posture = None
             print(f'warning: no picture: {error}', file=sys.stderr)
             return
-        name = f'{self._namespace}/{DESCRIPTION.name}'
+        topic = topics.ROBOT_DESCRIPTION
         text = layouts.text_message(self._posture.description)
-        self._server.send(DESCRIPTION._replace(name=name), text)
+        self._server.send(topic._replace(name=f'{self._namespace}/{topic.name}'), text)

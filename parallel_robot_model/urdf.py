@@ -16,7 +16,7 @@ COLOURS = {
     'distal': (0.40, 0.62, 0.90),
     'platform': (0.95, 0.60, 0.15),
 }
-OTHER = (0.5, 0.5, 0.5)
+OTHER = (0.5, 0.5, 0.5)  # colour of parts with other names
 
 
 def urdf(name: str, links: Sequence[Link]) -> str:

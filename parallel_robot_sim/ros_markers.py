@@ -14,15 +14,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 from parallel_robot_base.topics import FRAME
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.urdf import COLOURS, OTHER, WIDTH
 
-COLORS = {
-    'proximal': ColorRGBA(r=0.16, g=0.32, b=0.75, a=1.0),
-    'distal': ColorRGBA(r=0.40, g=0.62, b=0.90, a=1.0),
-    'platform': ColorRGBA(r=0.95, g=0.60, b=0.15, a=1.0),
-}
-OTHER = ColorRGBA(r=0.50, g=0.50, b=0.50, a=1.0)  # colour of parts with other names
 PATH = ColorRGBA(r=0.85, g=0.20, b=0.25, a=1.0)
-WIDTH = 0.012  # m, width of the links
 
 
 class RobotMarkers:
@@ -54,7 +48,8 @@ class RobotMarkers:
 
 
 def _marker(time: Time, part: str, kind: int, width: float, points: Iterable[Point]) -> Marker:
-    color = COLORS.get(part, OTHER)
+    r, g, b = COLOURS.get(part, OTHER)
+    color = ColorRGBA(r=r, g=g, b=b, a=1.0)
     marker = Marker(ns=part, type=kind, color=color, points=list(points))
     marker.header.frame_id = FRAME
     marker.header.stamp = time

@@ -11,7 +11,7 @@ from geometry import PAPER_START, legs, wrap
 
 from parallel_robot_analysis import metrics
 from parallel_robot_analysis.monitor import WindowMetrics
-from parallel_robot_analysis.monitor_node import DESCRIPTION, LINKS
+from parallel_robot_analysis.monitor_node import LINKS
 from parallel_robot_bags import run_log
 from parallel_robot_base import config, topics
 from parallel_robot_base.topics import Topic
@@ -59,7 +59,7 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
 
 def test_it_publishes_what_draws_the_robot(launch, peer, robot):
     process = launch('parallel_robot_analysis.monitor_node')
-    texts = peer.listen(DESCRIPTION)
+    texts = peer.listen(topics.ROBOT_DESCRIPTION)
     links = peer.listen(LINKS)
     publisher = peer.publisher(topics.JOINT_STATES)
     theta, beta = legs(robot, PAPER_START)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import errno
 import io
 import sys
 from collections.abc import Callable, Mapping
@@ -19,10 +18,9 @@ from parallel_robot_bags import new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.progress import tracked
 from parallel_robot_bags.recovery import recover
-from parallel_robot_base.errors import InputError, RunError, UnknownNameError
+from parallel_robot_base.errors import InputError, UnknownNameError
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 Columns = Mapping[str, np.ndarray]
 
 
@@ -59,11 +57,7 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {warning}', file=sys.stderr)
     content = io.BytesIO()
     FORMATS[out.suffix](found, content)
-    try:
-        new_files.write(out, content.getbuffer())
-    except OSError as error:
-        kind = RunError if error.errno in FULL else InputError
-        raise kind(f'cannot write {out}: {error.strerror}') from None
+    new_files.save(out, content.getbuffer())
     print(f'table   {out}, {len(found["time_s"])} rows, {len(found)} columns')
     return 0
 

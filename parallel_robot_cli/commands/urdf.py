@@ -7,7 +7,6 @@ from pathlib import Path
 
 from parallel_robot_analysis.posture import Posture
 from parallel_robot_bags import new_files
-from parallel_robot_base.errors import InputError
 from parallel_robot_base.placed import locating
 from parallel_robot_cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
@@ -32,9 +31,6 @@ def execute(arguments: argparse.Namespace) -> int:
     if not arguments.out:
         print(posture.description, end='')
         return 0
-    try:
-        new_files.write(arguments.out, posture.description.encode())
-    except OSError as error:
-        raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
+    new_files.save(arguments.out, posture.description.encode())
     print(f'urdf    {arguments.out}, {len(posture.links)} links')
     return 0

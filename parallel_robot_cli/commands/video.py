@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import errno
 import itertools
 import math
 from pathlib import Path
@@ -14,10 +13,9 @@ from parallel_robot_analysis.video.scene import MOST, frame_times, magnification
 from parallel_robot_bags import new_files
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.progress import tracked
-from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.options import number
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 RATES = 1.0, 100.0  # Hz
 SPEEDS = 0.001, 1000.0
 
@@ -68,11 +66,7 @@ def execute(arguments: argparse.Namespace) -> int:
     frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
     last = film.frames(scenes, times[-1:], magnified)
     content = files.encode(frames, out.suffix, arguments.rate, last)
-    try:
-        new_files.write(out, content.getbuffer())
-    except OSError as error:
-        kind = RunError if error.errno in FULL else InputError
-        raise kind(f'cannot write {out}: {error.strerror}') from None
+    new_files.save(out, content.getbuffer())
     print(f'video   {out}, {len(times)} frames, errors magnified {magnified:g} times')
     return 0
 
