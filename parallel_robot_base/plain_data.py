@@ -53,7 +53,9 @@ def load(text: str, longest: int = LONGEST) -> Any:
         raise ValueError(f'longer than {longest} characters')
     try:
         found = json.loads(text)
-    except (ValueError, RecursionError):
+    except RecursionError:  # hundreds of brackets or braces, which YAML would have to nest as well
+        raise ValueError('too deep') from None
+    except ValueError:
         found = _yaml(text)
     _check(found, DEEPEST)
     return found
