@@ -14,8 +14,8 @@ import checkout  # noqa: F401
 from rows import ratios, row, show
 
 from parallel_robot_control.configuration import resolve
+from parallel_robot_sim.configuration import configure
 from parallel_robot_studies.sweep import study
-from parallel_robot_studies.sweep.configurations import Configurations
 from parallel_robot_studies.sweep.plan import plan
 from parallel_robot_studies.sweep.run_chunk import run_chunk
 from parallel_robot_studies.sweep.sweep import sweep
@@ -55,14 +55,11 @@ def alone(planned, count: int) -> tuple[float, float, float]:
     """Processor time of building, of running and measuring, and of a run without length [s]."""
     times = []
     for duration in (planned.study.duration, 0.01):
-        configurations = Configurations()
         rows = planned.rows(0, 0, count)
         for _ in range(2):  # the first loads the kernels and samples the motion
             begun = time.process_time()
             built = [
-                configurations.build(
-                    resolve(row.scenario, {**row.overrides, 'duration': duration})
-                )
+                configure(resolve(row.scenario, {**row.overrides, 'duration': duration}))
                 for row in rows
             ]
             middle = time.process_time()

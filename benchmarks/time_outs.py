@@ -14,7 +14,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_control.exchange import JointSample
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 PERIOD = 1e-3  # s
 START = 10**9  # ns
@@ -48,7 +48,7 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
     controller.begin(START)
     first, last = round(begin / PERIOD), round((begin + gap) / PERIOD)
     count = last + round(AFTER / PERIOD)
-    motion = Trajectory(values).sample(np.arange(count + 1) * PERIOD)
+    motion = trajectory_of(values).sample(np.arange(count + 1) * PERIOD)
     command, worst = np.zeros(3), 0.0
     for k in range(count):
         stamp, joints = START + k * round(PERIOD * 1e9), simulator.measurement()

@@ -28,7 +28,7 @@ its value is no change. On a machine that is busy, while kernels are compiled sa
 get no answer ("client will not receive response" in the log): the middleware drops an answer whose
 receiver it has not found within 0.1 s. Then call again.
 """
-LAST = {'recorder': RecorderParameters, 'monitor': MonitorParameters}
+LAST = [('recorder', RecorderParameters), ('monitor', MonitorParameters)]
 GROUPS = {**groups(planar_3rrr, LAWS), 'Recorder and monitor': LAST}
 
 
@@ -40,7 +40,9 @@ def text() -> str:
         parts.append(
             f'\n## {title}\n\n| key | default | unit | range | meaning |\n|---|---|---|---|---|\n'
         )
-        for prefix, group in members.items():
+        for prefix, group in members:
+            if prefix == 'true_robot':
+                continue
             for parameter in parameters(group):
                 key = f'{prefix}.{parameter.key}' if prefix else parameter.key
                 cells = [

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.posture import Posture
+from parallel_robot_analysis.posture import posture_of
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.channels import channel_of
 from parallel_robot_bags.progress import tracked
@@ -37,7 +37,7 @@ class Frames:
         from rosbags.typesys import Stores, get_typestore  # slow to import
 
         self._log = log
-        self._posture = Posture(log.config)
+        self._posture = posture_of(log.config)
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self.count = 0
 

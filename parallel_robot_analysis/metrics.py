@@ -10,10 +10,10 @@ import numpy as np
 
 from parallel_robot_bags.run_log import RunLog, head
 from parallel_robot_base.errors import KinematicsError
-from parallel_robot_control.configuration import first_guess
+from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model import poses as forward
-from parallel_robot_model.robots import is_known, robot_of
+from parallel_robot_model.configuration import is_known
 
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 
@@ -141,8 +141,8 @@ def poses_of(values: Mapping[str, Any], motion: Motion) -> Poses:
     """
     if not is_known(values):
         return Poses(motion.position, motion.reference_position, planar=False)
-    robot = robot_of(values)
-    reference = forward.poses_of(robot, motion.reference_position, first_guess(values, robot))
+    robot, guess = nominal_of(values)
+    reference = forward.poses_of(robot, motion.reference_position, guess)
     actual = forward.poses_of(robot, motion.position, reference[0])
     return Poses(actual, reference, robot.module.PLANAR)
 

@@ -5,21 +5,19 @@ from __future__ import annotations
 import bisect
 import math
 from collections import deque
-from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot_analysis import metrics
 from parallel_robot_bags.run_log import reference_at
-from parallel_robot_base import config
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.topics import DEPTH
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control.configuration import first_guess
 from parallel_robot_model.poses import poses_of
-from parallel_robot_model.robots import robot_of
+from parallel_robot_model.robots import RobotModel
 
 PERIOD = NANOSECONDS // 10  # ns of motion between two sets of metrics
 OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
@@ -73,18 +71,18 @@ class Monitor:
     before it do not apply.
     """
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        """Prepare for the nominal robot of a configuration.
+    def __init__(self, robot: RobotModel, guess: Array, parameters: MonitorParameters) -> None:
+        """Prepare.
 
-        Raises:
-            InputError: a parameter is wrong.
+        Args:
+            robot: The nominal robot.
+            guess: Pose from which its forward kinematics starts, shape (m,).
+            parameters: Length of the window.
         """
-        self._robot = robot_of(values)
-        self._planar = self._robot.module.PLANAR
-        self._joints = len(values['joints'])
-        seconds = config.group(values, MonitorParameters, 'monitor').window
-        self._length = round(seconds * NANOSECONDS)
-        self._first_guess = first_guess(values, self._robot)
+        self._robot, self._first_guess = robot, guess
+        self._planar = robot.module.PLANAR
+        self._joints = robot.module.joints(robot.parameters)
+        self._length = round(parameters.window * NANOSECONDS)
         self._newest: int | None = None  # ns, stamp of the last state
         self._references: deque[tuple[Any, ...]] = deque(maxlen=DEPTH)
         self._begin()

@@ -10,13 +10,14 @@ from std_msgs.msg import Float64
 from parallel_robot_analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_analysis.posture import Posture
 from parallel_robot_base import layouts, realtime, topics
+from parallel_robot_base.groups import group
 from parallel_robot_base.topics import Topic
-from parallel_robot_model.robots import module_of, robot_of
+from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.tree import has_tree
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
-from trajectory_gen.shapes import resolve
+from trajectory_gen.configuration import resolve
 
 LINKS = Topic('monitor/joint_states', 'sensor_msgs/msg/JointState', topics.MARKERS_EVERY)
 
@@ -34,9 +35,10 @@ class MonitorNode(SuiteNode):
     def __init__(self) -> None:
         """Prepare to publish, then listen."""
         super().__init__('monitor', resolve)
-        self.declare_group('robot', module_of(self.values).Parameters)
-        self.declare_group('monitor', MonitorParameters)
-        self._monitor = Monitor(self.values)
+        robot, guess = nominal_of(self.values)
+        self.declare_groups(('robot', robot.module.Parameters), ('monitor', MonitorParameters))
+        parameters = group(self.values, MonitorParameters, 'monitor')
+        self._monitor = Monitor(robot, guess, parameters)
         joints = self.loop.joints
         self._state_reader = JointReader(
             topics.JOINT_STATES, joints, ('position', 'effort'), self.counts
@@ -50,7 +52,7 @@ class MonitorNode(SuiteNode):
             )
             for name in self._monitor.names
         }
-        self._posture = Posture(self.values) if has_tree(robot_of(self.values)) else None
+        self._posture = Posture(robot, guess, self.loop) if has_tree(robot) else None
         if self._posture is not None:
             self._layout = layouts.joint_state(self._posture.joints, ('position',))
             self._links = self.publisher(LINKS, essential=False)

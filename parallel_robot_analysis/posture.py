@@ -7,36 +7,42 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.loop import LoopParameters, loop_of
 from parallel_robot_base.topics import MARKERS_EVERY
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control.configuration import first_guess
+from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.poses import poses_of
-from parallel_robot_model.robots import robot_of
+from parallel_robot_model.robots import RobotModel
 from parallel_robot_model.tree import angles_of, links_of
 from parallel_robot_model.urdf import urdf
 
 
 class Posture:
-    """Follows the links of the nominal robot of a configuration.
+    """Follows the links of the nominal robot.
 
     Attributes:
         joints: Names of the joints of all links, L.
         description: The robot as URDF.
     """
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, robot: RobotModel, guess: Array, loop: LoopParameters) -> None:
         """Prepare.
 
+        Args:
+            robot: The nominal robot.
+            guess: Pose from which its forward kinematics starts, shape (m,).
+            loop: Names of its joints, period.
+
         Raises:
-            InputError: a parameter is wrong, or the robot says nothing of its links.
+            InputError: the robot says nothing of its links.
         """
-        self._robot = robot_of(values)
-        self._first_guess = self._guess = first_guess(values, self._robot)
-        self.links = links_of(self._robot, tuple(values['joints']))
+        self._robot = robot
+        self._first_guess = self._guess = guess
+        self.links = links_of(robot, loop.joints)
         self.joints = tuple(link.joint for link in self.links)
-        self.description = urdf(self._robot.name, self.links)
-        self._period = MARKERS_EVERY * round(values['period'] * NANOSECONDS)
+        self.description = urdf(robot.name, self.links)
+        self._period = MARKERS_EVERY * loop.period_ns
         self._newest: int | None = None
 
     def add_state(self, stamp: int, position: np.ndarray) -> np.ndarray | None:
@@ -61,3 +67,12 @@ class Posture:
             return None
         self._guess = pose[0]
         return angles_of(self._robot, pose, position[np.newaxis])[0]
+
+
+def posture_of(values: Mapping[str, Any]) -> Posture:
+    """The posture of the nominal robot of a resolved configuration.
+
+    Raises:
+        InputError: a parameter is wrong, or the robot says nothing of its links.
+    """
+    return Posture(*nominal_of(values), loop_of(values))

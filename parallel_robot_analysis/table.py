@@ -17,7 +17,7 @@ from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import ParallelRobotError
 from parallel_robot_base.topics import SLIDING_VARIABLE
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_model.robots import robot_of
+from parallel_robot_model.configuration import robot_of
 
 
 class Table(NamedTuple):

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from parallel_robot_bags.experiment import NODES
 from parallel_robot_bags.history import History, granted_priorities
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_base import config
-from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.groups import group
+from parallel_robot_base.loop import loop_of
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel
 from parallel_robot_control.messages import NO_FAULT
@@ -88,7 +88,7 @@ def evaluate(log: RunLog, history: History) -> Timing:
         log: The run.
         history: What the bag says besides the motion.
     """
-    period = config.group(log.config, LoopParameters, '').period_ns
+    period = loop_of(log.config).period_ns
     if not history.facts:
         period = int(np.median(np.diff(log.stamps))) if len(log.stamps) > 1 else period
     told = int(history.facts.get('start_stamp', 0))
@@ -174,7 +174,7 @@ def _percent(part: int, whole: int) -> str:
 
 def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]:
     """Lag of each step after a stamp [ns], in samples, and the number of steps without one."""
-    limit = np.array(config.group(log.config, PlantParameters, 'plant').torque_limit)
+    limit = np.array(group(log.config, PlantParameters, 'plant').torque_limit)
     command = np.clip(log.command, -limit, limit)
     stamps = np.maximum.accumulate(log.command_states)
     newest = np.searchsorted(stamps, log.stamps, side='right') - 1

@@ -18,7 +18,7 @@ from parallel_robot_base import config, plain_data
 from parallel_robot_base.config import PACKAGE
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_base.fields import PerJoint, words
-from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_base.loop import LoopParameters, loop_of
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_model.robots import ROBOTS
 from parallel_robot_sim.parameter_groups import members
@@ -89,7 +89,7 @@ def configuration(
                 'custom_robots': [],
                 'custom_trajectories': [],
             }  # named files are not loaded
-        loop = validate(config.group(values | stored, LoopParameters, ''))
+        loop = loop_of(values | stored)
         names = (loop.scenario, loop.law, *loop.joints)
         if not all(map(is_name, names)):
             raise ValueError('a name in it is too long or cannot be printed')

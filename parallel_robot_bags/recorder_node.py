@@ -13,7 +13,8 @@ from parallel_robot_bags import new_files
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_bags.ros_parameters import ParameterWatch
 from parallel_robot_bags.ros_topics import Discovery, RecorderParameters, full_name, listen_all
-from parallel_robot_base import config, realtime, topics
+from parallel_robot_base import realtime, topics
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import WAIT
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.robots import module_of
@@ -33,12 +34,12 @@ class RecorderNode(SuiteNode):
     def __init__(self) -> None:
         """Subscribe to everything; without a common start, begin at once."""
         super().__init__('recorder', resolve)
-        self.declare_group('recorder', RecorderParameters)
-        wanted = config.group(self.values, RecorderParameters, 'recorder')
+        self.declare_groups(('recorder', RecorderParameters))
+        wanted = group(self.values, RecorderParameters, 'recorder')
         directory = Path(wanted.out or time.strftime('recording_%Y%m%d_%H%M%S'))
         new_files.check_directory(directory)
         choosing = bool(wanted.topics or wanted.regex or wanted.all)
-        planar = module_of(self.values).PLANAR
+        planar = module_of(self.loop).PLANAR
         suite = () if choosing else topics.recorded(planar)
         self._recorder = Recorder(directory, self.loop, self.values, self.fail, suite)
         self._topics: dict[topics.Topic, Subscription] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from parallel_robot_base import points_file, scenario_file
 from parallel_robot_base.config_files import PACKAGE as PACKAGE
@@ -12,10 +12,8 @@ from parallel_robot_base.config_files import directory as directory
 from parallel_robot_base.config_files import flat as flat
 from parallel_robot_base.config_files import label, read
 from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.fields import build, parameters, plain
+from parallel_robot_base.fields import plain
 from parallel_robot_base.placed import Placed, locating, merged, places_of
-
-Group = TypeVar('Group')
 
 PRESET = 'paper'  # the gains in config/laws
 CUSTOM = {'custom_laws', 'custom_robots', 'custom_trajectories'}  # keys that name Python files
@@ -251,22 +249,6 @@ def _absolute(key: str, path: str) -> str:
         return str(Path(path).expanduser().resolve())
     except (OSError, RuntimeError, ValueError):  # too long, home of an unknown user, not a text
         raise InputError(f'{key}: {path} does not exist') from None
-
-
-def group(config: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
-    """Build one typed group, e.g. of keys ``friction.*``; prefix '' takes top-level keys.
-
-    Keys of the prefix that belong to another group are left to it.
-
-    Raises:
-        InputError: a value is missing or wrong.
-    """
-    start = f'{prefix}.' if prefix else ''
-    keys = [parameter.key for parameter in parameters(kind)]
-    values = {key: config[start + key] for key in keys if start + key in config}
-    joints = config.get('joints')
-    with locating(config):
-        return build(kind, values, start, len(joints) if isinstance(joints, list) else None)
 
 
 def _plain(values: Mapping[str, Any]) -> Placed:

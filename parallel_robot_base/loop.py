@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
+from parallel_robot_base.groups import group
+from parallel_robot_base.placed import locating
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 
@@ -74,13 +77,21 @@ class LoopParameters(NamedTuple):
         return round(self.duration / self.period) if self.duration > 0.0 else None
 
 
-def validate(loop: LoopParameters) -> LoopParameters:
-    """Return `loop` if it is valid.
+def loop_of(values: Mapping[str, Any]) -> LoopParameters:
+    """What a resolved configuration says of the loop.
 
     Raises:
-        InputError: no joints, or two with one name; a period of which ten do not fit into
-            0.1 s, the grid on which slow topics and common starts lie; a motion without samples.
+        InputError: a value is wrong. No joints, or two with one name; a period of which ten do
+            not fit into 0.1 s, the grid on which slow topics and common starts lie; a motion
+            without samples.
     """
+    loop = group(values, LoopParameters, '')
+    with locating(values):
+        _check(loop)
+    return loop
+
+
+def _check(loop: LoopParameters) -> None:
     if not loop.joints or len(set(loop.joints)) != len(loop.joints):
         raise InputError(f'joints must be different names, not {list(loop.joints)}', 'joints')
     if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
@@ -93,4 +104,3 @@ def validate(loop: LoopParameters) -> LoopParameters:
             f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}',
             'duration',
         )
-    return loop

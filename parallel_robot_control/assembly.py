@@ -49,7 +49,7 @@ def assemble(
     name = law or configuration.loop.law
     gains, robot = configuration.gains[name], configuration.robot
     prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
-    row, guess = vector(np.zeros(configuration.joints)), vector(configuration.guess)
+    row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
     distinguish(configuration.margins)
     estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
     limits = Boxed(
@@ -84,7 +84,7 @@ def assemble(
 
 def _inertia(configuration: ControlConfiguration) -> Array:
     """Inertia matrix of the nominal robot at rest at the guess [kg m^2], shape (n, n)."""
-    robot, guess = configuration.robot, vector(configuration.guess)
+    robot, guess = configuration.robot, vector(np.array(configuration.guess))
     still, row = vector(np.zeros(len(guess))), vector(np.zeros(configuration.joints))
     joints = robot.module.joint_motion(robot.constants, PoseMotion(guess, still, still))
     position, margins = vector(joints.position), configuration.margins

@@ -1,18 +1,19 @@
-"""Configuration of a controller: each group built and checked once."""
+"""From a configuration to its controller: robot, limits, laws and their gains."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import config
+from parallel_robot_base import config, fields
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.config import PRESET
 from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.fields import Field, build, parameters, plain
-from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_base.fields import Field, defaults, parameters, plain
+from parallel_robot_base.groups import Declared, Groups, build, group
+from parallel_robot_base.loop import LoopParameters, loop_of
 from parallel_robot_base.placed import locating
 from parallel_robot_control import law_loader
 from parallel_robot_control.approach import ApproachParameters
@@ -22,9 +23,11 @@ from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.robots import RobotModel, robot_of
-from trajectory_gen.shapes import robot_and_shape_defaults, shapes_of
-from trajectory_gen.trajectory import first_pose
+from parallel_robot_model.configuration import robot_of
+from parallel_robot_model.contract import Robot
+from parallel_robot_model.robots import RobotModel, module_of, robot_with
+from trajectory_gen.configuration import robot_and_shape_defaults, trajectory_of
+from trajectory_gen.shapes import shapes
 
 
 class ControllerParameters(NamedTuple):
@@ -44,7 +47,7 @@ class ControlConfiguration(NamedTuple):
         robot: Nominal robot.
         safety: Limits and the safe action.
         margins: SafetyMargins of the robot.
-        guess: Pose from which the first forward kinematics starts, shape (m,).
+        guess: Pose from which the first forward kinematics starts, m numbers.
         estimator: Where the motion of the joints is known from.
         lock_in: How the age of the states is identified, if it is.
         approach: How the robot joins the desired motion.
@@ -57,7 +60,7 @@ class ControlConfiguration(NamedTuple):
     robot: RobotModel
     safety: SafetyParameters
     margins: Any
-    guess: Array
+    guess: tuple[float, ...]
     estimator: EstimatorParameters
     lock_in: LockInParameters
     approach: ApproachParameters
@@ -78,7 +81,10 @@ class ControlConfiguration(NamedTuple):
 
 def custom_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
     """Defaults of the custom robot, laws and trajectories that a configuration names."""
-    return robot_and_shape_defaults(values) | law_loader.default_gains(values)
+    found = robot_and_shape_defaults(values)
+    for name, law in law_loader.custom_laws(values['custom_laws']).items():
+        found |= defaults(law.Gains, f'{name}.')
+    return found
 
 
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -86,9 +92,33 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
     return config.resolve(scenario, overrides, custom_defaults)
 
 
-def available(values: Mapping[str, Any]) -> dict[str, Law]:
-    """The laws of the suite and the custom laws of a resolved configuration, by name."""
-    return LAWS | law_loader.custom_laws(values)
+def available(paths: Sequence[str]) -> dict[str, Law]:
+    """The laws of the suite and custom ones, by name.
+
+    Args:
+        paths: Files of the custom laws.
+
+    Raises:
+        InputError: a file cannot be imported or is not a law.
+    """
+    return LAWS | law_loader.custom_laws(paths)
+
+
+def of_laws(laws: Mapping[str, Law]) -> Declared:
+    """Groups of the gains of some laws."""
+    for name, law in laws.items():
+        yield name, law.Gains
+
+
+def declared(robot: Robot, laws: Mapping[str, Law]) -> Declared:
+    """Groups of the controller and of all its laws."""
+    yield 'controller', ControllerParameters
+    yield 'estimator', EstimatorParameters
+    yield 'lock_in', LockInParameters
+    yield 'approach', ApproachParameters
+    yield 'safety', SafetyParameters
+    yield 'safety', robot.SafetyMargins
+    yield from of_laws(laws)
 
 
 def configure(values: Mapping[str, Any]) -> ControlConfiguration:
@@ -98,53 +128,96 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         UnknownNameError: no such law.
         InputError: a value is wrong, or the theory of a law forbids its gains.
     """
+    loop = loop_of(values)
     with locating(values):
-        return _configured(values)
+        robot, laws = module_of(loop), available(loop.custom_laws)
+        groups = build(values, [('robot', robot.Parameters), *declared(robot, laws)])
+        guess = groups[ControllerParameters].guess or _first_pose(values)
+        return control_from(loop, groups, laws, preset_of(values, laws), guess)
 
 
-def _configured(values: Mapping[str, Any]) -> ControlConfiguration:
-    robot = robot_of(values)
-    laws = available(values)
-    preset = config.preset(values, custom_defaults)
-    gains = {name: config.group(values, law.Gains, name) for name, law in laws.items()}
+def preset_of(values: Mapping[str, Any], laws: Mapping[str, Law]) -> Groups:
+    """Gains of some laws as in the preset."""
+    return build(config.preset(values, custom_defaults), of_laws(laws))
+
+
+def control_from(
+    loop: LoopParameters,
+    groups: Groups,
+    laws: Mapping[str, Law],
+    preset: Groups,
+    guess: tuple[float, ...],
+) -> ControlConfiguration:
+    """Build the configuration of a controller from typed groups.
+
+    Args:
+        loop: Period, joints, active law and the like.
+        groups: What :func:`declared` names, and the parameters of the nominal robot.
+        laws: All laws by name.
+        preset: Gains of the preset.
+        guess: Pose from which the first forward kinematics starts.
+
+    Raises:
+        UnknownNameError: no such law.
+        InputError: the theory of a law forbids its gains, or the guess is no pose.
+    """
+    robot = robot_with(loop, groups.at('robot', module_of(loop).Parameters))
+    gains = {name: groups.at(name, law.Gains) for name, law in laws.items()}
     for name, law in laws.items():
         judge(name, law, gains[name])
-    loop = validate(config.group(values, LoopParameters, ''))
     return ControlConfiguration(
         _with_law(loop, loop.law, laws),
         robot,
-        config.group(values, SafetyParameters, 'safety'),
-        config.group(values, robot.module.SafetyMargins, 'safety'),
-        first_guess(values, robot),
-        config.group(values, EstimatorParameters, 'estimator'),
-        config.group(values, LockInParameters, 'lock_in'),
-        config.group(values, ApproachParameters, 'approach'),
+        groups[SafetyParameters],
+        groups[robot.module.SafetyMargins],
+        _checked(guess, robot),
+        groups[EstimatorParameters],
+        groups[LockInParameters],
+        groups[ApproachParameters],
         laws,
         gains,
-        {name: config.group(preset, law.Gains, name) for name, law in laws.items()},
+        {name: preset.at(name, law.Gains) for name, law in laws.items()},
     )
 
 
-def first_guess(values: Mapping[str, Any], robot: RobotModel) -> Array:
-    """The parameter ``controller.guess``, or the first pose of the trajectory, shape (m,).
+def nominal_of(values: Mapping[str, Any]) -> tuple[RobotModel, Array]:
+    """The nominal robot of a resolved configuration, and where its forward kinematics starts.
 
-    Where the file of a custom trajectory is not loaded, as for a bag, it is the initial pose.
+    Returns:
+        The robot; the parameter ``controller.guess``, or the first pose of the trajectory,
+        shape (m,).
 
     Raises:
-        InputError: the parameter is not a pose.
+        InputError: a parameter is wrong.
     """
-    given = list(config.group(values, ControllerParameters, 'controller').guess)
-    if not given:
-        if values['trajectory.shape'] in shapes_of(values):
-            return first_pose(values)
-        given = list(values['plant.initial_pose'])
+    robot, given = robot_of(values), group(values, ControllerParameters, 'controller').guess
+    with locating(values):
+        return robot, np.array(_checked(given or _first_pose(values), robot))
+
+
+def _checked(guess: tuple[float, ...], robot: RobotModel) -> tuple[float, ...]:
+    """A first guess that is a pose of the robot.
+
+    Raises:
+        InputError: it is none.
+    """
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
-    if len(given) != len(names):
+    if len(guess) != len(names):
         raise InputError(
-            f'controller.guess must be empty or [{", ".join(names)}], not {given}',
+            f'controller.guess must be empty or [{", ".join(names)}], not {list(guess)}',
             'controller.guess',
         )
-    return np.array(given)
+    return guess
+
+
+def _first_pose(values: Mapping[str, Any]) -> tuple[float, ...]:
+    """The first pose of the motion.
+
+    Where the file of a custom trajectory is not loaded, as for a bag, it is the initial pose.
+    """
+    if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
+        return tuple(map(float, values['plant.initial_pose']))
+    return trajectory_of(values).first_pose
 
 
 def changed(
@@ -172,7 +245,7 @@ def changed(
         values = dict(_named(laws[name], gains[name]))
         start = f'{name}.'
         values |= {k.removeprefix(start): v for k, v in changes.items() if k.startswith(start)}
-        gains[name] = build(laws[name].Gains, values, start)
+        gains[name] = fields.build(laws[name].Gains, values, start)
         judge(name, laws[name], gains[name])
     preset: Literal['paper', 'custom'] = 'paper' if gains == configuration.preset else 'custom'
     if changes.get('preset', preset) != preset:

@@ -254,7 +254,7 @@ class Controller(ControllerState):
         return Answer(self._arrays.torques.copy(), self.telemetry, self.status)
 
     def _reset(self) -> None:
-        self._store(transitions.restarted(self.state, self.configuration.guess))
+        self._store(transitions.restarted(self.state, np.array(self.configuration.guess)))
         self._core.memory = self.law.memory
         self._numbers[ACTED] = 0
         self._numbers[LAST] = NEVER

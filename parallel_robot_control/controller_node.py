@@ -25,22 +25,18 @@ from parallel_robot_control.answering import (
     STALE,
     UNKNOWN,
 )
-from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.configuration import (
     ControlConfiguration,
-    ControllerParameters,
     configure,
+    declared,
     resolve,
 )
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.delay_identification import LockInParameters
-from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.exchange import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import ControllerTopics
-from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.parameters import START
@@ -63,15 +59,7 @@ class ControllerNode(SuiteNode):
         super().__init__('controller', resolve)
         self.configuration = configured = configure(self.values)
         robot, laws = configured.robot.module, configured.laws
-        self.declare_group('robot', robot.Parameters)
-        self.declare_group('controller', ControllerParameters)
-        self.declare_group('estimator', EstimatorParameters)
-        self.declare_group('lock_in', LockInParameters)
-        self.declare_group('approach', ApproachParameters)
-        self.declare_group('safety', SafetyParameters)
-        self.declare_group('safety', robot.SafetyMargins)
-        for name, law in laws.items():
-            self.declare_group(name, law.Gains)
+        self.declare_groups(('robot', robot.Parameters), *declared(robot, laws))
         self._laws = ', '.join(laws)
         self._controller = Controller(configured, lazy=True)
         self._loader = threading.Thread(target=self._load_laws, name='laws', daemon=True)

@@ -44,7 +44,7 @@ class ControllerState:
         self._loop = loop = configuration.loop
         self._faults = faults.of(configuration.robot.module)
         self._state_timeout = round(configuration.safety.state_timeout * NANOSECONDS)
-        self._arrays = shared(initial_state(configuration.guess, len(loop.joints)))
+        self._arrays = shared(initial_state(np.array(configuration.guess), len(loop.joints)))
         self._numbers = self._arrays.numbers
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted

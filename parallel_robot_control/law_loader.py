@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Sequence
 from types import ModuleType
-from typing import Any, cast
+from typing import cast
 
 from parallel_robot_base import custom_module
 from parallel_robot_base.custom_module import RAISED
-from parallel_robot_base.fields import defaults
 from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_control.contract import Law
 
@@ -40,14 +39,6 @@ def rehearse(law: ModuleType) -> None:
         law.initial_memory(3)
 
 
-def custom_laws(values: Mapping[str, Any]) -> dict[str, Law]:
-    """Custom laws that a configuration names, by name."""
-    return dict(map(load, values['custom_laws']))
-
-
-def default_gains(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of the gains of the custom laws that a configuration names, by key."""
-    gains: dict[str, Any] = {}
-    for name, law in custom_laws(values).items():
-        gains |= defaults(law.Gains, f'{name}.')
-    return gains
+def custom_laws(paths: Sequence[str]) -> dict[str, Law]:
+    """Custom laws from their files, by name."""
+    return dict(map(load, paths))

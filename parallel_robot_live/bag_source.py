@@ -23,15 +23,14 @@ from parallel_robot_control.configuration import (
     ControlConfiguration,
     changed,
     configure,
-    first_guess,
 )
 from parallel_robot_control.laws import title
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_live import readable_state
 from parallel_robot_live.frames import Camera, Motion
 from parallel_robot_live.source import RefusedError
-from parallel_robot_model.robots import is_known, robot_of
-from trajectory_gen.shapes import shapes_of
+from parallel_robot_model.configuration import is_known
+from trajectory_gen.shapes import shapes
 
 PAST = 12.0  # s before a moment that is sought, for the curves
 SPEEDS = (0.001, 100.0)  # slowest, fastest
@@ -45,7 +44,6 @@ class BagSource:
         log: RunLog,
         past: History,
         configuration: ControlConfiguration,
-        values: dict[str, Any],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Prepare to play from the start.
@@ -54,13 +52,12 @@ class BagSource:
             log: The run.
             past: What happened beside the motion.
             configuration: Of its controller at the first state.
-            values: The same as a resolved configuration.
             clock: Time [s].
         """
         self._log, self._past, self._configuration = log, past, configuration
         self._clock = clock
-        robot = robot_of(values)
-        self._camera = Camera(robot, first_guess(values, robot), log.joints)
+        guess = np.array(configuration.guess)
+        self._camera = Camera(configuration.robot, guess, log.joints)
         none = np.full_like(log.effort, np.nan)
         self._motion = Motion(log.time, log.position, log.reference_position, log.effort, none)
         self._ghost, self._torques = '', {'': none}
@@ -208,9 +205,9 @@ def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource
     values = replay.configuration(log, past, files, {})
     if not is_known(values):
         raise BagError(f'{bag} does not hold the robot {values["robot_model"]}')
-    if values['trajectory.shape'] not in shapes_of(values):
+    if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
         raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
-    return BagSource(log, past, configure(values), values)
+    return BagSource(log, past, configure(values))
 
 
 def _number(value: Any) -> float:

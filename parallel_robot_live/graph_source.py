@@ -19,7 +19,7 @@ from parallel_robot_base.module_process import command, die_with_parent
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_cli.top.graph import Tell
 from parallel_robot_cli.top.robots import Robots
-from parallel_robot_control.configuration import available, first_guess
+from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_live import readable_state
 from parallel_robot_live.frames import Camera, Motion
@@ -27,7 +27,6 @@ from parallel_robot_live.graph_values import known_values, meant
 from parallel_robot_live.motion_buffer import MotionBuffer, States
 from parallel_robot_live.recording import Recording
 from parallel_robot_live.source import RefusedError
-from parallel_robot_model.robots import robot_of
 from parallel_robot_sim.imperfections import told_age
 
 EVERY = 6  # looks, from one check of what runs to the next: five a second
@@ -170,9 +169,8 @@ class GraphSource:
             seen = {key: self._values[key] for key in self._values if SEEN.match(key)}
             if seen != self._seen:
                 self._layouts += 1
-                self._seen, robot = seen, robot_of(self._values)
-                guess, joints = first_guess(self._values, robot), self._values['joints']
-                self._camera = Camera(robot, guess, joints, self._layouts)
+                self._seen, joints = seen, self._values['joints']
+                self._camera = Camera(*nominal_of(self._values), joints, self._layouts)
                 self._buffer = MotionBuffer(len(joints), told_age(self._values))
             self._trouble = ''
         except ParallelRobotError as error:
@@ -258,7 +256,7 @@ class GraphSource:
         if self._values is None:
             raise RefusedError('nothing is known of the robot yet')
         values = self._values
-        if law not in available(values):
+        if law not in available(values['custom_laws']):
             raise RefusedError(f'the law {law!r} is not known here')
         wanted = {**values, 'law': law}
         process = await asyncio.create_subprocess_exec(

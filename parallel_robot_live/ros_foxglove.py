@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from parallel_robot_analysis.posture import Posture
+from parallel_robot_analysis.posture import Posture, posture_of
 from parallel_robot_bags.message_types import message_type
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError
@@ -219,7 +219,7 @@ class _Watched:
         values = known_values(self._parameters, self._given)
         self._joints = tuple(values['joints'])
         try:
-            self._posture = Posture(values)
+            self._posture = posture_of(values)
         except ParallelRobotError as error:
             self._posture = None
             print(f'warning: no picture: {error}', file=sys.stderr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -13,6 +13,8 @@ from numba import types
 from parallel_robot_base import config, custom_module
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import defaults
+from parallel_robot_base.groups import group
+from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_compiler import (
     INTERPRETED,
@@ -132,77 +134,76 @@ def _unboxed(robot: RobotModel) -> Any:
         return made(robot.parameters) if made else robot.parameters
 
 
-def module_of(values: Mapping[str, Any]) -> Robot:
-    """Module of the robot that a configuration names.
+def robots(paths: Sequence[str]) -> dict[str, Robot]:
+    """The robots of the suite and custom ones, by name.
+
+    Args:
+        paths: Files of the custom robots.
+
+    Raises:
+        InputError: a file cannot be imported or is not a robot.
+    """
+    return ROBOTS | custom_robots(paths)
+
+
+def custom_robots(paths: Sequence[str]) -> dict[str, Any]:
+    """Custom robots by name, see :func:`robots`."""
+    return dict(
+        custom_module.load(path, 'custom_robots', NEEDED, GROUPS, rehearse) for path in paths
+    )
+
+
+def module_of(loop: LoopParameters) -> Robot:
+    """Module of the robot that moves in a loop.
 
     Raises:
         UnknownNameError: no such robot.
         InputError: a custom robot cannot be loaded.
     """
-    found = ROBOTS | custom_robots(values)
-    name = str(values['robot_model'])
+    found, name = robots(loop.custom_robots), loop.robot_model
     if name not in found:
         raise UnknownNameError('robot_model', name, found, 'robot_model')
     return found[name]
 
 
-def is_known(values: Mapping[str, Any]) -> bool:
-    """Whether the robot is one of the suite, or the configuration names its file."""
-    return values['robot_model'] in ROBOTS | custom_robots(values)
+def robot_with(loop: LoopParameters, parameters: Any, prefix: str = 'robot') -> RobotModel:
+    """The robot of a loop with its parameters.
 
-
-def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
-    """The robot of a resolved configuration; `prefix` ``true_robot`` is that of the plant.
+    Args:
+        loop: It names the robot and its joints.
+        parameters: Group of the robot's module.
+        prefix: That of the parameters, for messages.
 
     Raises:
         InputError: a parameter is wrong, or the number of joints differs from that of their names.
     """
-    module = module_of(values)
-    group, name = config.group(values, module.Parameters, prefix), str(values['robot_model'])
-    with custom_module.blaming(name):
-        robot = module.validate(group, prefix)
-        count, names = module.joints(robot), list(values['joints'])
+    module, names = module_of(loop), loop.joints
+    with custom_module.blaming(loop.robot_model):
+        robot = module.validate(parameters, prefix)
+        count = module.joints(robot)
         module.coordinates(robot)
     if count != len(names):
-        what = f'joints must be {count} names, one for each joint, not {names}'
+        what = f'joints must be {count} names, one for each joint, not {list(names)}'
         raise InputError(what, 'joints')
-    return RobotModel(name, module, robot)
-
-
-def custom_robots(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Custom robots that a configuration names, by name.
-
-    Raises:
-        InputError: a file cannot be imported or is not a robot.
-    """
-    paths = values['custom_robots']
-    return dict(
-        custom_module.load(path, 'custom_robots', NEEDED, GROUPS, rehearse) for path in paths
-    )
+    return RobotModel(loop.robot_model, module, robot)
 
 
 def rehearse(module: ModuleType) -> None:
     """Call what a robot has in Python; what it raises is told where it is called again."""
     found: Any = module
     with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
-        group = config.group(_defaults('it', found), found.Parameters, 'robot')
-        robot = RobotModel('it', found, found.validate(group, 'robot'))
+        parameters = group(default_values('it', found), found.Parameters, 'robot')
+        robot = RobotModel('it', found, found.validate(parameters, 'robot'))
         found.joints(robot.parameters), robot.pose_size
         _unboxed(robot)  # to box them takes the compiler, whose time is not the file's
 
 
-def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults by key of the custom robot of a configuration, if it has one.
+def default_values(name: str, robot: Any) -> dict[str, Any]:
+    """Defaults by key of a custom robot.
 
-    A custom robot has them in its ``DEFAULTS``, flat or in groups, as the files in config/robots;
-    those of its parameters may stand in ``Parameters`` instead.
+    It has them in its ``DEFAULTS``, flat or in groups, as the files in config/robots; those of
+    its parameters may stand in ``Parameters`` instead.
     """
-    name = str(values['robot_model'])
-    robot = custom_robots(values).get(name)
-    return {} if robot is None else _defaults(name, robot)
-
-
-def _defaults(name: str, robot: Any) -> dict[str, Any]:
     given = getattr(robot, 'DEFAULTS', {})
     if not isinstance(given, Mapping):
         raise InputError(f'{name}: DEFAULTS must be a dictionary, not {given!r}')
@@ -211,12 +212,3 @@ def _defaults(name: str, robot: Any) -> dict[str, Any]:
     if len(known) == len(robot.Parameters._fields):
         given = defaults(robot.Parameters, 'robot.') | given
     return given
-
-
-def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A configuration with the defaults of a custom robot; see :func:`config.resolve`.
-
-    Gains of custom laws and parameters of custom trajectories are left as they are: their files
-    are not loaded.
-    """
-    return config.resolve(scenario, overrides, robot_defaults)

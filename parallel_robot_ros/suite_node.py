@@ -21,6 +21,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_base import config, fields, loop, scenario_file
 from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError, first_line
+from parallel_robot_base.groups import build
 from parallel_robot_base.topics import Topic
 from parallel_robot_ros import parameters
 from parallel_robot_ros.background import Background
@@ -82,12 +83,12 @@ class SuiteNode(Node):  # type: ignore[misc]
         given = parameters.overrides(self)
         self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
         self.values = resolve(self._scenario, given)
-        self.loop = loop.validate(config.group(self.values, loop.LoopParameters, ''))
+        self.loop = loop.loop_of(self.values)
         self.lockstep = self.loop.lockstep
         self.period_ns, self.last_index = self.loop.period_ns, self.loop.last_index
         self._common_start = CommonStart(self.loop)
         self._connections = Connections(self, self.loop, self._on_two_publishers)
-        self.declare_group('', loop.LoopParameters)
+        self.declare_groups(('', loop.LoopParameters))
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._on_second)
         self.create_service(Trigger, '~/ready', self._answer_ready)
@@ -199,17 +200,19 @@ class SuiteNode(Node):  # type: ignore[misc]
         if self._thread is not None:
             self._thread.end()
 
-    def declare_group(self, prefix: str, group: Any) -> None:
-        """Declare the parameters of a group with unit, meaning and range.
+    def declare_groups(self, *declared: tuple[str, Any]) -> None:
+        """Declare the parameters of groups, by prefix and type, with unit, meaning and range.
 
         Raises:
             InputError: a value is wrong.
         """
         # A node that is started with its own parameters must find the file of its scenario.
-        values = config.group({**self.values, 'scenario': self._scenario}, group, prefix)
-        for parameter, value in zip(fields.parameters(group), values, strict=True):
-            key = f'{prefix}.{parameter.key}' if prefix else parameter.key
-            parameters.declare(self, key, parameter.field, value, not self.is_settable(key))
+        groups = build({**self.values, 'scenario': self._scenario}, declared)
+        for prefix, kind in declared:
+            values = groups.at(prefix, kind)
+            for parameter, value in zip(fields.parameters(kind), values, strict=True):
+                key = f'{prefix}.{parameter.key}' if prefix else parameter.key
+                parameters.declare(self, key, parameter.field, value, not self.is_settable(key))
 
     def finish(self, code: int = 0) -> None:
         """End the node with an exit code; may be called from any thread."""

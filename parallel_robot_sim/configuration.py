@@ -1,20 +1,22 @@
-"""Configuration of a whole experiment: each group built and checked once."""
+"""From a configuration to a whole experiment: motion, controller and plant."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from parallel_robot_base import config
-from parallel_robot_base.loop import LoopParameters, validate
+from parallel_robot_base.groups import Declared, Groups, build
+from parallel_robot_base.loop import LoopParameters, loop_of
 from parallel_robot_base.placed import locating
 from parallel_robot_control import configuration as control
-from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
 from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model import configuration as model
+from parallel_robot_model.contract import Robot
 from parallel_robot_model.disturbance import DisturbanceParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_model.joint_load import JointLoad
-from parallel_robot_model.robots import RobotModel, robot_of
+from parallel_robot_model.robots import RobotModel, module_of, robot_with
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
     Imperfections,
@@ -23,7 +25,8 @@ from parallel_robot_sim.imperfections import (
     imperfections,
 )
 from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen.shapes import shapes_of
+from trajectory_gen import configuration as motion
+from trajectory_gen.shapes import shapes
 from trajectory_gen.trajectory import Trajectory
 
 
@@ -65,19 +68,47 @@ class Configuration(NamedTuple):
     plant: PlantConfiguration
 
 
+DECLARED = (
+    ('plant', PlantParameters),
+    ('sensor', SensorParameters),
+    ('actuator', ActuatorParameters),
+    ('disturbance', LoadParameters),
+)
+
+
+def declared(robot: Robot) -> Declared:
+    """Groups of the plant."""
+    yield 'true_robot', robot.Parameters
+    yield from model.LOADS
+    yield 'safety', SafetyParameters
+    yield from DECLARED
+
+
 def configure(values: Mapping[str, Any]) -> Configuration:
     """Build the configuration of an experiment from a resolved one.
 
     Raises:
         InputError: a value is wrong, even one that is not used.
     """
-    for name, shape in shapes_of(values).items():
-        config.group(values, shape.Parameters, name)
+    loop = loop_of(values)
     with locating(values):
-        loop = validate(config.group(values, LoopParameters, ''))
-        trajectory = Trajectory(values)
-        plant = configure_plant(values)
-    return Configuration(values, loop, trajectory, control.configure(values), plant)
+        robot, laws = module_of(loop), control.available(loop.custom_laws)
+        known = shapes(loop.custom_trajectories)
+        groups = build(
+            values,
+            [
+                *model.declared(robot),
+                *motion.declared(robot, known),
+                *control.declared(robot, laws),
+                *DECLARED,
+            ],
+        )
+        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        trajectory = motion.trajectory_from(groups, nominal, known)
+        preset = control.preset_of(values, laws)
+        guess = groups[ControllerParameters].guess or trajectory.first_pose
+        controller = control.control_from(loop, groups, laws, preset, guess)
+        return Configuration(values, loop, trajectory, controller, _plant_from(loop, groups))
 
 
 def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
@@ -86,21 +117,20 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
     Raises:
         InputError: a value is wrong.
     """
-    loop = validate(config.group(values, LoopParameters, ''))
+    loop = loop_of(values)
+    with locating(values):
+        return _plant_from(loop, build(values, declared(module_of(loop))))
+
+
+def _plant_from(loop: LoopParameters, groups: Groups) -> PlantConfiguration:
+    """Build the configuration of the plant from typed groups."""
+    parameters = groups.at('true_robot', module_of(loop).Parameters)
+    sensor, actuator = groups[SensorParameters], groups[ActuatorParameters]
     return PlantConfiguration(
         loop,
-        robot_of(values, 'true_robot'),
-        config.group(values, PlantParameters, 'plant'),
-        JointLoad(
-            config.group(values, FrictionParameters, 'friction'),
-            config.group(values, DisturbanceParameters, 'disturbance'),
-        ),
-        config.group(values, SafetyParameters, 'safety'),
-        imperfections(
-            loop.seed,
-            loop.period,
-            config.group(values, SensorParameters, 'sensor'),
-            config.group(values, ActuatorParameters, 'actuator'),
-            config.group(values, LoadParameters, 'disturbance'),
-        ),
+        robot_with(loop, parameters, 'true_robot'),
+        groups[PlantParameters],
+        JointLoad(groups[FrictionParameters], groups[DisturbanceParameters]),
+        groups[SafetyParameters],
+        imperfections(loop.seed, loop.period, sensor, actuator, groups[LoadParameters]),
     )

@@ -13,7 +13,7 @@ from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.contract import inverse_dynamics
 from parallel_robot_sim.configuration import Configuration
 from trajectory_gen import preflight
-from trajectory_gen.trajectory import Reference, Trajectory
+from trajectory_gen.trajectory import Reference
 
 FACTOR = 'trajectory.speed_factor'
 RESERVE = 1e-4  # of the factor: the fastest moment may lie between two samples
@@ -44,7 +44,7 @@ def fastest(configuration: Configuration) -> Fastest:
         InputError: the motion stands still, a motor cannot even hold the robot on it, or the
             robot cannot perform it at any speed.
     """
-    trajectory, values = configuration.trajectory, configuration.values
+    trajectory = configuration.trajectory
     times = preflight.grid(trajectory, configuration.loop.period)
     reference = trajectory.sample(times)
     if not reference.velocity.any():
@@ -68,7 +68,7 @@ def fastest(configuration: Configuration) -> Fastest:
         raise InputError(f'{torque[joint]:g} N m do not hold {name} on the motion', FACTOR)
     # 3. What does not depend on the speed, as reach, is checked as ever.
     factor = scale * trajectory.parameters.speed_factor * (1.0 - RESERVE)
-    found = Trajectory({**values, FACTOR: factor})
+    found = trajectory.at_speed(factor)
     preflight.check(found, configuration.loop.period)
     shown, _ = apart(float(limit[joint]), 0.0, 6)
     text = f'{name} is at {shown} {unit} at t = {times[k] / scale:.3f} s'

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from parallel_robot_control.estimator import NONE, kind_for
@@ -16,14 +13,14 @@ def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
 
     Nothing where they are estimated or differentiated: their noise is another one.
     """
-    values: Mapping[str, Any] = configuration.values
+    sensor = configuration.plant.imperfections.sensor
     name = configuration.loop.law
     law = configuration.control.laws[name]
     measured = kind_for(configuration.control.estimator, law) == NONE
-    if not measured or values['sensor.differentiate']:
+    if not measured or sensor.differentiate:
         return ()
     of_law = getattr(law, 'judge_noise', None)
-    noise = float(np.max(values['sensor.velocity_noise']))
+    noise = float(np.max(sensor.velocity_noise))
     if of_law is None or not noise:
         return ()
     found = of_law(configuration.control.gains[name], noise, configuration.loop.period)

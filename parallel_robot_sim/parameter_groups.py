@@ -1,4 +1,4 @@
-"""The groups in which the parameters of an experiment are declared, by title and prefix."""
+"""The groups in which the parameters of an experiment are declared, by title."""
 
 from __future__ import annotations
 
@@ -7,29 +7,19 @@ from typing import Any
 
 from parallel_robot_base.fields import Parameter, parameters
 from parallel_robot_base.loop import LoopParameters
-from parallel_robot_control.approach import ApproachParameters
-from parallel_robot_control.configuration import ControllerParameters
+from parallel_robot_control import configuration as control
 from parallel_robot_control.contract import Law
-from parallel_robot_control.delay_identification import LockInParameters
-from parallel_robot_control.estimator import EstimatorParameters
-from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model import configuration as model
 from parallel_robot_model.contract import Robot
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_sim.imperfections import (
-    ActuatorParameters,
-    LoadParameters,
-    SensorParameters,
-)
-from parallel_robot_sim.plant import PlantParameters
+from parallel_robot_sim.configuration import DECLARED
+from trajectory_gen import configuration as motion
 from trajectory_gen.shapes import SHAPES, Shape
-from trajectory_gen.trajectory import TrajectoryParameters
 
 
 def groups(
     robot: Robot, laws: Mapping[str, Law], shapes: Mapping[str, Shape] = SHAPES
-) -> dict[str, dict[str, Any]]:
-    """Groups of all parameters but those of recorder and monitor, by title and prefix.
+) -> dict[str, list[tuple[str, Any]]]:
+    """Groups of all parameters but those of recorder and monitor, by prefix and type, by title.
 
     Args:
         robot: Module of the robot.
@@ -37,48 +27,31 @@ def groups(
         shapes: The shapes of motions by name.
     """
     return {
-        'The loop': {'': LoopParameters},
-        'Robot; `true_robot.*`, the simulated one, has the same keys and follows it': {
-            'robot': robot.Parameters
-        },
-        'Motion': {'trajectory': TrajectoryParameters},
-        'What the motion must spare this robot': {'trajectory': robot.MotionLimits},
-        'Shapes of the motion': {name: shape.Parameters for name, shape in shapes.items()},
-        'Controller': {
-            'controller': ControllerParameters,
-            'estimator': EstimatorParameters,
-            'lock_in': LockInParameters,
-            'approach': ApproachParameters,
-            'safety': SafetyParameters,
-        },
-        'What is a fault of this robot': {'safety': robot.SafetyMargins},
-        'Laws': {name: law.Gains for name, law in laws.items()},
-        'Plant': {
-            'plant': PlantParameters,
-            'friction': FrictionParameters,
-            'disturbance': DisturbanceParameters,
-        },
-        'Imperfections of the plant': {
-            'sensor': SensorParameters,
-            'actuator': ActuatorParameters,
-            'disturbance': LoadParameters,
-        },
+        'The loop': [('', LoopParameters)],
+        'Robots and loads; `true_robot.*`, the simulated one, follows `robot.*`': [
+            *model.declared(robot)
+        ],
+        'Motion': [*motion.declared(robot, {})],
+        'Shapes of the motion': [*motion.of_shapes(shapes)],
+        'Controller': [*control.declared(robot, {})],
+        'Laws': [*control.of_laws(laws)],
+        'Plant, sensors and motors': [*DECLARED],
     }
 
 
 def members(
     robot: Robot, laws: Mapping[str, Law], shapes: Mapping[str, Shape] = SHAPES
 ) -> list[tuple[str, Parameter]]:
-    """Key and description of all these parameters, and of those of the true robot.
+    """Key and description of all these parameters.
 
     Args:
         robot: Module of the robot.
         laws: The laws by name.
         shapes: The shapes of motions by name.
     """
-    pairs = [pair for part in groups(robot, laws, shapes).values() for pair in part.items()]
     return [
         (f'{prefix}.{parameter.key}' if prefix else parameter.key, parameter)
-        for prefix, group in [*pairs, ('true_robot', robot.Parameters)]
+        for part in groups(robot, laws, shapes).values()
+        for prefix, group in part
         for parameter in parameters(group)
     ]

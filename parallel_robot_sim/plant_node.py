@@ -18,21 +18,12 @@ from std_srvs.srv import Trigger
 from parallel_robot_base import cdr_reader, layouts, realtime, topics
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.robots import resolve
+from parallel_robot_model.configuration import resolve
 from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
-from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.imperfections import (
-    ActuatorParameters,
-    LoadParameters,
-    SensorParameters,
-)
+from parallel_robot_sim.configuration import configure_plant, declared
 from parallel_robot_sim.mujoco_simulator import simulator_of
-from parallel_robot_sim.plant import PlantParameters
 from parallel_robot_sim.plant_run import ENDLESS, REPEAT, PlantRun
 from parallel_robot_sim.ros_markers import RobotMarkers
 from trajectory_gen.messages import pose_fields
@@ -51,17 +42,7 @@ class PlantNode(SuiteNode):
         """Put the robot at its initial pose and start to publish."""
         super().__init__('plant', resolve)
         configuration = configure_plant(self.values)
-        for prefix, group in {
-            'true_robot': configuration.robot.module.Parameters,
-            'plant': PlantParameters,
-            'friction': FrictionParameters,
-            'disturbance': DisturbanceParameters,
-            'safety': SafetyParameters,
-            'sensor': SensorParameters,
-            'actuator': ActuatorParameters,
-        }.items():
-            self.declare_group(prefix, group)
-        self.declare_group('disturbance', LoadParameters)
+        self.declare_groups(*declared(configuration.robot.module))
         simulator = simulator_of(configuration)
         simulator.warm()
         self.run = PlantRun(

@@ -19,7 +19,7 @@ from parallel_robot_base.placed import merged
 from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
-from parallel_robot_model.robots import is_known, robot_of
+from parallel_robot_model.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import Simulation

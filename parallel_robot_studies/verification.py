@@ -10,7 +10,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import RunError
-from parallel_robot_model import robots
+from parallel_robot_model.configuration import resolve, robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.simulator import Simulator
@@ -62,7 +62,7 @@ def verify(kind: str, numbers: Iterable[int], seed: int, duration: float) -> lis
         InputError: MuJoCo is not installed.
         RunError: no motion was found that stays in the workspace.
     """
-    base = robots.resolve(SCENARIOS[kind])
+    base = resolve(SCENARIOS[kind])
     return [_compared(kind, base, number, seed, duration) for number in numbers]
 
 
@@ -93,7 +93,7 @@ def _drawn(kind: str, base: Mapping[str, Any], random: np.random.Generator) -> d
     pose = np.asarray(base['plant.initial_pose'])
     changes['plant.initial_pose'] = pose + random.uniform(-1.0, 1.0, pose.shape) * POSE[kind]
     changes['friction.viscous'] = random.uniform(*VISCOUS, len(base['joints']))
-    return robots.resolve(SCENARIOS[kind], changes)
+    return resolve(SCENARIOS[kind], changes)
 
 
 def _torques(
@@ -121,7 +121,7 @@ def _poses(values: Mapping[str, Any], torques: Array) -> Array:
 
 def _mujoco_poses(values: Mapping[str, Any], torques: Array) -> Array:
     """Poses of the same robot in MuJoCo, shape (N + 1, m)."""
-    robot = robots.robot_of(values, 'true_robot')
+    robot = robot_of(values, 'true_robot')
     plant = MujocoRobot(robot, values['plant.initial_pose'], values['friction.viscous'])
     poses = [plant.pose]
     for torque in torques:

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from parallel_robot_base import config
+from parallel_robot_base.groups import group
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
 STOCK = pytest.version_tuple < (9,)  # as in Ubuntu 24.04: colcon test, without the extra 'test'
@@ -23,7 +24,8 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
     *('completion',),
     *('config', 'custom_import', 'custom_laws', 'custom_robots', 'custom_trajectories'),
     *('docs', 'empty_graph', 'foxglove'),
-    *('hostile_bags', 'hostile_loop', 'hostile_wire', 'joins', 'kernel_cache', 'life_cycle'),
+    *('hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache'),
+    *('life_cycle',),
     *(
         'live_page',
         'lockstep',
@@ -101,4 +103,4 @@ def values():
 @pytest.fixture(scope='session')
 def robot(values):
     """Robot of Table 1."""
-    return config.group(values, RobotParameters, 'robot')
+    return group(values, RobotParameters, 'robot')

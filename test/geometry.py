@@ -6,9 +6,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from parallel_robot_base import config
 from parallel_robot_base.arrays import Array
+from parallel_robot_base.groups import group
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters
 
-ROBOT = config.group(config.resolve('paper_circle'), RobotParameters, 'robot')
+ROBOT = group(config.resolve('paper_circle'), RobotParameters, 'robot')
 PAPER_START = np.array([0.5284, 0.3681, np.pi / 2])
 PI12_START = np.array([0.5284, 0.3681, 0.1247])
 

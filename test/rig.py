@@ -8,7 +8,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_control.exchange import JointSample
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns
 START = 10**9  # ns
@@ -24,7 +24,7 @@ class Rig:
         self.controller = Controller(configure(self.values))
         self.controller.begin(START)
         self.simulator = Simulator(configure_plant(self.values))
-        self.samples = Trajectory(self.values).sample(np.arange(SAMPLES) * 1e-3)
+        self.samples = trajectory_of(self.values).sample(np.arange(SAMPLES) * 1e-3)
         self.k = 0  # index of the state that is next
         self.torques = []
 

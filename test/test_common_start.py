@@ -6,6 +6,7 @@ import pytest
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import WAIT, LoopParameters
 from parallel_robot_ros.parameters import CommonStart
 
@@ -14,7 +15,7 @@ SECOND = 10**9  # ns
 
 def common_start(time_mode='lockstep', start_stamp=WAIT):
     values = config.resolve('paper_circle', {'time_mode': time_mode, 'start_stamp': start_stamp})
-    return CommonStart(config.group(values, LoopParameters, ''))
+    return CommonStart(group(values, LoopParameters, ''))
 
 
 def test_a_stamp_is_taken_once_and_may_be_sent_twice():

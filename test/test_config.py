@@ -11,12 +11,13 @@ import yaml
 from parallel_robot_bags import custom_sources
 from parallel_robot_base import assignments, config, config_files, topics
 from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.groups import group
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model import robots
+from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.robots import robot_of
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.shapes import SHAPES
 from trajectory_gen.trajectory import TrajectoryParameters
@@ -42,7 +43,7 @@ def test_every_scenario_gives_complete_groups(scenario):
         *((shape.Parameters, name) for name, shape in SHAPES.items()),
         *((law.Gains, name) for name, law in LAWS.items()),
     ]:
-        config.group(values, kind, prefix)
+        group(values, kind, prefix)
     for prefix in ('robot', 'true_robot'):
         robot_of(values, prefix)
 
@@ -54,8 +55,8 @@ def test_the_strict_parameters_are_of_ros_and_for_every_node():
     given = config.flat(nodes[1]['ros__parameters'])
     values = config.resolve('paper_circle', given)
     assert given.items() <= values.items()
-    config.group(values, SafetyParameters, 'safety')
-    config.group(values, PlantParameters, 'plant')
+    group(values, SafetyParameters, 'safety')
+    group(values, PlantParameters, 'plant')
 
 
 def test_the_strict_time_outs_are_tighter_than_those_of_a_desktop():
@@ -222,9 +223,9 @@ def test_words_that_assign_nothing_are_refused(word):
 
 
 def test_a_group_takes_only_its_own_keys(values):
-    assert config.group(values, FrictionParameters, 'friction').coulomb == (0.5, 0.5, 0.5)
+    assert group(values, FrictionParameters, 'friction').coulomb == (0.5, 0.5, 0.5)
     with pytest.raises(InputError, match=r'friction\.smoothing must be at least 0'):
-        config.group({**values, 'friction.smoothing': -1.0}, FrictionParameters, 'friction')
+        group({**values, 'friction.smoothing': -1.0}, FrictionParameters, 'friction')
 
 
 @pytest.mark.parametrize('place', ['lib/python3/site-packages', '../elsewhere/site-packages'])

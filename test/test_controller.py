@@ -12,7 +12,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.exchange import JointSample
 from parallel_robot_control.faults import EMERGENCY_STOP, REFERENCE_STALE
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns
 START = 10**9  # ns
@@ -26,7 +26,7 @@ def controller(mode='wall'):
 @pytest.fixture(scope='module')
 def motion():
     """References and states that lag a little behind them, at k = 0, 1, ... ms."""
-    samples = Trajectory(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
+    samples = trajectory_of(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
     rows = zip(samples.position, samples.velocity, samples.acceleration, strict=True)
     references = [JointReference(*row) for row in rows]
     return references, [

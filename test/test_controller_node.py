@@ -13,8 +13,8 @@ from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.faults import NONE, STATES_STALE
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
+from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
-from trajectory_gen.trajectory import Trajectory
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.parametrize('node', ['wall'], indirect=True)
@@ -30,7 +30,7 @@ class Loop:
         self.controller, self._commands = node(ControllerNode, topics.COMMANDS)
         values = config.resolve('paper_circle')
         self._plant = Simulator(configure_plant(values))
-        self._motion = Trajectory(values).sample(np.zeros(1))
+        self._motion = trajectory_of(values).sample(np.zeros(1))
         self.stands = 0.0  # s, for which the node has stood still
         clock = SimpleNamespace(monotonic_ns=lambda: SECOND + round(1e9 * self.stands))
         for module in (controller, controller_state):

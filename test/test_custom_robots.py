@@ -12,8 +12,8 @@ from vectors import OnVectors
 from parallel_robot_bags import history, run_log
 from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.contract import FOUND
-from parallel_robot_model.robots import robot_of
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
 CHANGES = {'custom_robots': [str(EXAMPLE)], 'robot_model': 'example_robot', 'duration': 3.0}

@@ -12,7 +12,7 @@ from parallel_robot_bags import history, run_log
 from parallel_robot_base.errors import InputError
 from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
 
@@ -47,7 +47,7 @@ def write(tmp_path, monkeypatch):
 
 def test_the_example_is_short_and_draws_what_it_says():
     assert len(EXAMPLE.read_text().splitlines()) <= 30
-    trajectory = Trajectory(named(EXAMPLE, **{'example_trajectory.turns': [1, 2, 0]}))
+    trajectory = trajectory_of(named(EXAMPLE, **{'example_trajectory.turns': [1, 2, 0]}))
     dt, t = 1e-3, np.arange(0.0, 12.5, 1e-3)
     found = trajectory.sample(t)
     u = np.minimum(t / 12.0, 1.0)
@@ -62,8 +62,8 @@ def test_the_example_is_short_and_draws_what_it_says():
 
 
 def test_its_speed_factor_is_that_of_any_shape():
-    first = Trajectory(named(EXAMPLE))
-    second = Trajectory(named(EXAMPLE, **{'trajectory.speed_factor': 2.0}))
+    first = trajectory_of(named(EXAMPLE))
+    second = trajectory_of(named(EXAMPLE, **{'trajectory.speed_factor': 2.0}))
     assert (first.span, second.span) == (12.0, 6.0)
     np.testing.assert_array_equal(second.sample(1.5).velocity, 2 * first.sample(3.0).velocity)
 
@@ -131,9 +131,9 @@ def test_names_are_told_apart(write, capsys):
     with pytest.raises(InputError, match='custom_trajectories: mine is a group of para'):
         resolve('paper_circle', {'custom_trajectories': ['mine.py'], 'custom_laws': [str(law)]})
     with pytest.raises(InputError, match=r"unknown trajectory.shape 'mien'; did you mean 'mine'?"):
-        Trajectory(named(path) | {'trajectory.shape': 'mien'})
+        trajectory_of(named(path) | {'trajectory.shape': 'mien'})
     with pytest.raises(InputError, match=r'known: circle, ellipse, .*waypoints'):
-        Trajectory(resolve('paper_circle', {'trajectory.shape': 'spiral'}))
+        trajectory_of(resolve('paper_circle', {'trajectory.shape': 'spiral'}))
     with pytest.raises(InputError, match=r"'mine.durations'; did you mean 'mine.duration'?"):
         named(path, **{'mine.durations': 3})
 

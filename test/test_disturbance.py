@@ -4,10 +4,11 @@ import numpy as np
 from assembly import make_plant, open_loop
 
 from parallel_robot_base import config
+from parallel_robot_base.groups import group
 from parallel_robot_model.disturbance import DisturbanceParameters, disturbance_torque
 
 DISTURBED = config.resolve('disturbed_circle')
-DISTURBANCE = config.group(DISTURBED, DisturbanceParameters, 'disturbance')
+DISTURBANCE = group(DISTURBED, DisturbanceParameters, 'disturbance')
 
 
 def test_formula():

@@ -15,6 +15,7 @@ from parallel_robot_bags.experiment import describe
 from parallel_robot_bags.progress import Progress
 from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import DRIVEN_OUT, RunError
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_cli.command_line import main
 from parallel_robot_cli.commands import run
@@ -84,7 +85,7 @@ def test_a_run_that_is_stopped_at_its_start_says_so(states, tmp_path, monkeypatc
 
     def stopped(*_):
         values = config.resolve('paper_circle', {'duration': 0.4})
-        facts = describe(config.group(values, LoopParameters, ''), values, START)
+        facts = describe(group(values, LoopParameters, ''), values, START)
         with BagWriter(bag, topics.RECORDED, facts) as writer:
             for k in range(states):
                 one, stamp = np.full(3, 0.1), START + k * MS
@@ -111,7 +112,7 @@ def driven_out(tmp_path):
         live(tmp_path / 'whole', {})
         log = run_log.read(tmp_path / 'whole')
         values = config.resolve('paper_circle', {'duration': 0.4})
-        facts = describe(config.group(values, LoopParameters, ''), values, START)
+        facts = describe(group(values, LoopParameters, ''), values, START)
         position = log.position[: END + 30].copy()
         position[END:] += np.linspace(0.3, 1.5, 30)[:, np.newaxis] * [1.0, -1.0, 0.0]
         states, references = (

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_base import config
+from parallel_robot_base.groups import group
 from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.estimator import (
     FILTER,
@@ -101,6 +101,6 @@ def test_measured_velocities_count_where_the_node_asks_for_them_alone(kind, velo
         run_scenario('paper_circle', duration=0.02, **keys, **{'sensor.velocity_noise': noise})
         for noise in (0.0, 0.1)
     )
-    parameters = config.group(exact.values, EstimatorParameters, 'estimator')
+    parameters = group(exact.values, EstimatorParameters, 'estimator')
     assert parameters.takes_velocities is taken
     assert np.array_equal(exact.torque, noisy.torque) is not taken

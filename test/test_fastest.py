@@ -10,7 +10,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_sim import simulate
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import fastest
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 STRONG = {'safety.torque_limit': 1e6, 'plant.torque_limit': 1e6}
 
@@ -21,8 +21,8 @@ def found(scenario='paper_circle', **changes):
 
 def test_a_motion_that_runs_faster_has_scaled_derivatives():
     t = np.linspace(0.0, 2.0, 50)
-    usual = Trajectory(config.resolve('paper_line')).sample(3.0 * t)
-    made = Trajectory(config.resolve('paper_line', {'trajectory.speed_factor': 3.0}))
+    usual = trajectory_of(config.resolve('paper_line')).sample(3.0 * t)
+    made = trajectory_of(config.resolve('paper_line', {'trajectory.speed_factor': 3.0}))
     fast = made.sample(t)
     assert made.span == 2.0
     for factor, name in ((1, 'pose'), (1, 'position'), (3, 'velocity'), (9, 'acceleration')):
@@ -51,7 +51,7 @@ def test_axes_are_limited_by_torque_against_inertia_and_friction(way):
 def test_at_the_fastest_speed_the_plant_needs_the_torque_of_the_limit(scenario):
     limit = {'paper_circle': 40.0, 'serial_2r_circle': 45.0}[scenario]
     made = found(scenario, **{'safety.torque_limit': limit})
-    start = Trajectory(resolve(scenario)).sample(0.0).pose[0]
+    start = trajectory_of(resolve(scenario)).sample(0.0).pose[0]
     run = simulate(
         scenario, law='computed_torque', duration=2.0 * made.span,
         **{'trajectory.speed_factor': made.factor, 'plant.initial_pose': start},

@@ -12,16 +12,17 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_base import config, topics
+from parallel_robot_base.groups import group
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_sim.plant_node import PlantNode
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
 
 JOINTS = ('joint1', 'joint2', 'joint3')
-MOTION = Trajectory(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
-LIMITS = config.group(config.resolve('paper_circle'), SafetyParameters, 'safety')
+MOTION = trajectory_of(config.resolve('paper_circle')).sample(np.arange(100) * 1e-3)
+LIMITS = group(config.resolve('paper_circle'), SafetyParameters, 'safety')
 BATCH = 50  # messages of one example
 SECOND, MS = 10**9, 10**6  # ns
 

@@ -9,8 +9,8 @@ from assembly import simulated
 from parallel_robot_bags.statuses import ControllerStatus
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.robots import robot_of
 from parallel_robot_studies.identification import (
     identified,
     readable,

@@ -314,7 +314,7 @@ from parallel_robot_base import config
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 values = config.resolve('paper_circle')
-Trajectory(values).sample(0.0)
+trajectory_of(values).sample(0.0)
 Controller(configure(values))
 Simulator(configure_plant(values)).advance(np.zeros(3))
 print('numba.np.linalg' in sys.modules or 'scipy.linalg' in sys.modules)

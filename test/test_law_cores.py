@@ -13,7 +13,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.exchange import JointSample
 from parallel_robot_control.prepared_law import renewed
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns
 START = 10**9  # ns
@@ -54,7 +54,7 @@ def counts(monkeypatch):
 
 def torques(core):
     """Torques of 50 states that lag a little behind their references."""
-    samples = Trajectory(config.resolve('paper_circle')).sample(np.arange(50) * 1e-3)
+    samples = trajectory_of(config.resolve('paper_circle')).sample(np.arange(50) * 1e-3)
     rows = zip(samples.position, samples.velocity, samples.acceleration, strict=True)
     found = []
     for k, row in enumerate(rows):

@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 from geometry import PAPER_START, legs
 
-from parallel_robot_control.configuration import first_guess, resolve
+from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_live.frames import HEADER, Camera, Motion
 from parallel_robot_live.motion_buffer import GAP, MotionBuffer
-from parallel_robot_model.robots import robot_of
 
 MS = 10**6  # ns
 
 
 @pytest.fixture
 def camera(values):
-    robot = robot_of(values)
-    return Camera(robot, first_guess(values, robot), values['joints'], number=7)
+    return Camera(*nominal_of(values), values['joints'], number=7)
 
 
 def motion(robot, count=50, shift=5e-6):
@@ -81,9 +79,8 @@ def test_joints_that_no_robot_can_have_leave_a_frame_without_a_picture(camera, r
 
 def test_a_robot_without_a_plane_has_curves_alone():
     values = resolve('axes_step')
-    robot = robot_of(values)
     count = len(values['joints'])
-    camera = Camera(robot, first_guess(values, robot), values['joints'])
+    camera = Camera(*nominal_of(values), values['joints'])
     rows = np.zeros((4, count))
     data = camera.frame(Motion(np.arange(4.0), rows, rows + 1e-3, rows, rows), 1.0)
     *_, path, curves = read(data, camera)

@@ -15,7 +15,7 @@ from parallel_robot_live.graph_source import GraphSource
 from parallel_robot_live.graph_values import known_values, meant
 from parallel_robot_live.readable_state import setup
 from parallel_robot_live.source import Description, RefusedError
-from parallel_robot_model.robots import robot_of
+from parallel_robot_model.configuration import robot_of
 
 
 @pytest.fixture(scope='module')
@@ -34,7 +34,7 @@ def clock():
 def source(bag, clock):
     with ExitStack() as stack:
         made = open_bag(stack, bag, False, 1 << 30)
-        parts = (made._log, made._past, made._configuration, made._log.config)
+        parts = (made._log, made._past, made._configuration)
         yield BagSource(*parts, lambda: clock[0])
 
 

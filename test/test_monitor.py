@@ -5,11 +5,12 @@ import pytest
 from assembly import simulated
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.monitor import Monitor
+from parallel_robot_analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_base import config
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.configuration import nominal_of
+from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.poses import poses_of
-from parallel_robot_model.robots import robot_of
 
 START = 10**9  # ns
 MS = 10**6  # ns
@@ -38,6 +39,10 @@ def feed(monitor, simulation, indices, shift=0, ahead=20):
     return found
 
 
+def monitor_of(values, window=0.5):
+    return Monitor(*nominal_of(values), MonitorParameters(window))
+
+
 def expected(setup, rows):
     """The metrics of some samples, as for a recorded run."""
     values, simulation = setup
@@ -54,7 +59,7 @@ def expected(setup, rows):
 
 def test_metrics_are_those_of_the_window_ten_times_a_second(setup):
     values, simulation = setup
-    found = feed(Monitor(values), simulation, range(1001))
+    found = feed(monitor_of(values), simulation, range(1001))
     assert len(found) == 10
     for k, measured in zip(range(100, 1001, 100), found, strict=True):
         rows = slice(max(0, k - 500), k + 1)
@@ -64,7 +69,7 @@ def test_metrics_are_those_of_the_window_ten_times_a_second(setup):
 def test_missing_references_are_extrapolated(setup):
     values, simulation = setup
     reference, run = simulation.reference, simulation.run
-    monitor, found = Monitor(values), []
+    monitor, found = monitor_of(values), []
     for k in range(501):
         if k % 5 == 0:
             motion = [reference.position[k], reference.velocity[k], reference.acceleration[k]]
@@ -77,7 +82,7 @@ def test_missing_references_are_extrapolated(setup):
 @pytest.mark.parametrize('shift', [-300, 5000], ids=['back', 'far on'])
 def test_a_jump_clears_the_window(shift, setup):
     values, simulation = setup
-    monitor = Monitor(values)
+    monitor = monitor_of(values)
     feed(monitor, simulation, range(600, 1001))
     found = feed(monitor, simulation, range(301), shift=shift)
     assert list(found[-1]) == pytest.approx(expected(setup, slice(0, 301)), rel=1e-9)
@@ -88,7 +93,7 @@ def test_after_a_jump_no_reference_of_before_it_is_used(shift, setup):
     """A trajectory is ahead of the plant: the first references after a jump are too late."""
     values, simulation = setup
     rows, ahead = range(301), 20
-    monitor = Monitor(config.changed(values, {'monitor.window': 5.0}))
+    monitor = monitor_of(values, window=5.0)
     feed(monitor, simulation, range(1001))
     found = []
     reference, run = simulation.reference, simulation.run
@@ -112,7 +117,7 @@ def test_after_a_jump_no_reference_of_before_it_is_used(shift, setup):
 def test_a_trajectory_that_ends_leaves_no_metrics(setup):
     values, simulation = setup
     reference, run = simulation.reference, simulation.run
-    monitor = Monitor(values)
+    monitor = monitor_of(values)
     for k in range(1001):
         if k <= 300:
             motion = [reference.position[k], reference.velocity[k], reference.acceleration[k]]
@@ -123,12 +128,12 @@ def test_a_trajectory_that_ends_leaves_no_metrics(setup):
 
 def test_without_references_there_are_no_metrics(setup):
     values, simulation = setup
-    assert not feed(Monitor(values), simulation, range(300), ahead=-1000)
+    assert not feed(monitor_of(values), simulation, range(300), ahead=-1000)
 
 
 def test_without_a_pose_the_joints_are_left(setup):
     values, simulation = setup
-    monitor = Monitor(values)
+    monitor = monitor_of(values)
     for k in range(201):
         motion = [simulation.reference.position[k], np.zeros(3), np.zeros(3)]
         monitor.add_reference(START + k * MS, motion)
@@ -140,7 +145,7 @@ def test_without_a_pose_the_joints_are_left(setup):
 def test_a_robot_outside_a_plane_has_no_platform_error():
     values = config.resolve('axes_step', {'duration': 0.2})
     made = simulated(values)
-    monitor = Monitor(values)
+    monitor = monitor_of(values)
     last = feed(monitor, made, range(201))[-1]
     names = [name for name in last._fields if not name.startswith('platform')]
     assert list(monitor.names) == names and len(names) == 5
@@ -153,7 +158,7 @@ def test_a_robot_outside_a_plane_has_no_platform_error():
 def test_it_costs_little(setup):
     """Window and references do not grow with the motion."""
     values, simulation = setup
-    monitor = Monitor(values)
+    monitor = monitor_of(values)
     feed(monitor, simulation, range(1001))
     assert len(monitor._window.stamps) == 501 and len(monitor._references) <= 2
     span = monitor._window.stamps[-1] - monitor._window.stamps[0]

@@ -11,8 +11,8 @@ from parallel_robot_base import config, topics
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import STEP_START
 from trajectory_gen import motion_message
+from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.course import Course
-from trajectory_gen.trajectory import Trajectory
 from trajectory_gen.trajectory_node import TrajectoryNode
 
 pytest_plugins = ['ros_fixtures']
@@ -82,7 +82,7 @@ def smooth(k, position, velocity, acceleration):
 def joints(poses):
     values = {'waypoints.times': list(range(len(poses))), 'waypoints.points': np.ravel(poses)}
     shape = config.resolve('paper_circle', {**values, 'trajectory.shape': 'waypoints'})
-    return Trajectory(shape).sample(np.arange(len(poses))).position
+    return trajectory_of(shape).sample(np.arange(len(poses))).position
 
 
 def test_it_passes_through_the_points_without_a_jump(node):
@@ -102,7 +102,7 @@ def test_it_passes_through_the_points_without_a_jump(node):
 
 def test_derivatives_of_the_points_are_those_of_the_motion():
     """A quintic from each point to the next is exactly the polynomial that it was made of."""
-    course = Course(Trajectory(config.resolve('paper_circle')), 1e-3)
+    course = Course(trajectory_of(config.resolve('paper_circle')), 1e-3)
     t = np.array([0.5, 1.0, 1.5])
     u = t / 1.5
 

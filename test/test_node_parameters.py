@@ -22,14 +22,14 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_base import config, topics
 from parallel_robot_base.processes import MODULES
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('node_parameters')  # one controller for all
 
 TABLE_2 = {'G': 10.0, 'g': 0.01, 'Gamma1': 16.0, 'Gamma2': 6.5, 'gamma1': 0.5, 'gamma2': 0.67,
            'lambda': 0.9}  # fmt: skip
-MOTION = Trajectory(config.resolve('paper_circle')).sample(np.arange(1000) * 1e-3)
+MOTION = trajectory_of(config.resolve('paper_circle')).sample(np.arange(1000) * 1e-3)
 JOINTS = ['joint1', 'joint2', 'joint3']
 OFFSET = np.array([1e-3, -2e-3, 3e-3])  # rad
 

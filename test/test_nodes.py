@@ -29,7 +29,7 @@ from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.exchange import JointSample
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
@@ -231,7 +231,7 @@ def test_the_plant_ignores_what_is_not_a_command(start, peer):
 
 def test_joints_are_found_by_name(start, peer):
     values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
-    motion = Trajectory(values).sample(0.0)
+    motion = trajectory_of(values).sample(0.0)
     desired = [motion.position[0], motion.velocity[0], motion.acceleration[0]]
     theta, theta_dot = desired[0] + [1e-3, -2e-3, 3e-3], np.array([0.01, 0.02, 0.03])
     core = Controller(configure(values))

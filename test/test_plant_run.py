@@ -6,7 +6,7 @@ import pytest
 from parallel_robot_base import cdr
 from parallel_robot_base.errors import DRIVEN_OUT
 from parallel_robot_base.loop import STEP_START, WAIT
-from parallel_robot_model.robots import resolve
+from parallel_robot_model.configuration import resolve
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_run import ANNOUNCED, REPEAT, PlantRun

@@ -10,8 +10,8 @@ from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, MotionError
 from parallel_robot_model.planar_3rrr import MotionLimits
 from parallel_robot_sim.configuration import configure
+from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.preflight import check
-from trajectory_gen.trajectory import Trajectory
 
 PERIOD = 1e-3  # s
 FREE = {'min_sin_psi': 0.0, 'max_condition': np.inf, 'max_joint_speed': np.inf}
@@ -25,7 +25,7 @@ def move(end, phi=np.pi / 2, start=(0.52, 0.37)):
         'line.phi': phi,
         'line.duration': 1.0,
     }
-    return Trajectory(config.resolve('paper_circle', overrides))
+    return trajectory_of(config.resolve('paper_circle', overrides))
 
 
 def poses_of(motion):
@@ -50,7 +50,7 @@ def refusal(motion, limits):
 @pytest.mark.parametrize('scenario', config.scenarios())
 def test_every_scenario_is_allowed(scenario):
     values = config.resolve(scenario)
-    check(Trajectory(values), values['period'])
+    check(trajectory_of(values), values['period'])
 
 
 @pytest.mark.parametrize('end', [(1.6, 0.37), (-0.6, 0.37), (0.52, -0.8), (0.52, 1.6)])
@@ -130,15 +130,15 @@ def test_a_held_pose_is_checked_too():
     values = config.resolve(
         'paper_circle', {'trajectory.shape': 'hold', 'hold.pose': [0.5, 2.0, 0.0]}
     )
-    assert refusal(Trajectory(values), FREE).time == 0.0
+    assert refusal(trajectory_of(values), FREE).time == 0.0
 
 
 def test_a_speed_just_above_the_limit_has_digits_that_say_so():
     values = config.resolve('paper_circle')
-    fastest = float(np.abs(Trajectory(values).sample(np.arange(0, 6, 1e-3)).velocity).max())
+    fastest = float(np.abs(trajectory_of(values).sample(np.arange(0, 6, 1e-3)).velocity).max())
     values = config.resolve('paper_circle', {'trajectory.max_joint_speed': fastest * (1 - 1e-7)})
     with pytest.raises(MotionError) as caught:
-        check(Trajectory(values), 1e-3)
+        check(trajectory_of(values), 1e-3)
     numbers = re.search(r'speed (\S+) rad/s is above trajectory.max_joint_speed, (\S+) rad/s',
                         str(caught.value))  # fmt: skip
     assert float(numbers[1]) > float(numbers[2])

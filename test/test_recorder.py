@@ -23,6 +23,7 @@ from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.topics import Topic
 from parallel_robot_control.messages import Status, answers_message, status_message
@@ -57,7 +58,7 @@ def make(tmp_path):
 
     def make(mode='lockstep', seconds=SAMPLES * 1e-3):
         values = config.resolve('paper_circle', {'time_mode': mode, 'duration': seconds})
-        loop = config.group(values, LoopParameters, '')
+        loop = group(values, LoopParameters, '')
         return Recorder(tmp_path / 'bag', loop, values, pytest.fail)
 
     return make
@@ -153,7 +154,7 @@ def test_names_of_laws_do_not_wait_in_numbers(make, tmp_path):
 
 def test_the_name_of_a_law_without_statuses_is_written_at_once(tmp_path):
     values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
-    loop = config.group(values, LoopParameters, '')
+    loop = group(values, LoopParameters, '')
     recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail, suite=())
     for topic in (topics.JOINT_STATES, topics.ACTIVE_LAW):
         recorder.add(topic, channel_of(topic))
@@ -304,7 +305,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
         failed, errors = threading.Event(), []
         values = config.resolve('paper_circle')
-        loop = config.group(values, LoopParameters, '')
+        loop = group(values, LoopParameters, '')
         recorder = Recorder(Path({str(tmp_path / 'bag')!r}), loop, values,
                             lambda error: (errors.append(error), failed.set()))
         recorder.open()
@@ -418,7 +419,7 @@ def test_other_topics_are_recorded_with_their_definition(mode, make, tmp_path):
 @pytest.mark.parametrize('early', [False, True])
 def test_the_recorder_notes_parameters_and_their_changes(early, tmp_path):
     values = config.resolve('paper_circle', {'time_mode': 'lockstep', 'duration': 0.1})
-    loop = config.group(values, LoopParameters, '')
+    loop = group(values, LoopParameters, '')
     recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail)
     if not early:
         recorder.open(10**9)

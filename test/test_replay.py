@@ -12,6 +12,7 @@ from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.experiment import describe
 from parallel_robot_base import config, topics
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_cli.command_line import main
 from parallel_robot_control import faults
@@ -23,8 +24,8 @@ from parallel_robot_control.exchange import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
+from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
-from trajectory_gen.trajectory import Trajectory
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_law.py'
 START = 1_700_000_000 * 10**9  # ns
@@ -85,10 +86,10 @@ def live(directory, script, common=True, skipped=(), says=True):
     changed['safety.reference_timeout'] = 0.05
     changed['start_stamp'] = -1 if common else 0
     values = config.resolve('paper_circle', changed)
-    loop = config.group(values, LoopParameters, '')
+    loop = group(values, LoopParameters, '')
     controller, plant = Controller(configure(values)), Simulator(configure_plant(values))
     stamps = START + np.arange(N + 1) * MS
-    reference = Trajectory(values).sample(np.arange(N + 1) * 1e-3)
+    reference = trajectory_of(values).sample(np.arange(N + 1) * 1e-3)
     records = reference_messages(loop.joints, stamps, reference)
     if common:
         controller.begin(START)
@@ -333,7 +334,7 @@ def test_bad_words_cost_one_line(words, message, simulated, capsys):
 
 def test_a_bag_of_others_does_not_say_its_law(tmp_path, capsys):
     values = config.resolve('paper_circle')
-    rest = np.tile(Trajectory(values).sample(0.0).position, (50, 1))
+    rest = np.tile(trajectory_of(values).sample(0.0).position, (50, 1))
     write_foreign(tmp_path / 'bag', streams(rest, rest))
     assert main(['replay', str(tmp_path / 'bag')]) == 2
     assert 'does not say which law ran' in capsys.readouterr().err

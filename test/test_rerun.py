@@ -14,6 +14,7 @@ from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.record_names import MISSING
 from parallel_robot_bags.recorder import Recorder
 from parallel_robot_base import config, topics
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_cli.command_line import main
 from parallel_robot_cli.commands import rerun, run
@@ -54,7 +55,7 @@ def test_a_law_of_ones_own_comes_from_the_bag(law, tmp_path, capsys):
 def by_hand(directory, bag, **parameters):
     """The messages of a bag, as a recorder takes them that was started by hand."""
     values = config.resolve('paper_circle')
-    loop = config.group(values, LoopParameters, '')
+    loop = group(values, LoopParameters, '')
     recorder = Recorder(directory, loop, values, pytest.fail)
     recorder.open()
     streams, by_name = content(next(bag.glob('*.mcap'))), {t.name: t for t in topics.RECORDED}

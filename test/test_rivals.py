@@ -8,6 +8,7 @@ from vectors import on_vectors
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.groups import group
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import adrc, fixed_time_smc, tdc
 from parallel_robot_model.contract import Model
@@ -18,7 +19,7 @@ DT = 1e-3
 
 
 def gains_of(law, name, **changes):
-    return config.group(VALUES, law.Gains, name)._replace(**changes)
+    return group(VALUES, law.Gains, name)._replace(**changes)
 
 
 class Joints:

@@ -5,6 +5,7 @@ import pytest
 from vectors import on_vectors
 
 from parallel_robot_base import config
+from parallel_robot_base.groups import group
 from parallel_robot_compiler import as_arrays
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.integral import advanced
@@ -12,7 +13,7 @@ from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.contract import Model
 
 update = on_vectors(s_fotsmc.update)
-GAINS = config.group(config.resolve('paper_circle'), s_fotsmc.Gains, 's_fotsmc')
+GAINS = group(config.resolve('paper_circle'), s_fotsmc.Gains, 's_fotsmc')
 
 
 def ring(n):
@@ -148,11 +149,11 @@ def test_with_arrays_an_update_has_the_same_bits_and_changes_nothing_that_it_was
     memory = as_arrays(s_fotsmc.initial_memory(3)._replace(started=1.0))
     feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]), np.zeros(3))
     given = (Model(M[0], Q[0], np.zeros(3)), JointReference(*reference[:, 0]), feedback)
-    copies = [[array.copy() for array in group] for group in given]
+    copies = [[array.copy() for array in part] for part in given]
     out = s_fotsmc.update(GAINS, *given, memory, 1e-3)
     assert type(out.torque) is np.ndarray
-    for group, copy in zip(given, copies, strict=True):
-        assert all(np.array_equal(a, b) for a, b in zip(group, copy, strict=True))
+    for part, copy in zip(given, copies, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(part, copy, strict=True))
     assert not np.any(memory.v) and not any(np.any(integral) for integral in memory[:3])
     expected = update(GAINS, *given, memory, 1e-3)
     assert np.array_equal(out.torque, expected.torque)

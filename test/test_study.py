@@ -8,12 +8,10 @@ import pytest
 from scipy import stats
 
 from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
 from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_studies.sweep import study, table, uncertainty
-from parallel_robot_studies.sweep.configurations import Configurations
 from parallel_robot_studies.sweep.plan import plan, sample, sampling
 
 HEAD = 'scenarios: [paper_circle]\nlaws: [smc]\nruns: 4\n'
@@ -369,35 +367,14 @@ def test_each_scramble_is_a_sobol_sequence_of_its_own():
     assert sampling(one) == 'sobol' and sampling(four) == 'sobol, 4 scrambles'
 
 
-def test_configurations_are_those_that_are_built_from_nothing():
-    built = Configurations()
-    overrides = [
-        {},
-        {'friction.viscous': [1.0, 2.0, 3.0]},
-        {'law': 'smc', 'smc.z': 20.0},
-        {'robot.m1': 5.0},
-        {'circle.radius': 0.02, 'duration': 3.0},
-        {'true_robot.m1': 5.0, 'plant.substeps': 2},
-        {},
-    ]
-    first = None
-    for changed in overrides:
-        values = resolve('paper_circle', changed)
-        found, expected = built.build(values), configure(values)
-        assert found.values == expected.values and found.loop == expected.loop
-        assert found.plant == expected.plant
-        for name in found.control._fields:
-            pair = getattr(found.control, name), getattr(expected.control, name)
-            assert np.all(pair[0] == pair[1]) if name == 'guess' else pair[0] == pair[1]
-        np.testing.assert_array_equal(
-            found.trajectory.sample(0.3).position, expected.trajectory.sample(0.3).position
-        )
-        first = first or found
-    assert found.trajectory is first.trajectory and found.control is first.control
+def test_runs_share_the_motion_that_they_have_in_common():
+    def motion(**changes):
+        keys = {key.replace('__', '.'): value for key, value in changes.items()}
+        return configure(resolve('paper_circle', keys)).trajectory
 
-
-def test_a_value_out_of_range_is_refused_though_its_part_was_built_before():
-    built = Configurations()
-    built.build(resolve('paper_circle'))
-    with pytest.raises(InputError, match=r'friction\.viscous\[0\] must be'):
-        built.build(resolve('paper_circle', {'friction.viscous': [-1.0, 1.0, 1.0]}))
+    first, small = motion(), motion(circle__radius=0.02)
+    assert motion(true_robot__m1=5.0, law='smc', seed=3) is first  # sampled once for a study
+    assert small is not first and motion(robot__m1=5.0) is not first
+    assert first.first_pose[0] == pytest.approx(0.52) and small.first_pose[0] == pytest.approx(
+        0.51
+    )

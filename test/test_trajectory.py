@@ -6,7 +6,7 @@ from geometry import closure, legs, wrap
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line', 'excitation']
 SMOOTH = {  # shapes without a scenario of their own
@@ -16,7 +16,7 @@ SMOOTH = {  # shapes without a scenario of their own
 
 
 def trajectory(scenario='paper_circle', **changes):
-    return Trajectory(config.resolve(scenario, changes.get('overrides')))
+    return trajectory_of(config.resolve(scenario, changes.get('overrides')))
 
 
 def shaped(shape, **changes):
@@ -125,7 +125,7 @@ def test_a_trapezoid_takes_the_time_of_the_textbook_and_keeps_its_limits(way, ac
 
 
 def test_a_trapezoid_moves_all_coordinates_in_step_and_may_stand_still():
-    motion = Trajectory(config.resolve('axes_step', {
+    motion = trajectory_of(config.resolve('axes_step', {
         'trajectory.shape': 'trapezoid', 'trapezoid.end': [1.0, -0.5, 0.25, 0.0, 1.5],
         'trapezoid.speed': [1.0, 0.25, 1.0, 1.0, 9.0], 'trapezoid.acceleration': [9.0] * 5,
     }))  # fmt: skip
@@ -150,7 +150,7 @@ def test_a_shape_with_wrong_numbers_or_of_another_robot_is_refused(scenario, ove
     shape = next(iter(overrides)).partition('.')[0]
     chosen = {} if shape == 'trajectory' else {'trajectory.shape': shape}
     with pytest.raises(InputError, match=message):
-        Trajectory(config.resolve(scenario, chosen | overrides))
+        trajectory_of(config.resolve(scenario, chosen | overrides))
 
 
 def test_the_line_is_straight_and_at_rest_at_both_ends():

@@ -14,10 +14,10 @@ from bags import STORE
 from geometry import PAPER_START, legs
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis.posture import Posture
+from parallel_robot_analysis.posture import posture_of
 from parallel_robot_base import config
 from parallel_robot_cli.command_line import main
-from parallel_robot_model.robots import robot_of
+from parallel_robot_model.configuration import robot_of
 
 VIEWS = Path(__file__).parents[1] / 'config' / 'views'
 GENERATOR = np.random.default_rng(2)
@@ -71,12 +71,12 @@ def ends(data, posture):
 
 def test_the_described_robot_is_where_the_kinematics_have_it(robot, values, capsys):
     model = described('paper_circle', capsys)
-    posture = Posture(values)
+    posture = posture_of(values)
     period = 20_000_000  # ns
     for k in range(30):
         pose = PAPER_START + GENERATOR.uniform(-0.03, 0.03, 3)
         theta, _ = legs(robot, pose)
-        angles = Posture(values).add_state(k * period, theta)
+        angles = posture_of(values).add_state(k * period, theta)
         data = put(model, posture.joints, angles)
         found = ends(data, posture)
         corners = np.array([*pose[:2]]) + robot.l3 * np.array(
@@ -94,7 +94,7 @@ def test_the_described_robot_is_where_the_kinematics_have_it(robot, values, caps
 
 def test_the_described_arm_has_the_inertia_of_the_model(capsys):
     values = config.resolve('serial_2r_circle')
-    arm, posture = robot_of(values), Posture(values)
+    arm, posture = robot_of(values), posture_of(values)
     model = described('serial_2r_circle', capsys)
     for _ in range(10):
         q = GENERATOR.uniform(-2.0, 2.0, 2)
@@ -123,7 +123,7 @@ def test_a_description_goes_into_a_new_file_alone(tmp_path, capsys):
 
 
 def test_the_frames_of_a_bag_close_the_chain(bag, values):
-    names = [link.name for link in Posture(values).links]
+    names = [link.name for link in posture_of(values).links]
     assert len(bag['/tf']) == 26  # fifty a second, the first state too
     states = {(m.header.stamp.sec, m.header.stamp.nanosec): m for _, m in bag['/joint_states']}
     poses = {(m.header.stamp.sec, m.header.stamp.nanosec): m.pose for _, m in bag['/pose']}

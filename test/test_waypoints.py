@@ -9,7 +9,7 @@ from parallel_robot_base import config, parameter_file
 from parallel_robot_base.errors import InputError
 from parallel_robot_cli.command_line import main
 from parallel_robot_sim import simulate
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.waypoints import Parameters, motion, prepare
 
 TIMES = np.array([0.0, 0.7, 1.1, 2.0, 3.5, 4.0, 5.2])
@@ -112,7 +112,7 @@ def test_the_values_of_a_file_take_the_place_of_its_name(scenario):
     given = {'waypoints.file': 'mine/points.csv', 'trajectory.shape': 'waypoints'}
     assert config.resolve('paper_circle', given)['waypoints.times'] == [0.0, 1.0, 2.0]
     later = {'waypoints.times': [0.0, 2.0, 4.0]}
-    assert Trajectory(config.resolve(str(scenario), later)).span == 4.0
+    assert trajectory_of(config.resolve(str(scenario), later)).span == 4.0
 
 
 def test_many_points_are_not_all_shown(scenario, capsys):
@@ -186,7 +186,7 @@ def test_a_missing_file_and_points_beside_a_file_cost_one_line(scenario, capsys)
 def test_points_of_another_robot_are_refused(scenario):
     changes = {'waypoints.file': 'mine/points.csv', 'trajectory.shape': 'waypoints'}
     with pytest.raises(InputError, match='waypoints has 3 coordinates; the pose of axes has 5'):
-        Trajectory(config.resolve('axes_step', changes))
+        trajectory_of(config.resolve('axes_step', changes))
 
 
 def test_a_figure_of_eight_from_eight_points_is_as_exact_as_the_papers_circle():

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, Protocol
 
-from parallel_robot_base import config, custom_module, fields
+from parallel_robot_base import custom_module
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_model.contract import PoseMotion
-from parallel_robot_model.robots import robot_defaults
 from trajectory_gen import (
     circle,
     ellipse,
@@ -52,25 +51,22 @@ SHAPES: dict[str, Shape] = {
 NEEDED = ('Parameters', 'motion', 'span')
 
 
-def shapes_of(values: Mapping[str, Any]) -> dict[str, Shape]:
-    """The shapes of the suite and the custom trajectories of a resolved configuration, by name.
+def shapes(paths: Sequence[str]) -> dict[str, Shape]:
+    """The shapes of the suite and custom trajectories, by name.
+
+    Args:
+        paths: Files of the custom trajectories.
 
     Raises:
         InputError: a file cannot be imported or is not a trajectory.
     """
-    return SHAPES | custom_trajectories(values)
+    return SHAPES | custom_trajectories(paths)
 
 
-def custom_trajectories(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Custom trajectories that a configuration names, by name.
-
-    Raises:
-        InputError: a file cannot be imported or is not a trajectory.
-    """
+def custom_trajectories(paths: Sequence[str]) -> dict[str, Any]:
+    """Custom trajectories by name, see :func:`shapes`."""
     key = 'custom_trajectories'
-    return dict(
-        custom_module.load(path, key, NEEDED, ('Parameters',), rehearse) for path in values[key]
-    )
+    return dict(custom_module.load(path, key, NEEDED, ('Parameters',), rehearse) for path in paths)
 
 
 def rehearse(shape: ModuleType) -> None:
@@ -97,19 +93,3 @@ def prepared(name: str, shape: Any, parameters: Any) -> tuple[Any, float]:
     if not 0.0 <= span < math.inf:
         raise InputError(f'{name}: span must be a time of at least 0 s, not {span:g}')
     return made, span
-
-
-def robot_and_shape_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults by key of the custom robot and the custom trajectories of a configuration."""
-    found: dict[str, Any] = {}
-    for name, shape in custom_trajectories(values).items():
-        found |= fields.defaults(shape.Parameters, f'{name}.')
-    return found | robot_defaults(values)
-
-
-def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A configuration with the defaults of custom robot and trajectories; see `config.resolve`.
-
-    Gains of custom laws are left as they are: their files are not loaded.
-    """
-    return config.resolve(scenario, overrides, robot_and_shape_defaults)

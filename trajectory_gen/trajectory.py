@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base import config
 from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.contract import PoseMotion
-from parallel_robot_model.robots import RobotModel, robot_of
+from parallel_robot_model.robots import RobotModel
 from trajectory_gen import shape_trial, waypoints
-from trajectory_gen.shapes import SHAPES, prepared, shapes_of
+from trajectory_gen.shapes import SHAPES, Shape, prepared
 
 
 class TrajectoryParameters(NamedTuple):
@@ -62,26 +60,33 @@ class Trajectory:
         span: Time after which nothing new happens [s].
     """
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        """Prepare the motion that a resolved configuration asks for.
+    def __init__(
+        self,
+        robot: RobotModel,
+        parameters: TrajectoryParameters,
+        limits: Any,
+        shape: Shape,
+        given: Any,
+    ) -> None:
+        """Prepare a motion.
+
+        Args:
+            robot: The robot.
+            parameters: Which motion, and how it is published.
+            limits: MotionLimits of the robot.
+            shape: Its shape.
+            given: Parameters of the shape.
 
         Raises:
-            InputError: a value is wrong, or the shape has another number of coordinates than the
-                pose of the robot.
+            InputError: the shape refuses its parameters, or has another number of coordinates
+                than the pose of the robot.
         """
-        self.robot: RobotModel = robot_of(values)
-        self.parameters = config.group(values, TrajectoryParameters, 'trajectory')
-        self.limits = config.group(values, self.robot.module.MotionLimits, 'trajectory')
-        name = self.parameters.shape
-        shapes = shapes_of(values)
-        if name not in shapes:
-            raise UnknownNameError('trajectory.shape', name, shapes, 'trajectory.shape')
-        shape = shapes[name]
-        given = config.group(values, shape.Parameters, name)
+        self.robot, self.parameters, self.limits = robot, parameters, limits
+        name = parameters.shape
         if name not in SHAPES:
             shape_trial.check(name, shape, given)
-        self.shape, length = prepared(name, shape, given)
-        self.span = length / self.parameters.speed_factor
+        self.shape, self._length = prepared(name, shape, given)
+        self.span = self._length / parameters.speed_factor
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
         size = len(shape.motion(self.shape, 0.0).pose)
@@ -98,6 +103,18 @@ class Trajectory:
         self._pose = vector(np.zeros(self._size))
         still = PoseMotion(self._pose, self._pose, self._pose)
         self._joints = self.robot.kernel('joint_motion', still)
+
+    @property
+    def first_pose(self) -> tuple[float, ...]:
+        """The pose at which the motion begins, m numbers."""
+        return tuple(self.sample(0.0).pose[0].tolist())
+
+    def at_speed(self, factor: float) -> Trajectory:
+        """The same motion at another ``trajectory.speed_factor``."""
+        made = copy.copy(self)
+        made.span = self._length / factor
+        made.parameters = self.parameters._replace(speed_factor=factor)
+        return made
 
     def along(self, spline: waypoints.Spline) -> Trajectory:
         """Another motion of the same robot, within the same limits, at its own speed."""
@@ -120,11 +137,6 @@ class Trajectory:
         robot = self.robot.constants
         speed = self.parameters.speed_factor
         return _sample(self._motion, self._joints, self.shape, robot, self._pose, grid, speed)
-
-
-def first_pose(values: Mapping[str, Any]) -> Array:
-    """The pose at which the motion of a resolved configuration begins, shape (m,)."""
-    return Trajectory(values).sample(0.0).pose[0]
 
 
 @kernel

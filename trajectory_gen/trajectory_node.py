@@ -24,10 +24,10 @@ from parallel_robot_ros import parameters
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
 from trajectory_gen import motion_message, preflight
+from trajectory_gen.configuration import declared, resolve, trajectory_of
 from trajectory_gen.course import Course
 from trajectory_gen.messages import pose_messages, reference_messages
-from trajectory_gen.shapes import resolve, shapes_of
-from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
+from trajectory_gen.shapes import shapes
 
 BATCH = 200  # samples computed at once
 SOON = 0.1  # s, from a message to its motion; doubled where the computer takes longer
@@ -42,13 +42,9 @@ class TrajectoryNode(SuiteNode):
     def __init__(self) -> None:
         """Check the whole motion, then start to publish."""
         super().__init__('trajectory', resolve)
-        self._trajectory = Trajectory(self.values)
-        robot = self._trajectory.robot.module
-        self.declare_group('robot', robot.Parameters)
-        self.declare_group('trajectory', TrajectoryParameters)
-        self.declare_group('trajectory', robot.MotionLimits)
-        for name, shape in shapes_of(self.values).items():
-            self.declare_group(name, shape.Parameters)
+        self._trajectory = trajectory_of(self.values)
+        robot, known = self._trajectory.robot.module, shapes(self.loop.custom_trajectories)
+        self.declare_groups(('robot', robot.Parameters), *declared(robot, known))
         preflight.check(self._trajectory, self.loop.period)
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._course = Course(self._trajectory, self.loop.period)

@@ -16,10 +16,11 @@ from reliability.watch_node import Watch, decoded
 
 from parallel_robot_base import cdr, config, layouts, topics
 from parallel_robot_base.errors import RunError
+from parallel_robot_base.groups import group
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_sim.messages import state_layout
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.configuration import trajectory_of
 
 READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled
 LEAD = 1.0  # s, from the start being given to t = 0
@@ -55,8 +56,8 @@ class Bench:
         self.changed = dict(changed)
         self.values = config.resolve('paper_circle', changed)
         self.relay = tuple(relay)
-        self._trajectory = Trajectory(self.values)
-        joints = config.group(self.values, LoopParameters, '').joints
+        self._trajectory = trajectory_of(self.values)
+        joints = group(self.values, LoopParameters, '').joints
         self._layouts = {
             topics.JOINT_STATES: state_layout(joints, passive=len(joints)),
             topics.COMMANDS: layouts.float64_multi_array(len(joints)),

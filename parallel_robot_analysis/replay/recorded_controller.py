@@ -171,7 +171,7 @@ class RecordedController:
         inside = self._edges[(self._edges > first) & (self._edges < stop)]
         for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
             if begin in self._restarts:
-                state = restarted(state, self._configuration.guess)
+                state = restarted(state, np.array(self._configuration.guess))
                 state, memory = taking_over(state, self._effort[begin]), control.law.memory
             if begin < stop and self._stale[begin]:
                 state = tripped(state, faults.REFERENCE_STALE)

@@ -11,7 +11,7 @@ from parallel_robot_analysis.metrics import distances
 from parallel_robot_analysis.report.animation import box
 from parallel_robot_analysis.report.runs import Run
 from parallel_robot_base.errors import InputError
-from parallel_robot_model.robots import robot_of
+from parallel_robot_model.configuration import robot_of
 
 MOST = 4  # runs side by side
 SEEN = 0.08  # of the path's size: the largest error of the second half, magnified

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     values = resolve(arguments.scenario, simulate.overrides(arguments))
-    scenario, known = str(values['scenario']), available(values)
+    scenario, known = str(values['scenario']), available(values['custom_laws'])
     laws = arguments.laws or list(known)
     given = ' '.join(laws)
     if ',' in given:

@@ -23,8 +23,8 @@ from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_cli.commands.simulate import add_set_argument, given
 from parallel_robot_control.configuration import available, configure, custom_defaults
 from parallel_robot_control.laws import LAWS
-from parallel_robot_model.robots import is_known
-from trajectory_gen.shapes import shapes_of
+from parallel_robot_model.configuration import is_known
+from trajectory_gen.shapes import shapes
 
 # Beginnings of keys on which torques depend, beside those of the laws.
 USED = ('law', *config.CUSTOM, 'robot', 'safety', 'controller')
@@ -69,7 +69,7 @@ def execute(arguments: argparse.Namespace) -> int:
         files = custom_files(bag, needed, log.config, Path(directory), arguments.trust)
         values = configuration(log, past, files, changes)
         law = str(values['law'])
-        if law not in available(values) and not changes:
+        if law not in available(values['custom_laws']) and not changes:
             what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
             raise BagError(
                 f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
@@ -79,7 +79,7 @@ def execute(arguments: argparse.Namespace) -> int:
                 f'{bag} does not hold the robot {robot}; --set custom_robots=[FILE] adds one'
             )
         shape = values['trajectory.shape']
-        if shape not in shapes_of(values):
+        if shape not in shapes(values['custom_trajectories']):
             raise BagError(
                 f'{bag} does not hold the trajectory {shape}; '
                 '--set custom_trajectories=[FILE] adds one'
@@ -127,7 +127,7 @@ def configuration(
             }
     values = config.changed(values, changes, custom_defaults)
     for key in changes:
-        if key.partition('.')[0] not in (*USED, *available(values)):
+        if key.partition('.')[0] not in (*USED, *available(values['custom_laws'])):
             raise InputError(f'{key} does not change the torques on a recorded motion')
     return values
 

@@ -19,13 +19,13 @@ from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
 from parallel_robot_bags.trust import add_trust_argument, custom_files
 from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import BagError
-from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.loop import loop_of
 from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.printable import printable
 from parallel_robot_cli.commands import run, simulate
 from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
-from parallel_robot_model.robots import is_known
-from trajectory_gen.shapes import shapes_of
+from parallel_robot_model.configuration import is_known
+from trajectory_gen.shapes import shapes
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 OBJECT = 200  # bytes that a message takes beside its own
@@ -54,7 +54,7 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past = run_log.read(bag, memory), history.read(bag, memory)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
-    planned = config.group(log.config, LoopParameters, '').last_index or 0
+    planned = loop_of(log.config).last_index or 0
     if arguments.duration is None and planned > max(LONGER * len(log.time), SHORT):
         raise BagError(
             f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
@@ -66,10 +66,10 @@ def execute(arguments: argparse.Namespace) -> int:
         values = log.config | files
         if not is_known(values):
             raise BagError(f'{bag} does not hold the robot {robot}')
-        if values['trajectory.shape'] not in shapes_of(values):
+        if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
             raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
         values = custom_defaults(values) | values  # a recorder started by hand has no gains
-        if values['law'] not in available(values):
+        if values['law'] not in available(values['custom_laws']):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
         recorded = values['duration'] or length(log)
         values['duration'] = recorded if arguments.duration is None else arguments.duration

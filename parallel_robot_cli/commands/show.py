@@ -13,6 +13,7 @@ from parallel_robot_analysis.monitor import MonitorParameters
 from parallel_robot_base import config, scenario_file
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, parameters
+from parallel_robot_base.loop import loop_of
 from parallel_robot_base.parameter_file import MARK
 from parallel_robot_base.placed import merged
 from parallel_robot_base.printable import printable
@@ -28,7 +29,7 @@ from parallel_robot_model.robots import module_of
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
 from parallel_robot_sim.parameter_groups import members
-from trajectory_gen.shapes import shapes_of
+from trajectory_gen.shapes import shapes
 
 BY_COMMANDS = (*OWN, 'duration')  # left out of files unless somebody set them
 UNKNOWN = Field('', '')  # of the keys of the recorder
@@ -102,7 +103,8 @@ def _plot(made: Configuration, path: Path) -> None:
 
 def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
     """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
-    known = members(module_of(values), available(values), shapes_of(values))
+    loop = loop_of(values)
+    known = members(module_of(loop), available(loop.custom_laws), shapes(loop.custom_trajectories))
     known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
     return {key: parameter.field for key, parameter in known}
 

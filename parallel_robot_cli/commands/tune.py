@@ -215,7 +215,8 @@ def _tuning(arguments: argparse.Namespace) -> tuple[Tuning, dict[str, Field]]:
         asked = weights.parse(arguments.weights, spent.measure)
     seed = check('--seed', int, Field('', '', 0, 2**63 - 1), arguments.seed)
     fixed = simulate.given(arguments)
-    known = available(resolve(scenario, {k: fixed[k] for k in config.CUSTOM if k in fixed}))
+    custom = {key: fixed[key] for key in config.CUSTOM if key in fixed}
+    known = available(resolve(scenario, custom)['custom_laws'])
     if law not in known:
         raise UnknownNameError('law', law, known)
     found = plan(_study(arguments, fixed))
@@ -281,7 +282,7 @@ def _summary(tuning: Tuning, result: Result) -> list[str]:
 
 def _warnings(tuning: Tuning, chosen: Trial, fields: dict[str, Field]) -> list[str]:
     """What to doubt of the gains that are taken."""
-    law, joints = available(tuning.nominal)[tuning.space.law], len(tuning.nominal['joints'])
+    law, joints = tuning.law, len(tuning.nominal['joints'])
     doubted = doubts(tuning.space, law, chosen.gains, joints)
     return [*doubted, *at_ends(tuning.space, chosen.gains, fields)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot_analysis.posture import Posture
+from parallel_robot_analysis.posture import posture_of
 from parallel_robot_bags import new_files
 from parallel_robot_base.placed import locating
 from parallel_robot_cli.commands.simulate import add_scenario_argument, add_set_argument, given
@@ -27,7 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
         new_files.check(arguments.out, '--out')
     values = resolve(arguments.scenario, given(arguments))
     with locating(values):
-        posture = Posture(values)
+        posture = posture_of(values)
     if not arguments.out:
         print(posture.description, end='')
         return 0

@@ -6,6 +6,7 @@ the regressor, whose columns are multiplied by the sizes of the parameters: erro
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -13,14 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_bags.progress import tracked
-from parallel_robot_base import config
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.groups import group
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_studies.identification import base_parameters
 from parallel_robot_studies.identification.base_parameters import BaseParameters
-from trajectory_gen.trajectory import Reference, Trajectory
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.trajectory import Reference
 
 SAMPLES = 300  # of a motion, for the search
 SHARE = 0.5  # of the largest speed and torque that a motion may take
@@ -71,11 +73,11 @@ class Search:
         shape = values['trajectory.shape']
         if shape != SHAPE:
             raise InputError(f'--design needs trajectory.shape {SHAPE}, not {shape}')
-        self.trajectory = Trajectory(values)
+        self.trajectory = copy.copy(trajectory_of(values))  # whose shape will vary
         self.robot = self.trajectory.robot
         self.model = base_parameters.linear_model(self.robot)
-        self.friction = config.group(values, FrictionParameters, 'friction')
-        limits = config.group(values, SafetyParameters, 'safety')
+        self.friction = group(values, FrictionParameters, 'friction')
+        limits = group(values, SafetyParameters, 'safety')
         self.torque = SHARE * np.array(limits.torque_limit)
         self.speed = SHARE * self.trajectory.parameters.max_joint_speed
         self.start = self.trajectory.shape._replace(amplitude=1.0)

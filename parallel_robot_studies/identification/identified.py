@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_base import config
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import BagError
-from parallel_robot_control.configuration import first_guess
+from parallel_robot_base.groups import group
+from parallel_robot_control import configuration
+from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.robots import RobotModel, robot_of
+from parallel_robot_model.robots import RobotModel
 from parallel_robot_studies.identification import (
     base_parameters,
     least_squares,
@@ -125,9 +126,8 @@ def nominal_of(log: RunLog) -> Nominal:
     Raises:
         InputError: its robot cannot be built.
     """
-    robot = robot_of(log.config)
-    friction = config.group(log.config, FrictionParameters, 'friction')
-    return Nominal(robot, friction, first_guess(log.config, robot))
+    robot, guess = configuration.nominal_of(log.config)
+    return Nominal(robot, group(log.config, FrictionParameters, 'friction'), guess)
 
 
 def identify(nominal: Nominal, recording: Recording, cutoff: float) -> Identified:

@@ -13,9 +13,9 @@ from parallel_robot_bags import history, run_log
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_bags.statuses import ControllerStatus
-from parallel_robot_base import config
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.groups import group
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_sim.plant import PlantParameters
 
@@ -69,7 +69,7 @@ def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, Recording]:
         BagError: not a bag of a run, or it holds no torques or no motion.
     """
     log, past = run_log.read(bag, memory), history.read(bag, memory)
-    limit = config.group(log.config, PlantParameters, 'plant').torque_limit
+    limit = group(log.config, PlantParameters, 'plant').torque_limit
     try:
         return log, of(log, past.statuses, np.array(limit))
     except BagError as error:

@@ -27,7 +27,6 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
 from parallel_robot_studies.sweep import uncertainty
-from parallel_robot_studies.sweep.configurations import Configurations
 from parallel_robot_studies.sweep.study import Study, Variant
 
 MOST_DIMENSIONS = 21201  # of scipy's Sobol sequence
@@ -197,18 +196,17 @@ def plan(study: Study) -> Plan:
         configuration = configure(nominal)
         with locating(case.overrides):
             samples_of(configuration)
-    built = Configurations()
     for case in cases:
         for each in study.uncertainties:
             for value in uncertainty.extremes(each, case.nominal[each.key]):
-                _check(study, case, each.key, value, built)
+                _check(study, case, each.key, value)
     return found
 
 
-def _check(study: Study, case: Case, key: str, value: Any, built: Configurations) -> None:
+def _check(study: Study, case: Case, key: str, value: Any) -> None:
     """Refuse a value that an uncertain parameter cannot have."""
     try:
-        built.build(resolve(case.scenario, {**case.overrides, key: value}))
+        configure(resolve(case.scenario, {**case.overrides, key: value}))
     except InputError as error:
         with locating(Placed({}, study.places)):
             raise InputError(f'uncertainty: {error}', f'uncertainty.{key}') from None

@@ -79,8 +79,7 @@ def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     Where the sensors of the plant are not ideal, the metrics are of the true motion.
 
     Args:
-        configurations: Experiments of one law in one scenario, which share what they do not
-            change, see configurations.py.
+        configurations: Experiments of one law in one scenario.
 
     Returns:
         One outcome for each; a run that fails does not stop the others.
@@ -90,7 +89,7 @@ def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     controller: Control | None = None
     for k, configuration in enumerate(configurations):
         try:
-            if controller is None or configuration.control is not configurations[k - 1].control:
+            if controller is None or configuration.control != configurations[k - 1].control:
                 controller = control.assemble(configuration.control)
             prepared.append(_prepare(k, configuration, controller))
         except Exception as error:  # custom laws raise anything
@@ -120,7 +119,7 @@ def _prepare(place: int, configuration: Configuration, controller: Control) -> P
     loop, trajectory = configuration.loop, configuration.trajectory
     plant = assemble_plant(configuration.plant)
     guess = configuration.control.guess
-    motion = _motion(trajectory, loop.period, loop.last_index or 0, tuple(guess.tolist()))
+    motion = _motion(trajectory, loop.period, loop.last_index or 0, guess)
     return Prepared(place, configuration, Experiment(loop, trajectory, controller, plant), motion)
 
 

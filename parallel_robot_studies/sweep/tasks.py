@@ -15,7 +15,7 @@ from parallel_robot_bags.experiment import software
 from parallel_robot_base import cache_directory
 from parallel_robot_base.errors import RunError
 from parallel_robot_control.configuration import resolve
-from parallel_robot_studies.sweep.configurations import Configurations
+from parallel_robot_sim.configuration import configure
 from parallel_robot_studies.sweep.floor import floor_of
 from parallel_robot_studies.sweep.plan import Plan, Row
 from parallel_robot_studies.sweep.run_chunk import Outcome, failed, run_chunk
@@ -111,7 +111,7 @@ def run_task(task: Task) -> list[Outcome]:
         found: dict[int, Any] = {}
         for k, overrides in enumerate(task.overrides):
             try:
-                found[k] = _CONFIGURATIONS.build(resolve(task.scenario, overrides))
+                found[k] = configure(resolve(task.scenario, overrides))
             except Exception as error:  # impossible values, and whatever custom modules raise
                 found[k] = failed(error)
         good = {k: each for k, each in found.items() if not isinstance(each, Outcome)}
@@ -122,5 +122,4 @@ def run_task(task: Task) -> list[Outcome]:
         return list(found.values())
 
 
-_CONFIGURATIONS = Configurations()
 _LOCK = threading.Lock()  # a worker of a cluster may have several threads; they share the above

@@ -12,7 +12,9 @@ from itertools import accumulate
 from typing import Any
 
 from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.loop import loop_of
 from parallel_robot_control.configuration import available
+from parallel_robot_control.contract import Law
 from parallel_robot_model.robots import module_of
 from parallel_robot_studies.sweep.plan import Plan
 from parallel_robot_studies.sweep.results import ERRORS, Quantity
@@ -59,9 +61,14 @@ class Tuning:
         return self.plan.cases[0].nominal
 
     @property
+    def law(self) -> Law:
+        """The law."""
+        return available(self.nominal['custom_laws'])[self.space.law]
+
+    @property
     def error(self) -> Quantity:
         """Which metric is the tracking error: that of the end effector in a plane, or joints."""
-        return ERRORS[0] if module_of(self.nominal).PLANAR else ERRORS[1]
+        return ERRORS[0] if module_of(loop_of(self.nominal)).PLANAR else ERRORS[1]
 
     @property
     def goal(self) -> str:
@@ -193,7 +200,7 @@ def _run_batch(
     ]
     if batch == 0:
         choices[0] = tuning.space.start()
-    law = available(tuning.nominal)[tuning.space.law]
+    law = tuning.law
     joints = len(tuning.nominal['joints'])
     trials: dict[int, tuple[Choice, dict[str, Any]]] = {}
     for number in left:
