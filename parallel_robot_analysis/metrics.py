@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from parallel_robot_bags.run_log import RunLog, head
+from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model import poses as forward
 from parallel_robot_model.configuration import is_known
+from parallel_robot_model.robots import RobotModel
 
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 
@@ -127,21 +128,28 @@ class Poses(NamedTuple):
 def poses(log: RunLog) -> Poses:
     """Poses of the measured and of the desired joints, by the model of the nominal robot.
 
+    Of a robot that is not known here, joints stand in place of poses.
+
     Raises:
         InputError: the robot of the log's configuration cannot be built.
         KinematicsError: a sample has no pose in the assembly mode of the scenario.
     """
-    return poses_of(log.config, log)
+    if not is_known(log.config):
+        return Poses(log.position, log.reference_position, planar=False)
+    return poses_of(*nominal_of(log.config), log)
 
 
-def poses_of(values: Mapping[str, Any], motion: Motion) -> Poses:
-    """Poses of a motion by the nominal robot of a resolved configuration, see :func:`poses`.
+def poses_of(robot: RobotModel, guess: Array, motion: Motion) -> Poses:
+    """Poses of a motion by the model of a robot.
 
-    Of a robot that is not known here, joints stand in place of poses.
+    Args:
+        robot: The robot.
+        guess: Pose from which its forward kinematics starts, shape (m,).
+        motion: The motion.
+
+    Raises:
+        KinematicsError: a sample has no pose in the assembly mode of the guess.
     """
-    if not is_known(values):
-        return Poses(motion.position, motion.reference_position, planar=False)
-    robot, guess = nominal_of(values)
     reference = forward.poses_of(robot, motion.reference_position, guess)
     actual = forward.poses_of(robot, motion.position, reference[0])
     return Poses(actual, reference, robot.module.PLANAR)

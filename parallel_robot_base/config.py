@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from parallel_robot_base import points_file, scenario_file
+from parallel_robot_base.config_files import DEFAULTS as DEFAULTS
 from parallel_robot_base.config_files import PACKAGE as PACKAGE
+from parallel_robot_base.config_files import Layer as Layer
+from parallel_robot_base.config_files import Shipped, label, shipped
 from parallel_robot_base.config_files import directory as directory
 from parallel_robot_base.config_files import flat as flat
-from parallel_robot_base.config_files import label, read
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import plain
+from parallel_robot_base.parameter_file import CODE
 from parallel_robot_base.placed import Placed, locating, merged, places_of
 
+CUSTOM = CODE
 PRESET = 'paper'  # the gains in config/laws
-CUSTOM = {'custom_laws', 'custom_robots', 'custom_trajectories'}  # keys that name Python files
-DEFAULTS = 'defaults.yaml'
 CUSTOM_DEFAULT = 'custom module'  # source of a default in a Python file of a user
 OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
 
@@ -29,11 +31,10 @@ def scenarios() -> list[str]:
 
 def default(key: str) -> Any:
     """Default of a key of ``defaults.yaml``."""
-    return flat(read(directory() / DEFAULTS))[key]
+    return shipped().defaults[1][key]
 
 
 Extend = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-Layer = tuple[str, Mapping[str, Any]]  # a source, as people know it, and its keys and values
 
 
 def resolve(
@@ -75,40 +76,30 @@ def resolve_with_sources(
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
     changed = points_file.filled(_plain(overrides or {}))
-    name = scenario_file.name_of(scenario, directory() / 'scenarios')
+    name, of_scenario = _scenario(scenario)
     given = str(changed.pop('scenario', name))
     if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
-    of_scenario = _scenario(scenario, name)
-    defaults = flat(read(directory() / DEFAULTS))
-    layers: list[Layer] = [(DEFAULTS, defaults)]
-    asked = merged([defaults, *(values for _, values in of_scenario), changed])
+    files = shipped()
+    asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
     for key in CUSTOM:
         _check_paths(key, asked[key])
     with locating(asked):
-        layers.append(_robot(asked, extend))
-    gains = _gains(asked, extend)
-    taken = {key.partition('.')[0] for _, values in layers for key in values}
+        layers = [files.defaults, _robot(files, asked, extend)]
+    gains = _gains(files, asked, extend)
+    _check_names(asked, layers, gains)
     laws, shapes = (_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
-    for key in ('custom_laws', 'custom_trajectories'):
-        for name in (Path(path).stem for path in asked[key]):
-            if name in taken:
-                raise InputError(f'{key}: {name} is a group of parameters; rename the file')
-            taken.add(name)
-        taken |= {name.partition('.')[0] for _, values in gains for name in values}
-    layers += gains
-    layers.append((CUSTOM_DEFAULT, _of(shapes, extend(asked) if extend else {})))
+    layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, extend(asked) if extend else {}))]
     config = merged(values for _, values in layers)
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
-    preset = merged(values for _, values in gains)
-    opaque = (laws | shapes) - {key.partition('.')[0] for key in config}  # not loaded here
-    of_scenario.append((of_scenario[-1][0], {'scenario': name}))
+    opaque = (laws | shapes) - _groups(layers)  # not loaded here
     for source, values in (*of_scenario, (OVERRIDE, changed)):
         for key in values:
             if key not in known and key.partition('.')[0] not in opaque:
                 with locating(values):
                     raise UnknownNameError('parameter', key, known, key)
         layers.append((source, values))
+    layers.append((of_scenario[-1][0], {'scenario': name}))
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
     for key in CUSTOM:
@@ -116,6 +107,7 @@ def resolve_with_sources(
     for key in [key for key in config if key.startswith('robot.')]:
         if f'true_{key}' not in config:
             config[f'true_{key}'], sources[f'true_{key}'] = config[key], key
+    preset = merged(values for _, values in gains)
     other = next((key for key, value in preset.items() if config[key] != value), None)
     if other and changed.get('preset') == PRESET:
         raise InputError(
@@ -125,6 +117,25 @@ def resolve_with_sources(
     return config, sources
 
 
+def _check_names(asked: Mapping[str, Any], layers: Iterable[Layer], gains: list[Layer]) -> None:
+    """Refuse custom laws and trajectories whose groups exist already: they bear their names.
+
+    Raises:
+        InputError: there is already such a group.
+    """
+    taken = _groups(layers)
+    for key, others in (('custom_laws', gains), ('custom_trajectories', [])):
+        for name in (Path(path).stem for path in asked[key]):
+            if name in taken:
+                raise InputError(f'{key}: {name} is a group of parameters; rename the file')
+            taken.add(name)
+        taken |= _groups(others)
+
+
+def _groups(layers: Iterable[Layer]) -> set[str]:
+    return {key.partition('.')[0] for _, values in layers for key in values}
+
+
 def scenario_values(scenario: str) -> dict[str, Any]:
     """What a scenario and its bases set, by key.
 
@@ -132,8 +143,13 @@ def scenario_values(scenario: str) -> dict[str, Any]:
         UnknownNameError: no such scenario.
         InputError: one of its files cannot be read.
     """
-    name = scenario_file.name_of(scenario, directory() / 'scenarios')
-    return merged(values for _, values in _scenario(scenario, name))
+    return merged(values for _, values in _scenario(scenario)[1])
+
+
+def _scenario(scenario: str) -> tuple[str, list[Layer]]:
+    """Name of a scenario, and what its files set, the bases first; see `scenario_file`."""
+    name, files = scenario_file.layers(scenario, directory() / 'scenarios')
+    return name, [(label(path), values) for path, values in files]
 
 
 def changed(
@@ -173,54 +189,51 @@ def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str,
     Raises:
         InputError: a custom module cannot be loaded, or has the name of one that exists.
     """
-    return merged(gains for _, gains in _gains(values, extend))
+    return merged(gains for _, gains in _gains(shipped(), values, extend))
 
 
-def _gains(values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
+def _gains(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
     """Gains of all laws by their source; see :func:`preset`."""
-    files = sorted((directory() / 'laws').glob('*.yaml'))
-    laws = {file.stem for file in files}
+    laws = {*files.laws}
     for path in values['custom_laws']:
         name = Path(path).stem
         if name in laws:
             what = f'there is already a law {name}; rename the file'
             raise InputError(f'custom_laws: {path}: {what}')
         laws.add(name)
-    layers: list[Layer] = [(label(file), flat(read(file))) for file in files]
+    layers = [*files.laws.values()]
     if extend:
         layers.append((CUSTOM_DEFAULT, _of(laws, extend(values))))
-    if _robot_file(values).is_file():
-        layers.append((label(_robot_file(values)), _of(laws, flat(read(_robot_file(values))))))
+    source, own = files.robots.get(str(values['robot_model']), ('', {}))
+    if source:
+        layers.append((source, _of(laws, own)))
     return layers
 
 
 def robot_models() -> list[str]:
     """Names of the robots of the suite."""
-    return sorted(path.stem for path in (directory() / 'robots').glob('*.yaml'))
+    return [*shipped().robots]
 
 
-def _robot_file(values: Mapping[str, Any]) -> Path:
-    return directory() / 'robots' / f'{values["robot_model"]}.yaml'
-
-
-def _robot(values: Mapping[str, Any], extend: Extend | None) -> Layer:
+def _robot(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> Layer:
     """Defaults of the robot.
 
     Raises:
         UnknownNameError: no such robot.
         InputError: a custom robot has the name of one that exists.
     """
-    name, custom = values['robot_model'], [Path(path).stem for path in values['custom_robots']]
-    taken = sorted({*custom} & {*robot_models()})
+    name = str(values['robot_model'])
+    custom = [Path(path).stem for path in values['custom_robots']]
+    taken = sorted({*custom} & {*files.robots})
     if taken:
         raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
     if name in custom:
         others = _names(values, 'custom_laws') | _names(values, 'custom_trajectories')
         found = extend(values) if extend else {}
         return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(others, found)}
-    if name not in robot_models():
-        raise UnknownNameError('robot_model', str(name), robot_models() + custom, 'robot_model')
-    return label(_robot_file(values)), flat(read(_robot_file(values)))
+    if name not in files.robots:
+        raise UnknownNameError('robot_model', name, [*files.robots, *custom], 'robot_model')
+    return files.robots[name]
 
 
 def _names(values: Mapping[str, Any], key: str) -> set[str]:
@@ -253,23 +266,3 @@ def _absolute(key: str, path: str) -> str:
 
 def _plain(values: Mapping[str, Any]) -> Placed:
     return Placed({key: plain(value) for key, value in values.items()}, places_of(values))
-
-
-def _scenario(scenario: str, name: str) -> list[Layer]:
-    """What the files of a scenario set, the bases first.
-
-    Raises:
-        UnknownNameError: no such scenario is shipped.
-        InputError: a file cannot be read, names code, or has another name of the scenario.
-    """
-    layers: list[Layer] = []
-    for path, values in scenario_file.layers(scenario, directory() / 'scenarios'):
-        values = points_file.filled(values)
-        with locating(values):
-            for key in CUSTOM & values.keys():
-                raise InputError(f'{key} is given on a command line alone: it is code', key)
-            if values.pop('scenario', path.stem) != path.stem:
-                what = 'a scenario has the name of its file; remove its scenario'
-                raise InputError(what, 'scenario')
-        layers.append((label(path), values))
-    return layers

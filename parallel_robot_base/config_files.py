@@ -6,7 +6,7 @@ import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -14,6 +14,9 @@ from parallel_robot_base.errors import InputError
 from parallel_robot_base.plain_data import LOADER
 
 PACKAGE = 'parallel_robot'
+DEFAULTS = 'defaults.yaml'
+
+Layer = tuple[str, Mapping[str, Any]]  # a source, as people know it, and its keys and values
 
 
 def directory() -> Path:
@@ -28,7 +31,7 @@ def directory() -> Path:
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     candidates += [Path(prefix) / 'share' / PACKAGE / 'config' for prefix in prefixes if prefix]
     for candidate in candidates:
-        if (candidate / 'defaults.yaml').is_file():
+        if (candidate / DEFAULTS).is_file():
             return candidate
     raise InputError(f'the configuration of {PACKAGE} is not installed beside {here.parent}')
 
@@ -59,6 +62,38 @@ def _parsed(path: Path, _changed: int) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise InputError(f'{path} must hold keys and values')
     return content
+
+
+class Shipped(NamedTuple):
+    """The parameters that the suite ships, each file as a layer: its label, its keys and values.
+
+    Attributes:
+        defaults: Defaults of all that has no file of its own.
+        laws: By name of the law.
+        robots: By name of the robot.
+    """
+
+    defaults: Layer
+    laws: dict[str, Layer]
+    robots: dict[str, Layer]
+
+
+def shipped() -> Shipped:
+    """The shipped parameters.
+
+    Raises:
+        InputError: a file is not YAML, or holds no keys and values.
+    """
+    root = directory()
+    laws, robots = (
+        {file.stem: _layer(file) for file in sorted((root / folder).glob('*.yaml'))}
+        for folder in ('laws', 'robots')
+    )
+    return Shipped(_layer(root / DEFAULTS), laws, robots)
+
+
+def _layer(file: Path) -> Layer:
+    return label(file), flat(read(file))
 
 
 def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:

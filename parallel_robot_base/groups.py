@@ -43,12 +43,11 @@ def build(values: Mapping[str, Any], declared: Declared) -> Groups:
     given = values.get('joints')
     joints = len(given) if isinstance(given, list) else None
     found: dict[tuple[str, Any], Any] = {}
-    with locating(values):
-        for prefix, kind in declared:
-            start = f'{prefix}.' if prefix else ''
-            keys = [parameter.key for parameter in fields.parameters(kind)]
-            own = {key: values[start + key] for key in keys if start + key in values}
-            found[prefix, kind] = fields.build(kind, own, start, joints)
+    for prefix, kind in declared:
+        start = f'{prefix}.' if prefix else ''
+        keys = [parameter.key for parameter in fields.parameters(kind)]
+        own = {key: values[start + key] for key in keys if start + key in values}
+        found[prefix, kind] = fields.build(kind, own, start, joints)
     return Groups(found)
 
 
@@ -56,6 +55,7 @@ def group(values: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
     """Build one group alone, see :func:`build`.
 
     Raises:
-        InputError: a value is missing or wrong.
+        InputError: a value is missing or wrong; it says where that stands.
     """
-    return build(values, [(prefix, kind)])[kind]
+    with locating(values):
+        return build(values, [(prefix, kind)])[kind]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from parallel_robot_base import parameter_file, yaml_file
+from parallel_robot_base import parameter_file, points_file, yaml_file
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.placed import Placed, locating
 
@@ -66,8 +66,8 @@ def name_of(scenario: str, shipped: Path) -> str:
     return name
 
 
-def layers(scenario: str, shipped: Path) -> list[tuple[Path, Placed]]:
-    """Files of a scenario with their values: the first base first, the scenario last.
+def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]]:
+    """Name of a scenario, and its files with their values: the first base first, itself last.
 
     Args:
         scenario: Name of a shipped scenario, or the path of a file. The ``base`` of a file is one
@@ -76,7 +76,8 @@ def layers(scenario: str, shipped: Path) -> list[tuple[Path, Placed]]:
 
     Raises:
         UnknownNameError: no such scenario is shipped.
-        InputError: a file cannot be read, or bases lead back to where they began.
+        InputError: a file cannot be read, names code, or has another name of the scenario, or
+            bases lead back to where they began.
     """
     name = name_of(scenario, shipped)
     place = _place(scenario) if is_path(scenario) else _shipped(name, shipped)
@@ -90,11 +91,12 @@ def layers(scenario: str, shipped: Path) -> list[tuple[Path, Placed]]:
         values = yaml_file.read(place)
         if parameter_file.is_of_ros(values):
             raise InputError(f'{place} is a parameter file of ROS: give it by --param-file')
-        found.append((place, values))
-        base = values.pop('base', None)
-        if base is None:
-            return found[::-1]
         with locating(values):
+            base = values.pop('base', None)
+            _check(place, values)
+            found.append((place, points_file.filled(values)))
+            if base is None:
+                return name, found[::-1]
             if not isinstance(base, str):
                 raise InputError('base must be the name or the path of a scenario', 'base')
             if is_path(base):
@@ -103,6 +105,14 @@ def layers(scenario: str, shipped: Path) -> list[tuple[Path, Placed]]:
                 place = _shipped(base, shipped)
             else:
                 raise UnknownNameError('base', base, names(shipped), 'base')
+
+
+def _check(path: Path, values: Placed) -> None:
+    """Refuse what a scenario may not say."""
+    for key in parameter_file.CODE & values.keys():
+        raise InputError(f'{key} is given on a command line alone: it is code', key)
+    if values.pop('scenario', path.stem) != path.stem:
+        raise InputError('a scenario has the name of its file; remove its scenario', 'scenario')
 
 
 def _shipped(name: str, shipped: Path) -> Path:

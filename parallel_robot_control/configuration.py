@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -53,7 +54,6 @@ class ControlConfiguration(NamedTuple):
         approach: How the robot joins the desired motion.
         laws: All laws by name.
         gains: Gains of each law.
-        preset: Gains of each law in the preset.
     """
 
     loop: LoopParameters
@@ -66,7 +66,6 @@ class ControlConfiguration(NamedTuple):
     approach: ApproachParameters
     laws: Mapping[str, Law]
     gains: Mapping[str, Any]
-    preset: Mapping[str, Any]
 
     @property
     def custom(self) -> bool:
@@ -133,35 +132,30 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         robot, laws = module_of(loop), available(loop.custom_laws)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, laws)])
         guess = groups[ControllerParameters].guess or _first_pose(values)
-        return control_from(loop, groups, laws, preset_of(values, laws), guess)
-
-
-def preset_of(values: Mapping[str, Any], laws: Mapping[str, Law]) -> Groups:
-    """Gains of some laws as in the preset."""
-    return build(config.preset(values, custom_defaults), of_laws(laws))
+        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        return control_from(loop, groups, nominal, laws, guess)
 
 
 def control_from(
     loop: LoopParameters,
     groups: Groups,
+    robot: RobotModel,
     laws: Mapping[str, Law],
-    preset: Groups,
     guess: tuple[float, ...],
 ) -> ControlConfiguration:
     """Build the configuration of a controller from typed groups.
 
     Args:
         loop: Period, joints, active law and the like.
-        groups: What :func:`declared` names, and the parameters of the nominal robot.
+        groups: What :func:`declared` names.
+        robot: The nominal robot.
         laws: All laws by name.
-        preset: Gains of the preset.
         guess: Pose from which the first forward kinematics starts.
 
     Raises:
         UnknownNameError: no such law.
         InputError: the theory of a law forbids its gains, or the guess is no pose.
     """
-    robot = robot_with(loop, groups.at('robot', module_of(loop).Parameters))
     gains = {name: groups.at(name, law.Gains) for name, law in laws.items()}
     for name, law in laws.items():
         judge(name, law, gains[name])
@@ -176,7 +170,6 @@ def control_from(
         groups[ApproachParameters],
         laws,
         gains,
-        {name: preset.at(name, law.Gains) for name, law in laws.items()},
     )
 
 
@@ -220,6 +213,22 @@ def _first_pose(values: Mapping[str, Any]) -> tuple[float, ...]:
     return trajectory_of(values).first_pose
 
 
+def preset_of(loop: LoopParameters) -> Mapping[str, Any]:
+    """Gains of all laws of a loop in the preset, by name."""
+    return _preset(
+        loop.robot_model, loop.custom_laws, loop.custom_robots, loop.custom_trajectories
+    )
+
+
+@functools.lru_cache(maxsize=4)  # of it depends how long a change of gains takes
+def _preset(robot_model: str, *custom: tuple[str, ...]) -> Mapping[str, Any]:
+    paths = zip(('custom_laws', 'custom_robots', 'custom_trajectories'), custom, strict=True)
+    values = config.preset({'robot_model': robot_model, **dict(paths)}, custom_defaults)
+    laws = available(custom[0])
+    groups = build(values, of_laws(laws))
+    return {name: groups.at(name, law.Gains) for name, law in laws.items()}
+
+
 def changed(
     configuration: ControlConfiguration, changes: Mapping[str, Any]
 ) -> ControlConfiguration:
@@ -240,14 +249,15 @@ def changed(
         if key not in ('law', 'preset') and gain not in _keys(laws.get(name)):
             known = [key for key, _ in settings(configuration)]
             raise UnknownNameError('parameter', key, known)
-    gains = dict(configuration.preset if changes.get('preset') == PRESET else configuration.gains)
+    paper = preset_of(configuration.loop)
+    gains = dict(paper if changes.get('preset') == PRESET else configuration.gains)
     for name in {key.partition('.')[0] for key in changes} - {'law', 'preset'}:
         values = dict(_named(laws[name], gains[name]))
         start = f'{name}.'
         values |= {k.removeprefix(start): v for k, v in changes.items() if k.startswith(start)}
         gains[name] = fields.build(laws[name].Gains, values, start)
         judge(name, laws[name], gains[name])
-    preset: Literal['paper', 'custom'] = 'paper' if gains == configuration.preset else 'custom'
+    preset: Literal['paper', 'custom'] = 'paper' if gains == paper else 'custom'
     if changes.get('preset', preset) != preset:
         raise InputError(f'preset is {preset} with these gains, not {changes["preset"]!r}')
     loop = _with_law(configuration.loop, str(changes.get('law', configuration.loop.law)), laws)

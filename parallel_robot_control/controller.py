@@ -20,7 +20,7 @@ from parallel_robot_control.answering import (
     OUT_OF_ORDER,
     STATUS,
 )
-from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.configuration import ControlConfiguration, preset_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.estimator import told_delay
@@ -67,6 +67,7 @@ class Controller(ControllerState):
         """
         need_compiler()
         super().__init__(configuration)
+        preset_of(configuration.loop)  # its files are read now, not while the robot moves
         loop, joints = configuration.loop, configuration.loop.joints
         timing = law_core.Timing(
             loop.period_ns,

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
+from parallel_robot_base.placed import locating
 from parallel_robot_base.processes import NodeProcesses, domain_lock
 from parallel_robot_cli.commands import run
 from parallel_robot_control.configuration import resolve
@@ -47,7 +48,8 @@ def started_graph(
     from parallel_robot_cli.ros_session import Session  # needs ROS
 
     configuration = configure(resolve(scenario, changed))
-    loop = assemble(configuration).loop
+    with locating(configuration.values):
+        loop = assemble(configuration).loop
     parameters = run.node_parameters(NAMES, scenario, changed, loop)
     with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
         with Session(NAMES, processes.check, namespace, loop.middleware) as session:

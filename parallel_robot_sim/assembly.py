@@ -9,7 +9,6 @@ import numpy as np
 from parallel_robot_base.custom_module import blaming
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import LoopParameters
-from parallel_robot_base.placed import locating
 from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
@@ -49,9 +48,8 @@ def assemble(configuration: Configuration) -> Experiment:
         InputError: the robot cannot perform the motion or does not reach its initial pose, or a
             law cannot be used.
     """
-    with locating(configuration.values):
-        controller = control.assemble(configuration.control)
-        plant = assemble_plant(configuration.plant)
+    controller = control.assemble(configuration.control)
+    plant = assemble_plant(configuration.plant)
     preflight.check(configuration.trajectory, configuration.loop.period)
     return Experiment(configuration.loop, configuration.trajectory, controller, plant)
 

@@ -105,9 +105,8 @@ def configure(values: Mapping[str, Any]) -> Configuration:
         )
         nominal = robot_with(loop, groups.at('robot', robot.Parameters))
         trajectory = motion.trajectory_from(groups, nominal, known)
-        preset = control.preset_of(values, laws)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
-        controller = control.control_from(loop, groups, laws, preset, guess)
+        controller = control.control_from(loop, groups, nominal, laws, guess)
         return Configuration(values, loop, trajectory, controller, _plant_from(loop, groups))
 
 

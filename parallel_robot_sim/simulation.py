@@ -135,7 +135,7 @@ def simulate(configuration: Configuration) -> Simulation:
     loop = configuration.loop
     with locating(configuration.values):
         samples = samples_of(configuration)
-    experiment = assemble(configuration)
+        experiment = assemble(configuration)
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
     reference = trajectory.sample(np.arange(samples) * loop.period)
     run(control, plant, trajectory.sample(0.0), loop.period)  # compiles the loop, or loads it

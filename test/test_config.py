@@ -15,7 +15,7 @@ from parallel_robot_base.groups import group
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model import robots
+from parallel_robot_model import configuration as model
 from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantParameters
@@ -248,7 +248,7 @@ def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     'resolve',
-    [config.resolve, robots.resolve, configuration.resolve],
+    [config.resolve, model.resolve, configuration.resolve],
     ids=['base', 'model', 'control'],
 )
 def test_every_floor_takes_the_gains_of_a_custom_law(resolve):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from rig import Rig
 
-from parallel_robot_base import config
+from parallel_robot_base import config, config_files
 from parallel_robot_base.errors import InputError
 from parallel_robot_control import assembly as control
+from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import RAMP
 from parallel_robot_control.transitions import taking_over
@@ -172,11 +173,12 @@ def test_a_change_that_is_refused_leaves_the_law_as_it_was():
 
 def test_a_switch_takes_no_time_that_a_sample_could_miss():
     """A change reads no file and compiles nothing: its time is that of some cycles at most."""
+    configuration._preset.cache_clear()  # as in a new process
     rig = Rig('lockstep')
     rig.run(5)
     opened = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(config, 'read', opened.append)
+        patch.setattr(config_files, 'read', opened.append)
         for name in LAWS:
             compiled = len(LAWS[name].update.signatures)
             rig.change(law=name)

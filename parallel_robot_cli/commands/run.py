@@ -167,10 +167,10 @@ def move(
         RunError: a node failed.
         StoppedError: a signal came before the motion began.
     """
-    if not configuration.loop.duration:
-        with locating(configuration.values):
+    with locating(configuration.values):
+        if not configuration.loop.duration:
             raise InputError(ENDLESS, 'duration')
-    experiment = assemble(configuration)
+        experiment = assemble(configuration)
     new_files.check_directory(out)
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     parameters = node_parameters(MODULES, scenario, changed, experiment.loop)

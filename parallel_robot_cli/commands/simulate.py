@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from parallel_robot_base.loop import DURATION
 from parallel_robot_base.options import number
 from parallel_robot_base.placed import Placed, merged
 from parallel_robot_cli import invocation
-from parallel_robot_control.configuration import resolve
+from parallel_robot_control.configuration import ControlConfiguration, resolve
 from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
@@ -161,10 +161,11 @@ def true_error(made: Simulation) -> true_motion.TrueError | None:
     return true_motion.of_poses(made.run.pose[slow], made.reference.pose[slow])
 
 
-def evaluate(values: Mapping[str, Any], made: Simulation) -> list[str]:
+def evaluate(configuration: ControlConfiguration, made: Simulation) -> list[str]:
     """The metrics of a simulation, the same as those of its bag, in lines."""
     joints = SimulatedMotion.of(made)
-    found = metrics.evaluate(joints, metrics.poses_of(values, joints))
+    guess = np.array(configuration.guess)
+    found = metrics.evaluate(joints, metrics.poses_of(configuration.robot, guess, joints))
     loop = made.experiment.loop
     head = readable_metrics.head(loop.scenario, loop.law, found.duration_s, loop.duration)
     return [head, *readable_metrics.brief(found, {})]
@@ -228,5 +229,5 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     if delay:
         print(f'delay of the states: {delay}')
     print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
-    print(result(out, lambda: evaluate(values, simulation)))
+    print(result(out, lambda: evaluate(configuration.control, simulation)))
     return 0
