@@ -222,11 +222,8 @@ def panels(title: str, planar: bool, fitted: bool = False) -> tuple[Any, Any, li
         fitted: Whether the panels leave the room that their surroundings need, a legend below
             for example. It takes as long as to draw the figure.
     """
-    figure = _figure(title)
-    margins: dict[str, float] = {}
-    if not fitted:
-        figure.set_layout_engine('none')
-        margins = {**MARGINS, 'hspace': 0.4}
+    figure = _figure(title, fitted=fitted)
+    margins = {} if fitted else {**MARGINS, 'hspace': 0.4}
     columns = 2 if planar else 1
     ratios = (1.1, 1.0)[-columns:]
     grid = figure.add_gridspec(3, columns, width_ratios=ratios, **margins)
@@ -322,11 +319,11 @@ def check_format(path: str | Path) -> None:
         raise UnknownNameError('picture format', suffix, FORMATS)
 
 
-def _figure(title: str, height: float = HEIGHT) -> Any:
+def _figure(title: str, height: float = HEIGHT, fitted: bool = True) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, height), layout='constrained')
+    figure = Figure(figsize=(11.0, height), layout='constrained' if fitted else None)
     FigureCanvasAgg(figure)
     figure.suptitle(without_mathematics(title), fontweight='bold')
     return figure
