@@ -75,7 +75,7 @@ def sensor_remarks(values: Mapping[str, Any], truth: Callable[[], TrueError | No
 
     Args:
         values: The resolved configuration.
-        truth: Returns the true error, if it is known; called where it is told.
+        truth: Returns the true error, if it is known; called where it is printed.
     """
     acting = [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0)) != 0.0)]
     if not acting:

@@ -11,8 +11,8 @@ import numpy as np
 
 from parallel_robot_bags import bag_reader, run_log
 from parallel_robot_bags.limits import MEMORY
+from parallel_robot_bags.message_arrays import Samples, decoder
 from parallel_robot_bags.run_log import RunLog
-from parallel_robot_bags.samples import Samples, decoder
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_sim.imperfections import told_age

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_bags.samples import Samples
+from parallel_robot_bags.message_arrays import Samples
 from parallel_robot_control.contract import JointReference
 
 UNKNOWN = -1  # stamp where the bag does not say

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from parallel_robot_bags.command_states import Answered
-from parallel_robot_bags.samples import Samples
+from parallel_robot_bags.message_arrays import Samples
 from parallel_robot_base import topics
 from parallel_robot_base.topics import SLOW, TELEMETRY, Topic
 

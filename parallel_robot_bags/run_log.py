@@ -12,7 +12,7 @@ from parallel_robot_bags import bag_reader, command_states, experiment, history
 from parallel_robot_bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot_bags.counts import TopicCount, count
 from parallel_robot_bags.limits import MEMORY
-from parallel_robot_bags.samples import Samples, decoder, physical, whole
+from parallel_robot_bags.message_arrays import Samples, decoder, physical, whole
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import RECORDED, Topic

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from parallel_robot_bags import bag_reader, run_log
 from parallel_robot_bags.limits import MEMORY
-from parallel_robot_bags.samples import Samples, decoder, whole
+from parallel_robot_bags.message_arrays import Samples, decoder, whole
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import Topic
 

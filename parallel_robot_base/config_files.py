@@ -16,7 +16,7 @@ from parallel_robot_base.plain_data import LOADER
 PACKAGE = 'parallel_robot'
 DEFAULTS = 'defaults.yaml'
 
-Layer = tuple[str, Mapping[str, Any]]  # a source, as people know it, and its keys and values
+Layer = tuple[str, Mapping[str, Any]]  # display name of a source, its keys and values
 
 
 def directory() -> Path:
@@ -37,7 +37,7 @@ def directory() -> Path:
 
 
 def label(file: Path) -> str:
-    """How people know a file: by its place in ``config/``, or else its path."""
+    """Display name of a file: its place in ``config/``, or else its path."""
     root = directory().resolve()
     path = file.resolve()
     return str(path.relative_to(root) if path.is_relative_to(root) else path)

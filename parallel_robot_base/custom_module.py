@@ -14,7 +14,7 @@ from parallel_robot_base.custom_import import Rehearse, import_file, try_file
 from parallel_robot_base.errors import InputError, ParallelRobotError, first_line
 from parallel_robot_base.fields import parameters
 
-SLOW = 3.0  # s, after which it is told which file is being loaded
+SLOW = 3.0  # s, after which the file being loaded is named
 
 RAISED = (Exception, SystemExit)  # by custom code: sys.exit() is a mistake, too
 

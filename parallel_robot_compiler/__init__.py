@@ -18,7 +18,7 @@ from parallel_robot_compiler.compile_error import reason
 from parallel_robot_compiler.function_value import FirstClass, distinguish
 from parallel_robot_compiler.kernels import entry_point, inlined, inner, kernel, need_compiler
 from parallel_robot_compiler.linear_algebra import cross, dot, multiply, solve
-from parallel_robot_compiler.space import Space, read_at, write_at
+from parallel_robot_compiler.raw_memory import Space, read_at, write_at
 from parallel_robot_compiler.vector_rows import read_row, write_row
 from parallel_robot_compiler.vector_select import clip, every, select, some
 from parallel_robot_compiler.vector_types import (

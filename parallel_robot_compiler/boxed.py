@@ -36,7 +36,7 @@ class BoxedType(types.Type):  # type: ignore[misc]
 
     @property
     def key(self) -> Any:
-        """What tells it from other types."""
+        """Its identity for Numba."""
         return self.content
 
 

@@ -81,7 +81,7 @@ class VectorType(types.Type):  # type: ignore[misc]
 
     @property
     def key(self) -> Any:
-        """What tells it from other vectors."""
+        """Its identity for Numba: size and element."""
         return self.count, self.element
 
 

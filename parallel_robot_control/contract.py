@@ -85,4 +85,19 @@ class Law(Protocol):
         memory: Any,
         dt: float,
     ) -> ControlOutput:
-        """Compute the joint torque of one control cycle; `dt` [s] is the time since the last."""
+        """Compute the joint torque of one control cycle.
+
+        The arguments are the same in every law; its own docstring has the formula, the meaning
+        of the sliding variable, and the source.
+
+        Args:
+            gains: The law's Gains.
+            model: M and Q of the nominal robot at the feedback.
+            reference: Desired joint motion [rad, rad/s, rad/s^2].
+            feedback: Measured or predicted joint motion [rad, rad/s], disturbance [N m].
+            memory: What the last update returned, at first of `initial_memory`.
+            dt: Time since the last update [s].
+
+        Returns:
+            Torque [N m], sliding variable, coupled error [rad], memory for the next update.
+        """

@@ -13,19 +13,20 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import need_compiler
 from parallel_robot_control import configuration, faults, law_core, transitions
-from parallel_robot_control.answer_log import AnswerLog
-from parallel_robot_control.answering import (
+from parallel_robot_control.answer_kernel import (
     ANSWERED,
     NO_REFERENCE,
     OUT_OF_ORDER,
     STATUS,
 )
+from parallel_robot_control.answer_log import AnswerLog
 from parallel_robot_control.configuration import ControlConfiguration, preset_of
 from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller_io import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.estimator import told_delay
-from parallel_robot_control.exchange import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.law_cores import LawCores
+from parallel_robot_control.message_kernels import wire_of
 from parallel_robot_control.messages import Status
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
@@ -37,7 +38,6 @@ from parallel_robot_control.reference_buffer import (
 )
 from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import ACTED, HEARD, LAST, MEASURED, NEVER, PHASE
-from parallel_robot_control.wire import wire_of
 
 LOST = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 

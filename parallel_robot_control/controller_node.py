@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_base import realtime, topics
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults
-from parallel_robot_control.answering import (
+from parallel_robot_control.answer_kernel import (
     ANSWERED,
     EARLY,
     NO_REFERENCE,
@@ -33,7 +33,7 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.exchange import Answer, JointSample
+from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import ControllerTopics

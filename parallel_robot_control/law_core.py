@@ -13,7 +13,7 @@ from numba import types
 from numba.experimental import structref
 
 from parallel_robot_compiler import entry_point, kernel
-from parallel_robot_control.answering import answer
+from parallel_robot_control.answer_kernel import answer
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.cycle import ControlSetup, cycle_of
 from parallel_robot_control.estimator import Estimator

@@ -32,7 +32,7 @@ def load(path: str) -> tuple[str, Law]:
 
 
 def rehearse(law: ModuleType) -> None:
-    """Call what a law has in Python; what it raises is told where it is called again."""
+    """Call what a law has in Python; what it raises is reported where it is called again."""
     with contextlib.suppress(*RAISED), step('judge', LIMIT):
         law.judge(law.Gains())
     with contextlib.suppress(*RAISED), step('initial_memory', LIMIT):

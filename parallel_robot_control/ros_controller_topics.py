@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from parallel_robot_base import layouts, topics
-from parallel_robot_control.answering import LOG, STATUS, TELEMETRY
+from parallel_robot_control.answer_kernel import LOG, STATUS, TELEMETRY
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.messages import (
     Status,

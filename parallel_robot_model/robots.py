@@ -189,7 +189,7 @@ def robot_with(loop: LoopParameters, parameters: Any, prefix: str = 'robot') -> 
 
 
 def rehearse(module: ModuleType) -> None:
-    """Call what a robot has in Python; what it raises is told where it is called again."""
+    """Call what a robot has in Python; what it raises is reported where it is called again."""
     found: Any = module
     with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
         parameters = group(default_values('it', found), found.Parameters, 'robot')

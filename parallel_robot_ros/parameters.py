@@ -63,7 +63,7 @@ def declare(node: Node, key: str, field: Field, value: Any, read_only: bool) -> 
 
 
 def declare_text(node: Node, key: str, text: str, description: str) -> None:
-    """Declare a read-only parameter that tells something, for bags."""
+    """Declare an informational, read-only parameter, for bags."""
     if node.has_parameter(key):  # from the parameters of another run
         node.undeclare_parameter(key)
     descriptor = ParameterDescriptor(description=description, read_only=True)
@@ -126,7 +126,7 @@ def _read(value: Any) -> Any:
 
 
 class CommonStart:
-    """The stamp of t = 0, which a node that waits for it is told once."""
+    """The stamp of t = 0, which a node that waits for it is sent once."""
 
     def __init__(self, loop: LoopParameters) -> None:
         """Wait for the stamp, if the parameters of the loop say so."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import clip, kernel, select, vector
-from parallel_robot_sim.memory import (
+from parallel_robot_sim.delay_line import (
     COMMAND,
     DISTURBANCE,
     LAGGED,
@@ -39,7 +39,7 @@ def driven(setup: Any, command: Array, limit: Array, time: float, period: float)
         setup: PlantSetup with imperfections.
         command: Commanded torque [N m], shape (n,).
         limit: Saturation of the motors [N m], shape (n,).
-        time: Begin of the period since the start [s].
+        time: Start of the period, since the start of the run [s].
         period: Length of the period [s].
     """
     sample, seed = sample_at(time, period), setup.imperfections.seed
@@ -78,7 +78,7 @@ def held_disturbance(setup: Any, like: Array, time: float, period: float) -> Arr
     Args:
         setup: PlantSetup with imperfections.
         like: Any vector, shape (n,).
-        time: Begin of the period since the start [s].
+        time: Start of the period, since the start of the run [s].
         period: Length of the period [s].
     """
     sample, load = sample_at(time, period), setup.imperfections.load

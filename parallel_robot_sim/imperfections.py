@@ -73,7 +73,7 @@ class LoadParameters(NamedTuple):
 
     constant: Annotated[PerJoint, Field('N m', 'constant torque per joint')]
     pulse: Annotated[PerJoint, Field('N m', 'torque of a pulse per joint')]
-    pulse_start: Annotated[float, Field('s', 'begin of the pulse', 0.0)]
+    pulse_start: Annotated[float, Field('s', 'start of the pulse', 0.0)]
     pulse_duration: Annotated[float, Field('s', 'length of the pulse', 0.0)]
     noise: Annotated[PerJoint, Field('N m', 'noise per joint, rms', 0.0)]
     bandwidth: Annotated[float, Field('Hz', 'bandwidth of the noise; 0: white', 0.0)]

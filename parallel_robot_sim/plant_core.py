@@ -12,7 +12,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import kernel, read_row, write_row
 from parallel_robot_control.cycle import is_finite
-from parallel_robot_control.wire import joint_row, lay_open
+from parallel_robot_control.message_kernels import joint_row, lay_open
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors import effort_at_stamp, sensed
 

@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, kernel, select, vector
 from parallel_robot_model.contract import Measurement
-from parallel_robot_sim.memory import (
+from parallel_robot_sim.delay_line import (
     EFFORT,
     OF_POSITION,
     OF_STATES,
@@ -48,9 +48,9 @@ def _taken(setup: Any, joints: Measurement, sample: int, period: float) -> tuple
 
 @kernel
 def sensed(setup: Any, joints: Measurement, time: float, period: float) -> tuple[Array, Array]:
-    """Positions [rad] and velocities [rad/s] that the controller is told, each shape (n,).
+    """Positions [rad] and velocities [rad/s] that the controller receives, each shape (n,).
 
-    Before the first state arrives, the controller is told that of the start.
+    Before the first state arrives, the controller receives that of the start.
 
     Args:
         setup: PlantSetup with imperfections.

@@ -7,8 +7,8 @@ import numpy as np
 from parallel_robot_base import layouts
 from parallel_robot_base.errors import DRIVEN_OUT, RunError
 from parallel_robot_compiler import entry_point, need_compiler, vector
+from parallel_robot_control.message_kernels import wire_of
 from parallel_robot_control.safety import safe_action, safe_torque
-from parallel_robot_control.wire import wire_of
 from parallel_robot_model.contract import Measurement
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import PlantConfiguration

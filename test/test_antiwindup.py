@@ -11,7 +11,7 @@ from vectors import on_vectors
 from parallel_robot_base import config
 from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import antiwindup
-from parallel_robot_control.answering import EXCESS
+from parallel_robot_control.answer_kernel import EXCESS
 from parallel_robot_control.laws import LAWS
 
 unless_saturated = on_vectors(antiwindup.unless_saturated)

@@ -6,11 +6,11 @@ from assembly import FAULTS
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_control.answering import STATUS
+from parallel_robot_control.answer_kernel import STATUS
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.exchange import JointSample
+from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.faults import EMERGENCY_STOP, REFERENCE_STALE
 from trajectory_gen.configuration import trajectory_of
 

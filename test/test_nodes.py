@@ -28,7 +28,7 @@ from parallel_robot_base.processes import MODULES, command
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.exchange import JointSample
+from parallel_robot_control.controller_io import JointSample
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']

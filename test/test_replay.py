@@ -16,11 +16,11 @@ from parallel_robot_base.groups import group
 from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_cli.command_line import main
 from parallel_robot_control import faults
-from parallel_robot_control.answering import LOG
+from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.exchange import JointSample
+from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator

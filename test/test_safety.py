@@ -19,7 +19,7 @@ from parallel_robot_control import controller, controller_state, safety
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.exchange import JointSample
+from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.faults import (
     EMERGENCY_STOP,
     NONE,

@@ -16,8 +16,8 @@ from parallel_robot_analysis.report.labels import label, law_label
 from parallel_robot_analysis.timing import Timing
 from parallel_robot_bags import history, run_log, telemetry
 from parallel_robot_bags.limits import MEMORY
+from parallel_robot_bags.message_arrays import physical
 from parallel_robot_bags.progress import tracked
-from parallel_robot_bags.samples import physical
 from parallel_robot_base.errors import BagError, InputError, KinematicsError
 from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import CROSS_COUPLING_ERROR

@@ -31,7 +31,7 @@ from parallel_robot_sim.fastest import fastest
 from parallel_robot_sim.parameter_groups import members
 from trajectory_gen.shapes import shapes
 
-BY_COMMANDS = (*OWN, 'duration')  # left out of files unless somebody set them
+BY_COMMANDS = (*OWN, 'duration')  # left out of files unless set
 UNKNOWN = Field('', '')  # of the keys of the recorder
 
 

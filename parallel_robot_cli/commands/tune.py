@@ -34,7 +34,7 @@ MOST_UNTIL = 2000  # trials of a search until it has converged
 IMPROVEMENT = 2.0  # percent
 MOST_TRIALS = 100_000
 MOST_WORKERS = 1024
-REASONS = 3  # most frequent reasons of infeasible trials that are told
+REASONS = 3  # most frequent reasons of infeasible trials to report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -145,7 +145,7 @@ class RosGraph:
         self.ask('controller/clear_fault', Trigger.Request(), tell)
 
     def ask(self, name: str, request: Any, tell: Tell) -> None:
-        """Ask a service of the watched robot; its answer is told when it has come."""
+        """Ask a service of the watched robot; its answer is shown when it has come."""
         client = self._clients.get(name)
         if client is not None and client.service_is_ready():
             self._asked[client.call_async(request)] = (time.monotonic() + ANSWER_TIMEOUT, tell)

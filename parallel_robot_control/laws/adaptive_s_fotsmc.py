@@ -74,14 +74,6 @@ def update(
     overestimated for long, and near S = 0 the switching control is smooth: no chattering.
     slope dt must stay well below 1.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: Memory of S-FOTSMC.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s^2], new memory.
 

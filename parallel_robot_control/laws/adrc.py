@@ -113,14 +113,6 @@ def update(
     torque, u - M^-1 excess, so z3 does not wind up while the torque is limited. The measured
     rates enter only Q thd and the first sample.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], -z3 [rad/s^2] in place of a sliding variable, new memory.
 

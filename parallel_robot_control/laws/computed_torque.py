@@ -34,14 +34,6 @@ def update(
 ) -> ControlOutput:
     """Compute the joint torque of one control cycle: M (thdd_d + Kd e' + Kp e) + Q thd.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: Not used.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], e [rad] in place of a sliding variable, memory.
 

@@ -65,14 +65,6 @@ def update(
 
     The boundary layer removes the chattering and leaves an error: on its edge, |e| = u^2 / alpha1.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: Not used.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s], memory.
 

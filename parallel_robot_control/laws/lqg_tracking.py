@@ -43,14 +43,6 @@ def update(
     integrator, e'' = u; the law minimises int b^4 e^2 + u^2 dt, whose poles are at
     b (-1 +- i) / sqrt(2).
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Predicted joint motion [rad, rad/s] and disturbance [N m].
-        memory: Not used.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], e [rad] in place of a sliding variable, memory.
 

@@ -67,14 +67,6 @@ def update(
                    w = sig(e', 2-gamma2) (1 + Gamma1 gamma1 |e|^(gamma1-1)) / (Gamma2 gamma2)
         tau = M (thdd_d + M^-1 Q thd + w + (G + g) sat(S / u))
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: Not used.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s] (printed) or [rad] (classical), memory.
 

@@ -30,14 +30,6 @@ def update(
     the moment at which the torque acts; d is the disturbance that it estimates. So G need only
     exceed the rate of what the estimate misses.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Predicted joint motion [rad, rad/s] and disturbance [N m].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s^2] as the difference quotient of v, new memory.
 

@@ -42,14 +42,6 @@ def update(
 ) -> ControlOutput:
     """Compute the joint torque of one control cycle: Kp e + Ki int e dt + Kd e'.
 
-    Args:
-        gains: See Gains.
-        model: Not used.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], e [rad] in place of a sliding variable, new memory.
 

@@ -176,14 +176,6 @@ def update(
     takes S = 0. Integrals advance by forward Euler from sample to sample; int w dt matters by its
     differences alone and cannot wind up.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s^2] as the difference quotient of v, new memory.
 

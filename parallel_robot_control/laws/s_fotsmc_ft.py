@@ -74,14 +74,6 @@ def update(
     of De is zero as before, so the mean error is not disturbed. Below `clip` the power is replaced
     by a line: its slope would be infinite at zero, and De' with it.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: Memory of S-FOTSMC.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s^2], new memory.
 

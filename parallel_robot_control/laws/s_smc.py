@@ -54,14 +54,6 @@ def update(
     The printed surface and reference velocity contradict each other; this is the standard form
     with the coupled error, in which S = thd - thd_R holds.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s], new memory.
 

@@ -42,14 +42,6 @@ def update(
 
     The switching term is a torque: it is not multiplied by M.
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: Not used.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s], memory.
 

@@ -48,14 +48,6 @@ def update(
         S   = e' + z e
         tau = M (thdd_d + z e' + k1 sig(S, 1/2) + w) + Q thd,   w' = k2 sgn(S)
 
-    Args:
-        gains: See Gains.
-        model: M and Q of the nominal robot at the feedback.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], S [rad/s], new memory.
 

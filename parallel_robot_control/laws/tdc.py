@@ -81,14 +81,6 @@ def update(
     error of N decays by the factor 1 - Mbar / M at every sample; that this be fast enough for Kp
     and Kd, Mbar must be well above dt Kp / Kd times the largest eigenvalue.
 
-    Args:
-        gains: See Gains.
-        model: Not used.
-        reference: Desired joint motion [rad, rad/s, rad/s^2].
-        feedback: Measured joint motion [rad, rad/s].
-        memory: See Memory.
-        dt: Time since the last update [s].
-
     Returns:
         Torque [N m], e [rad] in place of a sliding variable, new memory.
 

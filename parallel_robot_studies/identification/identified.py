@@ -77,7 +77,7 @@ class Identified:
     """What was found of a robot.
 
     Attributes:
-        nominal: What was believed of it.
+        nominal: Its nominal values.
         base: Names of the base parameters.
         before: Their nominal values, shape (B,).
         scale: Their sizes, shape (B,).

@@ -17,7 +17,7 @@ from parallel_robot_studies.sweep.plan import Plan
 from parallel_robot_studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot_studies.sweep.table import arrow
 
-REASONS = 3  # most frequent reasons of failures that are told
+REASONS = 3  # most frequent reasons of failures to report
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ class Store(LockedDirectory):
             self._merge(parts, runs)
         for *_, path in parts:
             path.unlink()
-        with contextlib.suppress(OSError):  # somebody else's file is in it
+        with contextlib.suppress(OSError):  # a foreign file is in it
             (self.directory / PARTS).rmdir()
 
     def _merge(self, parts: list[tuple[int, int, Path]], runs: Path) -> None:

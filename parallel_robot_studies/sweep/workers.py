@@ -60,7 +60,7 @@ class Workers(Protocol):
 def completed(workers: Workers, tasks: Iterator[Task]) -> Iterator[tuple[Task, list[Outcome]]]:
     """Run tasks in any order.
 
-    A task whose worker was lost, e.g. killed for want of memory, is run again row by row; a row
+    A task whose worker was lost, e.g. killed when memory ran out, is run again row by row; a row
     over which MOST_LOSSES workers were lost is a failure.
 
     Raises:

@@ -57,7 +57,7 @@ def choose(
         points: The front, at least one.
         default: The trial of the default gains.
         weights: Weights, if there are any.
-        pick: Number of a trial of the front, if somebody asks for it.
+        pick: Number of a trial of the front, if requested.
         effort: The measure of effort, and its limit, if there is one.
 
     Raises:

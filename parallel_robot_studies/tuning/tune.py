@@ -178,7 +178,7 @@ def _finished(tuning: Tuning, store: Store, count: int, until: Rule | None) -> b
 def infeasible(trials: Sequence[Trial]) -> dict[str, int]:
     """Reasons why trials are infeasible, the most frequent first.
 
-    Those that differ in numbers alone count as one, which is told as it came first.
+    Those that differ in numbers alone count as one, which is reported as it came first.
     """
     reasons = [trial.reason for trial in trials if not trial.feasible]
     first: dict[str, str] = {}

@@ -10,7 +10,7 @@ from parallel_robot_studies.tuning.trial import Trial
 
 
 class Weights(NamedTuple):
-    """Weights of the two objectives; what is not given counts nothing."""
+    """Weights of the two objectives; omitted weights are zero."""
 
     error: float = 0.0
     effort: float = 0.0

@@ -25,6 +25,7 @@ from parallel_robot_control.cycle import (
     is_finite,
 )
 from parallel_robot_control.estimator import KALMAN, Estimated
+from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import Last
 from parallel_robot_control.shared_arrays import (
@@ -62,7 +63,6 @@ from parallel_robot_control.shared_arrays import (
     TRACKED,
     VELOCITY,
 )
-from parallel_robot_control.wire import NOT_UNDERSTOOD, joint_row, open_message
 
 # Return value of answer: bits, if the state was answered ...
 ANSWERED = 1
