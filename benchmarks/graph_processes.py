@@ -43,8 +43,9 @@ def nodes_below(parent: int) -> dict[str, int]:
         pid = waiting.pop()
         waiting += children.get(pid, [])
         with contextlib.suppress(OSError):
+            own = Path(f'/proc/{pid}/comm').read_text().strip()  # of those that `run` has forked
             words = Path(f'/proc/{pid}/cmdline').read_bytes().decode().split('\0')
-            found |= {name: pid for name in MODULES if _runs(words, name)}
+            found |= {name: pid for name in MODULES if name == own or _runs(words, name)}
     return found
 
 

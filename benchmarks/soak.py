@@ -80,12 +80,11 @@ def resident(parent: int) -> dict[str, float]:
         return {}
     for child in children:
         try:
-            words = Path(f'/proc/{child}/cmdline').read_text()
+            name = Path(f'/proc/{child}/comm').read_text().strip()
             pages = int(Path(f'/proc/{child}/statm').read_text().split()[1])
         except (OSError, IndexError):
             continue  # it has just ended
-        name = next((name for name, module in MODULES.items() if module in words), None)
-        if name:
+        if name in MODULES:
             found[name] = float(pages * os.sysconf('SC_PAGE_SIZE'))
     return found
 

@@ -7,7 +7,8 @@ import signal
 import sys
 from pathlib import Path
 
-PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
+# Linux prctl: signal to this process when its parent dies; its name
+PR_SET_PDEATHSIG, PR_SET_NAME = 1, 15
 
 # As ``python -m``, but without the current directory first on the path, so that nothing in it is
 # imported. The folder of the code of this process goes there, unless it is on the path anyway.
@@ -27,3 +28,8 @@ def command(module: str, *words: str) -> list[str]:
 def die_with_parent() -> None:
     """Let this process end with its parent; for ``preexec_fn`` of a child."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def set_name(name: str) -> None:
+    """Name this process, as `ps -e` shows it; 15 letters at most."""
+    ctypes.CDLL(None).prctl(PR_SET_NAME, name.encode())

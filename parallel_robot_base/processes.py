@@ -16,9 +16,11 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from parallel_robot_base import forked_process
 from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import RunError
-from parallel_robot_base.module_process import START, command, die_with_parent
+from parallel_robot_base.forked_process import ForkedProcess
+from parallel_robot_base.module_process import command, die_with_parent
 from parallel_robot_base.parameter_file import MARK
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_base.user_directory import user_directories
@@ -47,8 +49,14 @@ class Work(NamedTuple):
     waited: float
 
 
+Process = subprocess.Popen[Any] | ForkedProcess
+
+
 class NodeProcesses:
-    """The processes of one run; use as a context manager."""
+    """The processes of one run; use as a context manager.
+
+    They are forked from this one, if it has not imported rclpy yet: that takes half the time.
+    """
 
     def __init__(self, parameters: Mapping[str, Mapping[str, Any]], namespace: str = '') -> None:
         """Prepare to start the nodes named by the keys, each with its parameters.
@@ -59,14 +67,12 @@ class NodeProcesses:
         """
         self._parameters = parameters
         self._remapped = ['-r', f'__ns:={namespace}'] if namespace else []
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: dict[str, Process] = {}
         self._logs: dict[str, IO[bytes]] = {}
         self._directory = tempfile.TemporaryDirectory()  # of values too long for a command line
 
     def __enter__(self) -> NodeProcesses:
         """Start all processes."""
-        environment = dict(os.environ)
-        environment.setdefault('AMENT_PREFIX_PATH', sys.prefix)
         try:
             for name, parameters in self._parameters.items():
                 self._logs[name] = tempfile.TemporaryFile()
@@ -82,15 +88,7 @@ class NodeProcesses:
                     file = Path(self._directory.name, f'{name}.yaml')
                     file.write_text('\n'.join(['/**:', f'  {MARK}:', *long]))
                     words += ['--params-file', str(file)]
-                self._processes[name] = subprocess.Popen(
-                    command(MODULES[name], *words),
-                    stdin=subprocess.DEVNULL,
-                    stdout=self._logs[name],
-                    stderr=subprocess.STDOUT,
-                    env=environment,
-                    start_new_session=True,
-                    preexec_fn=die_with_parent,
-                )
+                self._processes[name] = _start(name, words, self._logs[name])
         except BaseException:
             self.stop()
             raise
@@ -158,9 +156,23 @@ class NodeProcesses:
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ', '', last)  # level, time and node
 
 
-def end(
-    processes: Collection[subprocess.Popen[Any]], *signals: int, timeout: float = END_TIMEOUT
-) -> None:
+def _start(name: str, words: list[str], log: IO[bytes]) -> Process:
+    """Start a node in a session of its own, which ends with this process."""
+    environment = {'AMENT_PREFIX_PATH': sys.prefix, **os.environ}
+    if forked_process.possible():
+        return ForkedProcess(name, MODULES[name], words, log, environment)
+    return subprocess.Popen(
+        command(MODULES[name], *words),
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        env=environment,
+        start_new_session=True,
+        preexec_fn=die_with_parent,
+    )
+
+
+def end(processes: Collection[Process], *signals: int, timeout: float = END_TIMEOUT) -> None:
     """Send signals to those processes that still run, wait for all, kill what does not end."""
     for process in processes:
         for number in signals:
@@ -203,22 +215,6 @@ def work(pid: int) -> Work:
         with contextlib.suppress(OSError):  # it has just ended, or the kernel does not say
             waited += int((task / 'schedstat').read_text().split()[1])
     return Work(processor_seconds(pid), waited / NANOSECONDS)
-
-
-def children(pid: int) -> dict[str, int]:
-    """Pids of the children of a process that run a module by :func:`command`, by module."""
-    found: dict[str, int] = {}
-    try:
-        own = Path(f'/proc/{pid}/cmdline').read_text()
-        for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
-            with contextlib.suppress(OSError):  # it has just ended
-                line = Path(f'/proc/{child}/cmdline').read_text()
-                words = line.split('\0')
-                if START in words and line != own:  # else it is a fork before its exec
-                    found[words[words.index(START) + 2]] = int(child)
-    except OSError:
-        pass  # the process has ended
-    return found
 
 
 @contextlib.contextmanager

@@ -197,6 +197,9 @@ def _announce() -> None:
     logging.getLogger('parallel_robot').info(NOTICE)
 
 
+os.register_at_fork(after_in_child=_announce.cache_clear)  # a node has its own log
+
+
 def _report() -> None:
     """Report the progress from time to time."""
     global _due

@@ -43,7 +43,8 @@ from parallel_robot_ros.parameters import START
 from parallel_robot_ros.suite_node import SuiteNode
 
 LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
-LOADING = 0.03  # s, pause between two laws loaded in the background
+# s, until laws are loaded in the background, which a short run never needs; between two of them
+FIRST, LOADING = 5.0, 0.03
 LOOKS = 4  # checks of the joint states within the time after which they are stale
 
 
@@ -197,8 +198,9 @@ class ControllerNode(SuiteNode):
     def _load_laws(self) -> None:
         """Load the inactive laws, with pauses, so that they are ready for a switch."""
         realtime.give_way()
-        while not self._closing.wait(LOADING) and self._controller.load():
-            pass
+        pause = FIRST
+        while not self._closing.wait(pause) and self._controller.load():
+            pause = LOADING
 
     def _now(self) -> int:
         """Time against which the age of a state is checked [ns]; 0: it is not checked.

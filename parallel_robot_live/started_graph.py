@@ -45,13 +45,13 @@ def started_graph(
         InputError: the configuration is wrong.
         RunError: a node does not start.
     """
-    from parallel_robot_cli.ros_session import Session  # needs ROS
-
     configuration = configure(resolve(scenario, changed))
     with locating(configuration.values):
         loop = assemble(configuration).loop
     parameters = run.node_parameters(NAMES, scenario, changed, loop)
     with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
+        from parallel_robot_cli.ros_session import Session  # needs ROS, after the forks
+
         with Session(NAMES, processes.check, namespace, loop.middleware) as session:
             run.start(processes, session, loop, NAMES)
         yield StartedGraph(processes, parameters['controller'], dict(configuration.values))

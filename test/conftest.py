@@ -23,7 +23,7 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion',),
     *('config', 'custom_import', 'custom_laws', 'custom_robots', 'custom_trajectories'),
-    *('docs', 'empty_graph', 'foxglove'),
+    *('docs', 'empty_graph', 'forked_process', 'foxglove'),
     *('hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache'),
     *('life_cycle',),
     *(

@@ -17,9 +17,9 @@ from domain_coordinator import domain_id
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
-from warm_process import WarmProcess, warm_children
+from warm_process import WarmProcess, children
 
-from parallel_robot_base.processes import children, command
+from parallel_robot_base.module_process import command
 from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.subscription import qos_of
 
@@ -70,15 +70,14 @@ class Child(NamedTuple):
 class Process:
     """A module of the suite that runs in a process of its own.
 
-    It is forked from a warm parent, as its nodes are if it is the command `run`; if `fresh`, all
-    of them are started by an interpreter of their own, as users do, which costs each two seconds.
+    It is forked from a warm parent; if `fresh`, it has an interpreter of its own, as users start
+    it, which costs two seconds.
     """
 
     def __init__(self, words, folder, environment, fresh=False):
         module, *words = map(str, words)
         self._errors = (folder / f'stderr_{time.monotonic_ns()}').open('w+b')
         self._output = (folder / f'stdout_{time.monotonic_ns()}').open('w+b')
-        self._find_children = children if fresh else warm_children
         environment = {**os.environ, 'PYTHONPATH': str(ROOT), **environment}
         if fresh:
             files = {'stdout': self._output, 'stderr': self._errors}
@@ -134,7 +133,7 @@ class Process:
 
     def children(self):
         """Children by the module that they run."""
-        for module, pid in self._find_children(self.pid).items():
+        for module, pid in children(self.pid).items():
             if module not in self._children:
                 with suppress(ProcessLookupError):  # it has just ended
                     self._children[module] = Child(pid, os.pidfd_open(pid))

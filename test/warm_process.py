@@ -71,8 +71,8 @@ def _path():
             os.environ['PYTHONPATH'] = before
 
 
-def warm_children(pid):
-    """Nodes that such a process has forked: module to pid."""
+def children(pid):
+    """Nodes that a process has forked: module to pid."""
     found = {}
     with contextlib.suppress(OSError):  # it has ended
         for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split():

@@ -231,8 +231,6 @@ def _supervise(
         RunError: a node failed.
         StoppedError: a signal came before the motion began.
     """
-    from parallel_robot_cli.ros_session import Session  # needs ROS
-
     caught: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: caught.append(number))
@@ -240,6 +238,7 @@ def _supervise(
     }
     try:
         with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
+            from parallel_robot_cli.ros_session import Session  # needs ROS, after the forks
 
             def watch() -> None:
                 if caught:
