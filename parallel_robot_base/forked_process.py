@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import inspect
 import logging
 import math
 import os
@@ -58,6 +59,7 @@ class ForkedProcess:
             environment: Variables that it has besides those of this process.
         """
         self.returncode: int | None = None
+        inspect.stack()  # looks at all modules once: the first line of a node's log does so, too
         for stream in (sys.stdout, sys.stderr):
             stream.flush()  # else both would write what waits
         before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # none is lost in between

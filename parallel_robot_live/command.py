@@ -114,10 +114,7 @@ def _foxglove(
             'Foxglove opens bags by itself: parallel_robot export BAG --foxglove makes one with '
             'the robot in it'
         )
-    from parallel_robot_live.ros_foxglove import PORT, serve  # needs ROS
-
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    port = PORT if arguments.port is None else arguments.port
     try:
         with ExitStack() as stack:
             values = None
@@ -127,7 +124,10 @@ def _foxglove(
                 namespace, changed = namespace or '', {'duration': 0.0, **changed}
                 graph = started_graph(arguments.run, changed, namespace)
                 values = stack.enter_context(graph).values
+            from parallel_robot_live.ros_foxglove import PORT, serve  # needs ROS, after the forks
+
             os.nice(NICE)
+            port = PORT if arguments.port is None else arguments.port
             serve(arguments.host, port, namespace, values)
     except KeyboardInterrupt:
         print('ended', file=sys.stderr)
@@ -142,10 +142,6 @@ def _graph(
     stack: ExitStack, arguments: argparse.Namespace, changed: dict[str, Any], namespace: str | None
 ) -> Any:
     """The graph that runs, or one that is started."""
-    from parallel_robot_cli.top.robots import Robots
-    from parallel_robot_live.graph_source import GraphSource
-    from parallel_robot_live.recording import Recording
-    from parallel_robot_live.ros_live_graph import LiveGraph  # needs ROS
     from parallel_robot_live.started_graph import started_graph
 
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -155,6 +151,11 @@ def _graph(
         _, parameters, values = stack.enter_context(
             started_graph(arguments.run, changed, namespace)
         )
+    from parallel_robot_cli.top.robots import Robots
+    from parallel_robot_live.graph_source import GraphSource
+    from parallel_robot_live.recording import Recording
+    from parallel_robot_live.ros_live_graph import LiveGraph  # needs ROS, after the forks
+
     recording = stack.enter_context(Recording(arguments.out, parameters))
     robots = Robots()
     graph = stack.enter_context(LiveGraph(robots))

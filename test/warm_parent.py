@@ -16,6 +16,9 @@ from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
+from trajectory_gen import preflight
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.course import Course
 
 ROOT = Path(__file__).parents[1]
 
@@ -24,6 +27,9 @@ for one in (*MODULES.values(), 'parallel_robot_bags.player_node'):
 _values = config.resolve('paper_circle')
 Controller(configure(_values))
 Simulator(configure_plant(_values)).warm()
+_trajectory = trajectory_of(_values)
+preflight.check(_trajectory, _values['period'])
+Course(_trajectory, _values['period']).prepare()
 
 
 def run(module, words, folder, environment, files):

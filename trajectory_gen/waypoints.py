@@ -107,8 +107,13 @@ def motion(spline: Spline, t: float) -> PoseMotion:
     resting = not spline.periodic and not 0.0 < t < length
     t = t % length if spline.periodic else min(max(t, 0.0), length)
     t += knots[0]
-    after = int(np.searchsorted(knots, t, side='right'))
-    k = min(max(after - 1, 0), len(knots) - 2)
+    k, after = 0, len(knots) - 1
+    while after - k > 1:  # np.searchsorted would make every process load scipy, which takes long
+        middle = (k + after) // 2
+        if knots[middle] <= t:
+            k = middle
+        else:
+            after = middle
     u = t - knots[k]
     m = coefficients.shape[2]
     pose, rate, acceleration = np.empty(m), np.zeros(m), np.zeros(m)
