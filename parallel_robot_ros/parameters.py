@@ -63,8 +63,9 @@ def declare(node: Node, key: str, field: Field, value: Any, read_only: bool) -> 
 
 
 def declare_text(node: Node, key: str, text: str, description: str) -> None:
-    """Declare an informational, read-only parameter, for bags."""
-    if node.has_parameter(key):  # from the parameters of another run
+    """Declare an informational, read-only parameter, for bags; again when it has changed."""
+    if node.has_parameter(key):  # or from the parameters of another run
+        node.describe_parameter(key).read_only = False  # else rclpy would keep it
         node.undeclare_parameter(key)
     descriptor = ParameterDescriptor(description=description, read_only=True)
     node.declare_parameter(key, text, descriptor, ignore_override=True)

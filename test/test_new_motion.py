@@ -127,7 +127,10 @@ def test_another_one_may_come_before_the_end(node):
     run.go(100)
     for poses in (CORNERS, CORNERS[::-1], CORNERS[:3]):
         run.ask(message(poses, 0.5))
+        told = run.node.get_parameter('granted.motion').value
+        assert told.startswith(f'{len(poses)} points') and told.endswith(f' {0.5 * len(poses):g} s')
         run.go(700)
+    assert not run.node.counts
     run.go(1500)
     heard = run.heard()
     smooth(*heard)
