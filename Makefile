@@ -12,10 +12,10 @@ WARM := import logging, sys; \
   from parallel_robot_control.controller import Controller; \
   from parallel_robot_sim.configuration import configure; \
   from parallel_robot_sim.simulator import Simulator; \
-  from trajectory_gen.course import Course; \
-  whole = configure(resolve('paper_circle')); \
-  Controller(whole.control); Simulator(whole.plant).warm(); \
-  Course(whole.trajectory, whole.loop.period).prepare()
+  from trajectory_gen.configuration import motions_of; \
+  values = resolve('paper_circle'); \
+  whole = configure(values); \
+  Controller(whole.control); Simulator(whole.plant).warm(); motions_of(values).load()
 PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)

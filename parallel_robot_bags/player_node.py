@@ -70,7 +70,7 @@ class PlayerNode(SuiteNode):
         ):
             self.create_service(Trigger, f'~/{name}', answer)
         for key, value in (('position', options.start), ('rate', options.rate)):
-            self.declare_parameter(key, value, describe(SETTABLE[key], value))
+            self.declare_parameter(key, value, describe(SETTABLE[key], value, read_only=False))
         self._playing = threading.Thread(target=self._play, name='player', daemon=True)
         count = sum(self._bag.counts[name] for name in self._publishers_of)
         self.get_logger().info(f'playing {options.bag}: {count} messages')

@@ -15,7 +15,7 @@ from parallel_robot_base.printable import printable
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'monitor')  # which have a configuration
 ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')  # of every node
 OTHER_GROUPS = ('qos_overrides.', 'granted.')  # prefixes of what is not configuration
-MOTION = 'granted.motion'  # which the trajectory node took over while it runs, in words
+MOTION = 'granted.motion'  # the newest that the trajectory node took over while it ran, in words
 CODE = {'custom_laws', 'custom_robots', 'custom_trajectories'}  # keys that name Python files
 MARK = 'ros__parameters'  # between the name of a node and its parameters
 

@@ -29,17 +29,17 @@ def overrides(node: Node) -> dict[str, Any]:
     }
 
 
-def describe(field: Field, value: Any) -> ParameterDescriptor:
+def describe(field: Field, value: Any, read_only: bool) -> ParameterDescriptor:
     """Descriptor of a parameter with unit, meaning and range.
 
     Args:
         field: What is known of the parameter.
         value: One of its values, for the type.
+        read_only: Whether it is fixed. An empty list has no type, so that one may become of any.
     """
     text = field.description + (f' [{field.unit}]' if field.unit else '')
-    descriptor = ParameterDescriptor(
-        description=text, dynamic_typing=isinstance(value, list) and not value
-    )
+    untyped = isinstance(value, list) and not (value and read_only)
+    descriptor = ParameterDescriptor(description=text, read_only=read_only, dynamic_typing=untyped)
     if isinstance(value, float):
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=float(field.low), to_value=float(field.high))
@@ -57,8 +57,7 @@ def declare(node: Node, key: str, field: Field, value: Any, read_only: bool) -> 
     if node.has_parameter(key):  # it may be an integer where a float is meant
         node.undeclare_parameter(key)
     value = list(value) if isinstance(value, tuple) else value
-    descriptor = describe(field, value)
-    descriptor.read_only = read_only
+    descriptor = describe(field, value, read_only)
     node.declare_parameter(key, value, descriptor, ignore_override=True)
 
 

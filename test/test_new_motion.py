@@ -3,21 +3,18 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
+from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_run import Run, smooth
 
-from parallel_robot_base import config, topics
+from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.loop import STEP_START
-from trajectory_gen import motion_message
+from trajectory_gen import motion_change, motion_message
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.course import Course
-from trajectory_gen.trajectory_node import TrajectoryNode
 
 pytest_plugins = ['ros_fixtures']
 
-PERIOD = 1_000_000  # ns
 START = np.array([0.52, 0.37, 0.5 * np.pi])
 CORNERS = START + 1e-3 * np.array([
     [0, 10, 0], [-10, 20, 20], [-20, 20, 0], [-30, 10, -20],
@@ -38,47 +35,6 @@ def message(poses=CORNERS, step=0.2, names=('x', 'y', 'phi'), **fields):
     return JointTrajectory(joint_names=list(names), points=points)
 
 
-class Run:
-    """A trajectory node in this process, sample by sample."""
-
-    def __init__(self, node):
-        self.node, self._sent = node(TrajectoryNode, topics.REFERENCE)
-        self.node.set_start(STEP_START)
-        self._k = 0
-
-    def go(self, samples):
-        for _ in range(samples):
-            stamp = STEP_START + self._k * PERIOD
-            if self.node.lockstep:
-                state = JointState()
-                state.header.stamp.sec, state.header.stamp.nanosec = divmod(stamp, 10**9)
-                self.node._on_state(serialize_message(state))
-            else:
-                self.node._tick(stamp)
-            self._k += 1
-
-    def ask(self, asked):
-        self.node._on_motion(asked if isinstance(asked, bytes) else serialize_message(asked))
-
-    def heard(self):
-        """Stamps [samples], position, velocity, acceleration of all that was published."""
-        all_ = [deserialize_message(data, JointTrajectory) for data in self._sent]
-        stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in all_]
-        k = (np.array(stamps) - STEP_START) // PERIOD
-        names = ('positions', 'velocities', 'accelerations')
-        return k, *(np.array([getattr(m.points[0], name) for m in all_]) for name in names)
-
-
-def smooth(k, position, velocity, acceleration):
-    """Whether velocity and acceleration are the derivatives, without a jump in any of them."""
-    assert (np.diff(k) == 1).all()
-    dt = 1e-9 * PERIOD
-    for value, rate in ((position, velocity), (velocity, acceleration)):
-        mean = 0.5 * (rate[1:] + rate[:-1])
-        np.testing.assert_allclose(np.diff(value, axis=0) / dt, mean, atol=5e-4)
-    assert np.abs(np.diff(acceleration, axis=0)).max() < 1.0  # rad/s^2, in a sample
-
-
 def joints(poses):
     values = {'waypoints.times': list(range(len(poses))), 'waypoints.points': np.ravel(poses)}
     shape = config.resolve('paper_circle', {**values, 'trajectory.shape': 'waypoints'})
@@ -92,8 +48,7 @@ def test_it_passes_through_the_points_without_a_jump(node):
     run.go(2200)
     k, *motion = heard = run.heard()
     smooth(*heard)
-    text = run.node.get_parameter('granted.motion').value
-    begin = (int(text.split()[4]) - STEP_START) // PERIOD
+    text, begin = run.told
     assert text.startswith('8 points from stamp') and 300 <= begin <= 600
     at = begin + 200 * np.arange(1, 9) - k[0]
     np.testing.assert_allclose(motion[0][at], joints(CORNERS), atol=1e-9)
@@ -113,7 +68,8 @@ def test_derivatives_of_the_points_are_those_of_the_motion():
         return START + np.outer(rest, way), np.outer(rate, way), np.outer(acceleration, way)
 
     pose, rate, acceleration = polynomial(u)
-    found = course.then(400, motion_message.Points(t, pose, rate, acceleration))
+    points = motion_message.Points(t, pose, rate, acceleration)
+    found = motion_change.through(course, 400, points)
     times = np.arange(501, 1901) * 1e-3 - 0.4  # from the first point on
     sampled = found.sample(np.arange(501 + 400, 1901))
     expected = polynomial((times[400:]) / 1.5)
@@ -127,8 +83,10 @@ def test_another_one_may_come_before_the_end(node):
     run.go(100)
     for poses in (CORNERS, CORNERS[::-1], CORNERS[:3]):
         run.ask(message(poses, 0.5))
-        told = run.node.get_parameter('granted.motion').value
-        assert told.startswith(f'{len(poses)} points') and told.endswith(f' {0.5 * len(poses):g} s')
+        told, _ = run.told
+        assert told.startswith(f'{len(poses)} points') and told.endswith(
+            f' {0.5 * len(poses):g} s'
+        )
         run.go(700)
     assert not run.node.counts
     run.go(1500)

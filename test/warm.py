@@ -19,6 +19,7 @@ from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
 from parallel_robot_studies.ideal_torque import torque_of
 from parallel_robot_studies.limit.causes import least_error
+from trajectory_gen.configuration import motions_of
 
 NOTE = 'warm_for_tests'
 SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each robot
@@ -26,9 +27,11 @@ SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each rob
 
 def of_nodes(scenario):
     """The kernels of the nodes for a robot."""
-    whole = configure(resolve(scenario))
+    values = resolve(scenario)
+    whole = configure(values)
     Controller(whole.control)
     Simulator(whole.plant).warm()
+    motions_of(values).load()
 
 
 def of_the_analysis(scenario):

@@ -17,8 +17,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen import preflight
-from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.course import Course
+from trajectory_gen.configuration import motions_of, trajectory_of
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,9 +26,8 @@ for one in (*MODULES.values(), 'parallel_robot_bags.player_node'):
 _values = config.resolve('paper_circle')
 Controller(configure(_values))
 Simulator(configure_plant(_values)).warm()
-_trajectory = trajectory_of(_values)
-preflight.check(_trajectory, _values['period'])
-Course(_trajectory, _values['period']).prepare()
+preflight.check(trajectory_of(_values), _values['period'])
+motions_of(_values).load()
 
 
 def run(module, words, folder, environment, files):

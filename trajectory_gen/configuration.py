@@ -2,20 +2,70 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
-from parallel_robot_base import config, fields
-from parallel_robot_base.errors import UnknownNameError
+import numpy as np
+
+from parallel_robot_base import config, fields, points_file
+from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.groups import Declared, Groups, build
 from parallel_robot_base.loop import loop_of
 from parallel_robot_base.placed import locating
 from parallel_robot_model.configuration import robot_defaults
 from parallel_robot_model.contract import Robot
 from parallel_robot_model.robots import RobotModel, module_of, robot_with
-from trajectory_gen.shapes import Shape, custom_trajectories, shapes
+from trajectory_gen import waypoints
+from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
+
+FIXED = ('trajectory.lookahead', points_file.FILE)  # at the start
+
+
+class Motions(NamedTuple):
+    """The desired motion of a robot, and all to which it can be changed.
+
+    Attributes:
+        robot: The robot.
+        shapes: All shapes by name.
+        groups: Their parameters, and those of the motion.
+    """
+
+    robot: RobotModel
+    shapes: Mapping[str, Shape]
+    groups: Groups
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The desired motion, see :func:`trajectory_from`."""
+        return trajectory_from(self.groups, self.robot, self.shapes)
+
+    def given(self, name: str) -> Any:
+        """Parameters of a shape."""
+        return self.groups.at(name, self.shapes[name].Parameters)
+
+    @property
+    def asked(self) -> tuple[Any, ...]:
+        """What the desired motion depends on."""
+        own = self.groups[TrajectoryParameters]
+        limits = self.groups[self.robot.module.MotionLimits]
+        return own._replace(lookahead=0.0, transition=0.0), limits, self.given(own.shape)
+
+    def load(self) -> None:
+        """Load the machine code of all motions, which would hold up a loop that runs.
+
+        Those that this robot cannot perform, or not with their present parameters, are left out.
+        """
+        own = self.trajectory
+        still = np.zeros((1, 6, self.robot.pose_size))
+        still[0, -1] = own.first_pose
+        own.along(waypoints.Spline(np.array([0.0, 1.0]), still, False)).sample(0.0)
+        for name, shape in self.shapes.items():
+            parameters = own.parameters._replace(shape=name)
+            with contextlib.suppress(InputError):
+                Trajectory(self.robot, parameters, own.limits, shape, self.given(name)).sample(0.0)
 
 
 def of_shapes(shapes: Mapping[str, Shape]) -> Declared:
@@ -37,13 +87,59 @@ def trajectory_of(values: Mapping[str, Any]) -> Trajectory:
     Raises:
         InputError: a value is wrong, even one of a shape that is not used.
     """
+    with locating(values):
+        return motions_of(values).trajectory
+
+
+def motions_of(values: Mapping[str, Any]) -> Motions:
+    """The desired motion of a resolved configuration, and all to which it can be changed.
+
+    Raises:
+        InputError: a value is wrong.
+    """
     loop = loop_of(values)
     with locating(values):
         robot, known = module_of(loop), shapes(loop.custom_trajectories)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, known)])
-        return trajectory_from(
-            groups, robot_with(loop, groups.at('robot', robot.Parameters)), known
-        )
+        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        return Motions(nominal, known, groups)
+
+
+def changed(motions: Motions, values: Mapping[str, Any]) -> Motions:
+    """The same motions with other parameters.
+
+    Args:
+        motions: The motions.
+        values: All keys of the groups of :func:`declared`.
+
+    Raises:
+        UnknownNameError: no such shape.
+        InputError: a value is wrong, or a list of a custom trajectory has another length, for
+            which it would have to be compiled.
+    """
+    groups = build(values, declared(motions.robot.module, motions.shapes))
+    made = motions._replace(groups=groups)
+    for name in motions.shapes.keys() - SHAPES.keys():
+        if _lengths(made.given(name)) != _lengths(motions.given(name)):
+            raise InputError(f'the lists of {name} keep their lengths while the node runs', name)
+    return made
+
+
+def settings(motions: Motions) -> Iterator[tuple[str, Any]]:
+    """Keys and plain values of what can change while the motion is performed.
+
+    Not when its samples are sent, nor the file of points, which is read at the start alone.
+    """
+    for prefix, kind in declared(motions.robot.module, motions.shapes):
+        group = motions.groups.at(prefix, kind)
+        for parameter, value in zip(fields.parameters(kind), group, strict=True):
+            key = f'{prefix}.{parameter.key}'
+            if key not in FIXED:
+                yield key, fields.plain(value)
+
+
+def _lengths(given: Any) -> list[int]:
+    return [len(value) if isinstance(value, tuple) else 0 for value in given]
 
 
 def trajectory_from(groups: Groups, robot: RobotModel, shapes: Mapping[str, Shape]) -> Trajectory:

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.arrays import with_arrays
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
@@ -41,9 +42,9 @@ def motion(parameters: Parameters, t: float) -> PoseMotion:
         identification, IEEE Trans. Robotics and Automation 13(5); the window is ours.
     """
     p = parameters
-    center = np.array(p.center)
-    sine = np.array(p.sine)
-    cosine = np.array(p.cosine)
+    center = np.asarray(p.center)
+    sine = np.asarray(p.sine)
+    cosine = np.asarray(p.cosine)
     m = len(center)
     harmonics = len(sine) // m
     # 1. The window w = rise - fall with two derivatives.
@@ -96,6 +97,9 @@ def validate(parameters: Parameters) -> Parameters:
             'excitation.blend',
         )
     return parameters
+
+
+prepare = with_arrays
 
 
 def span(parameters: Parameters) -> float:

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.arrays import with_arrays
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
 from parallel_robot_model.contract import PoseMotion
@@ -20,8 +21,11 @@ class Parameters(NamedTuple):
 @kernel
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives, the same at every time `t` [s]."""
-    pose = np.array(parameters.pose)
+    pose = np.asarray(parameters.pose)
     return PoseMotion(pose, np.zeros(len(pose)), np.zeros(len(pose)))
+
+
+prepare = with_arrays
 
 
 def span(parameters: Parameters) -> float:

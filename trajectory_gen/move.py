@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.arrays import with_arrays
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
@@ -25,8 +26,8 @@ class Parameters(NamedTuple):
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
     s, s_dot, s_ddot = quintic(parameters.duration, t)
-    start = np.array(parameters.start)
-    way = np.array(parameters.end) - start
+    start = np.asarray(parameters.start)
+    way = np.asarray(parameters.end) - start
     return PoseMotion(start + s * way, s_dot * way, s_ddot * way)
 
 
@@ -43,6 +44,9 @@ def validate(parameters: Parameters) -> Parameters:
             'move',
         )
     return parameters
+
+
+prepare = with_arrays
 
 
 def span(parameters: Parameters) -> float:

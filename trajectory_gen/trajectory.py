@@ -14,8 +14,9 @@ from parallel_robot_base.fields import Field
 from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.contract import PoseMotion
 from parallel_robot_model.robots import RobotModel
-from trajectory_gen import shape_trial, waypoints
+from trajectory_gen import shape_trial, transition, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, prepared
+from trajectory_gen.transition import Entry, Poses
 
 
 class TrajectoryParameters(NamedTuple):
@@ -27,6 +28,9 @@ class TrajectoryParameters(NamedTuple):
         float, Field('', 'how fast the motion runs; 2: twice as fast as its shape', 1e-6, 1e6)
     ]
     max_joint_speed: Annotated[float, Field('rad/s', 'largest joint speed allowed', 0.0)]
+    transition: Annotated[
+        float, Field('s', 'time in which a motion that runs is led into a changed one', 0.01, 1e3)
+    ]
 
 
 class Reference(NamedTuple):
@@ -57,7 +61,7 @@ class Trajectory:
         parameters: Which motion, and how it is published.
         limits: Limits of the motion that only this robot has.
         shape: What the shape computes the motion from: its parameters, or what it has prepared.
-        span: Time after which nothing new happens [s].
+        entry: How the motion is entered from another one, if it is.
     """
 
     def __init__(
@@ -86,7 +90,6 @@ class Trajectory:
         if name not in SHAPES:
             shape_trial.check(name, shape, given)
         self.shape, self._length = prepared(name, shape, given)
-        self.span = self._length / parameters.speed_factor
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
         size = len(shape.motion(self.shape, 0.0).pose)
@@ -101,8 +104,15 @@ class Trajectory:
                 'trajectory.shape',
             )
         self._pose = vector(np.zeros(self._size))
+        self.entry: Entry | None = None
         still = PoseMotion(self._pose, self._pose, self._pose)
         self._joints = self.robot.kernel('joint_motion', still)
+
+    @property
+    def span(self) -> float:
+        """Time after which nothing new happens [s]."""
+        joining = self.entry.duration if self.entry else 0.0
+        return joining + self._length / self.parameters.speed_factor
 
     @property
     def first_pose(self) -> tuple[float, ...]:
@@ -112,61 +122,83 @@ class Trajectory:
     def at_speed(self, factor: float) -> Trajectory:
         """The same motion at another ``trajectory.speed_factor``."""
         made = copy.copy(self)
-        made.span = self._length / factor
         made.parameters = self.parameters._replace(speed_factor=factor)
         return made
 
     def along(self, spline: waypoints.Spline) -> Trajectory:
         """Another motion of the same robot, within the same limits, at its own speed."""
         made = copy.copy(self)
-        made.shape, made.span = spline, waypoints.span(spline)
+        made.shape, made._length = spline, waypoints.span(spline)
         made.parameters = self.parameters._replace(shape='waypoints', speed_factor=1.0)
         made._motion = FirstClass(waypoints.motion, spline, 0.0)
+        made.entry = None
+        return made
+
+    def entered(self, entry: Entry | None) -> Trajectory:
+        """The same motion, entered from another one, or begun by itself."""
+        made = copy.copy(self)
+        made.entry = entry
         return made
 
     def sample(self, times: Any) -> Reference:
         """Evaluate the motion.
 
         Args:
-            times: Times since the start of the motion [s], a number or shape (N,).
+            times: Times since the start of the motion, or its entry [s], a number or shape (N,).
 
         Returns:
             Pose and joints with two analytic derivatives each; NaN where the robot does not reach.
         """
+        robot, found = self.robot.constants, self.poses(times)
+        return _reference(self._joints, robot, self._pose, *found)
+
+    def poses(self, times: Any) -> Poses:
+        """Poses at times since the start [s], a number or shape (N,)."""
         grid = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        robot = self.robot.constants
+        own = grid if self.entry is None else self.entry.own_times(grid)
         speed = self.parameters.speed_factor
-        return _sample(self._motion, self._joints, self.shape, robot, self._pose, grid, speed)
+        found = Poses(*_poses(self._motion, self.shape, self._pose, own, speed))
+        return found if self.entry is None else transition.blend(self.entry, grid, found)
 
 
 @kernel
-def _sample(
-    motion: Any,
+def _poses(
+    motion: Any, shape: Any, like: Array, times: Array, speed: float
+) -> tuple[Array, Array, Array]:
+    """Poses at every time, as many coordinates as `like`; `speed` is that of the shape's time.
+
+    A robot in a plane may not have phi.
+    """
+    pose = np.empty((len(times), len(like)))
+    rate = np.empty((len(times), len(like)))
+    acceleration = np.empty((len(times), len(like)))
+    for k in range(len(times)):
+        full = motion(shape, speed * times[k])
+        write_row(pose, k, read_row(full.pose, 0, like))
+        write_row(rate, k, speed * read_row(full.rate, 0, like))
+        write_row(acceleration, k, speed**2 * read_row(full.acceleration, 0, like))
+    return pose, rate, acceleration
+
+
+@kernel
+def _reference(
     joint_motion: Any,
-    shape: Any,
     robot: Any,
     like: Array,
-    times: Array,
-    speed: float,
+    pose: Array,
+    pose_rate: Array,
+    pose_acceleration: Array,
 ) -> Reference:
-    """Pose and joints at every time; `like` is any pose, `speed` that of the shape's time."""
-    first = _at(motion, shape, like, 0.0, speed)
-    joints = joint_motion(robot, first)
-    count, size, n, p = len(times), len(like), len(joints.position), len(joints.passive)
-    pose = np.empty((count, size))
-    pose_rate = np.empty((count, size))
-    pose_acceleration = np.empty((count, size))
+    """The joints at every pose; `like` is any pose."""
+    joints = joint_motion(robot, _row(like, pose, pose_rate, pose_acceleration, 0))
+    count, n, p = len(pose), len(joints.position), len(joints.passive)
     position = np.empty((count, n))
     velocity = np.empty((count, n))
     acceleration = np.empty((count, n))
     passive = np.empty((count, p))
     out_of_reach = np.empty(count, dtype=np.int64)
     for k in range(count):
-        desired = _at(motion, shape, like, times[k], speed)
-        joints = joint_motion(robot, desired)
-        write_row(pose, k, desired.pose)
-        write_row(pose_rate, k, desired.rate)
-        write_row(pose_acceleration, k, desired.acceleration)
+        joints = joint_motion(robot, _row(like, pose, pose_rate, pose_acceleration, k))
         write_row(position, k, joints.position)
         write_row(velocity, k, joints.velocity)
         write_row(acceleration, k, joints.acceleration)
@@ -185,11 +217,7 @@ def _sample(
 
 
 @inlined
-def _at(motion: Any, shape: Any, like: Array, time: float, speed: float) -> PoseMotion:
-    """Motion at a time, as many coordinates as `like`: a robot in a plane may not have phi."""
-    full = motion(shape, speed * time)
+def _row(like: Array, pose: Array, rate: Array, acceleration: Array, k: int) -> PoseMotion:
     return PoseMotion(
-        read_row(full.pose, 0, like),
-        speed * read_row(full.rate, 0, like),
-        speed**2 * read_row(full.acceleration, 0, like),
+        read_row(pose, k, like), read_row(rate, k, like), read_row(acceleration, k, like)
     )

@@ -2,7 +2,7 @@
 
 Before the start it publishes the first sample of the motion, at rest. The motion starts at the
 common `start_stamp`, or else with the first command of a controller or a call of ``~/start``.
-A message on ``~/motion`` lets it go on through other points.
+A change of its parameters leads it into another motion, a message on ``~/motion`` through points.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ from __future__ import annotations
 import math
 import sys
 import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 from std_srvs.srv import Trigger
@@ -22,33 +25,37 @@ from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_ros import parameters
 from parallel_robot_ros.life_cycle import run_node
+from parallel_robot_ros.parameters import START
 from parallel_robot_ros.suite_node import SuiteNode
-from trajectory_gen import motion_message, preflight
-from trajectory_gen.configuration import declared, resolve, trajectory_of
+from trajectory_gen import motion_change, motion_message, preflight
+from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.course import Course
 from trajectory_gen.messages import pose_messages, reference_messages
-from trajectory_gen.shapes import shapes
 
 BATCH = 200  # samples computed at once
-SOON = 0.1  # s, from a message to its motion; doubled where the computer takes longer
+SOON = 0.1  # s, until a new motion begins; doubled where the computer takes longer
 LATEST = 10.0  # s, after which it is given up
+SHAPE = 'trajectory.shape'
 
 
 class TrajectoryNode(SuiteNode):
     """Publishes ``reference`` on the grid of the period and ``pose_reference`` more slowly."""
 
     priority = realtime.LOOP
+    _settable: frozenset[str] = frozenset()
 
     def __init__(self) -> None:
         """Check the whole motion, then start to publish."""
         super().__init__('trajectory', resolve)
-        self._trajectory = trajectory_of(self.values)
-        robot, known = self._trajectory.robot.module, shapes(self.loop.custom_trajectories)
-        self.declare_groups(('robot', robot.Parameters), *declared(robot, known))
-        preflight.check(self._trajectory, self.loop.period)
+        self._motions = motions_of(self.values)
+        trajectory, robot = self._motions.trajectory, self._motions.robot.module
+        self._settable = frozenset(key for key, _ in settings(self._motions))
+        groups = declared(robot, self._motions.shapes)
+        self.declare_groups(('robot', robot.Parameters), *groups)
+        preflight.check(trajectory, self.loop.period)
+        self._motions.load()
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
-        self._course = Course(self._trajectory, self.loop.period)
-        self._course.prepare()
+        self._course = Course(trajectory, self.loop.period)
         self._asked_motion: bytes | None = None  # a message that waits to be looked at
         self._turn = threading.Lock()  # held while samples are published, or change
         self._batch: tuple[int, Course, np.ndarray, np.ndarray] | None = None
@@ -66,12 +73,38 @@ class TrajectoryNode(SuiteNode):
             return
         if self.loop.start_stamp == 0:
             self.subscribe(topics.COMMANDS, self._on_command)
-        first = self._trajectory.sample(0.0)
+        first = trajectory.sample(0.0)
         self._rest = first._replace(
             velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
         )
-        ahead = round(self._trajectory.parameters.lookahead * NANOSECONDS)
+        ahead = round(trajectory.parameters.lookahead * NANOSECONDS)
         self.keep_time(self._tick, ahead)
+
+    def is_settable(self, key: str) -> bool:
+        """Whether a parameter can change while the node runs: the motion, and all shapes."""
+        return super().is_settable(key) or key in self._settable
+
+    def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
+        """Check a change of the motion, and let the changed one follow what has been sent.
+
+        It is taken over here, while it can still be refused: what has been sent soon reaches it.
+        """
+        if START in changes or not all(map(self.is_settable, changes)):
+            return super().prepare_change(changes)
+        made = changed(self._motions, {**self.values, **changes})
+        trajectory, text = made.trajectory, ''
+        shape, performed = trajectory.parameters.shape, self._course.parts[-1].name
+        if made.asked != self._motions.asked or (SHAPE in changes and shape != performed):
+            stamp = self._follow(partial(motion_change.led_into, trajectory=trajectory))
+            text = f'{shape} from stamp {stamp} on, in {trajectory.parameters.transition:g} s'
+        stored = {key: value for key, value in settings(made) if key in changes}
+
+        def apply() -> None:
+            self._motions, self.values = made, {**self.values, **stored}
+            if text:
+                self._tell(text)
+
+        return stored, apply
 
     def set_start(self, stamp: int) -> None:
         """Start the motion with its first sample at `stamp` [ns]."""
@@ -143,26 +176,42 @@ class TrajectoryNode(SuiteNode):
             InputError: the message is wrong, or there is no motion that it could follow.
             MotionError: the robot cannot perform it.
         """
-        robot = self._trajectory.robot
+        robot = self._motions.robot
         names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
         points = motion_message.read(data, names)
+        stamp = self._follow(partial(motion_change.through, points=points))
+        self._tell(f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s')
+
+    def _follow(self, plan: Callable[[Course, int], Course]) -> int:
+        """Let a new motion follow the samples that have been sent.
+
+        Args:
+            plan: Makes a course of the present one and the index of the sample at which the new
+                motion begins.
+
+        Returns:
+            Stamp of that sample [ns].
+
+        Raises:
+            InputError: there is no motion that it could follow, or the plan refuses it.
+        """
         soon = 0.0 if self.lockstep else SOON
         while soon <= LATEST:
             begin = self._sent + math.ceil(soon / self.loop.period)
             if self._sent < 0 or (self.last_index is not None and begin >= self.last_index):
                 raise InputError('the motion has not begun, or has come to its end')
-            course = self._course.then(begin, points)
+            course = plan(self._course, begin)
             with self._turn:
                 if self._sent <= begin:
                     self._course = course
-                    break
+                    return self._start + begin * self.period_ns
             soon *= 2.0
-        else:
-            raise InputError(f'its check takes longer than {LATEST:g} s')
-        stamp = self._start + begin * self.period_ns
-        text = f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s'
+        raise InputError(f'its check takes longer than {LATEST:g} s')
+
+    def _tell(self, text: str) -> None:
+        """Tell the new motion, for people and for bags."""
         self.get_logger().info(f'new motion: {text}')
-        parameters.declare_text(self, MOTION, text, 'motion that a message asked for')
+        parameters.declare_text(self, MOTION, text, 'motion that was asked for while it ran')
 
     def _publish(self, k: int) -> None:
         """Publish sample `k` of the motion; nothing after its end."""
@@ -184,7 +233,7 @@ class TrajectoryNode(SuiteNode):
         _, _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
         self._published += 1
-        if k % topics.SLOW == 0 and self._trajectory.robot.module.PLANAR:
+        if k % topics.SLOW == 0 and self._motions.robot.module.PLANAR:
             self._pose.publish(poses[k - first].tobytes())
         self._sent = k
 

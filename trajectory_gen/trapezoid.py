@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_base.arrays import with_arrays
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
@@ -35,8 +36,8 @@ class Parameters(NamedTuple):
 @kernel
 def _limits(parameters: Parameters) -> tuple[float, float]:
     """Largest rate [1/s] and acceleration [1/s^2] of the fraction of the way; 0 without one."""
-    start, end = np.array(parameters.start), np.array(parameters.end)
-    speeds, accelerations = np.array(parameters.speed), np.array(parameters.acceleration)
+    start, end = np.asarray(parameters.start), np.asarray(parameters.end)
+    speeds, accelerations = np.asarray(parameters.speed), np.asarray(parameters.acceleration)
     speed = acceleration = np.inf
     for i in range(len(start)):
         way = abs(end[i] - start[i])
@@ -49,8 +50,8 @@ def _limits(parameters: Parameters) -> tuple[float, float]:
 @kernel
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
-    start = np.array(parameters.start)
-    way = np.array(parameters.end) - start
+    start = np.asarray(parameters.start)
+    way = np.asarray(parameters.end) - start
     speed, acceleration = _limits(parameters)
     s, s_dot, s_ddot = trapezoid(speed, acceleration, t) if speed > 0.0 else (0.0, 0.0, 0.0)
     return PoseMotion(start + s * way, s_dot * way, s_ddot * way)
@@ -71,6 +72,9 @@ def validate(parameters: Parameters) -> Parameters:
             'trapezoid',
         )
     return parameters
+
+
+prepare = with_arrays
 
 
 def span(parameters: Parameters) -> float:

@@ -86,7 +86,7 @@ class Search:
 
     def reference(self, sine: Array, cosine: Array) -> Reference | None:
         """Motion with some coefficients; None if the robot may not perform it."""
-        shape = self.start._replace(sine=tuple(sine), cosine=tuple(cosine))
+        shape = self.start._replace(sine=np.array(sine), cosine=np.array(cosine))
         self.trajectory.shape = shape
         found = self.trajectory.sample(self.times)
         robot = self.robot

@@ -1,0 +1,107 @@
+"""How a motion changes while it is performed: planned, checked, and continuous, or refused."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.errors import InputError
+from trajectory_gen import preflight, waypoints
+from trajectory_gen.course import Course, Part
+from trajectory_gen.motion_message import Points
+from trajectory_gen.trajectory import Reference, Trajectory
+from trajectory_gen.transition import Entry, Poses, fading
+
+POINTS = 'points of a message'  # name of such a motion
+
+
+def led_into(course: Course, index: int, trajectory: Trajectory) -> Course:
+    """A course until a sample, then led into another motion.
+
+    Both go on during ``trajectory.transition``, in which one fades into the other. A motion of
+    the same shape is entered at the same share of its way. One of another shape is performed from
+    its beginning, and so is any after one that has come to rest; if it begins at rest, it waits
+    there until the transition is over.
+
+    Raises:
+        MotionError: the robot cannot perform it.
+    """
+    last, duration = course.until(index).parts[-1], trajectory.parameters.transition
+    time = (index - last.begin) * course.period
+    entry, bare = last.trajectory.entry, last.trajectory.entered(None)
+    own_time = float(entry.own_times(time)) if entry else time
+    rests = _rests(last.trajectory.poses(time))
+    start = 0.0
+    if last.name == trajectory.parameters.shape and bare.span and not rests:
+        start = own_time / bare.span * trajectory.span
+    delay = duration if start == 0.0 and _rests(trajectory.poses(0.0)) else 0.0
+    # A transition that is not over yet goes on as a polynomial from where it is.
+    pairs = zip(last.trajectory.poses(time), bare.poses(own_time), strict=True)
+    left = [here[0] - there[0] for here, there in pairs]
+
+    def before(times: Array) -> Poses:
+        found = bare.poses(own_time + times)
+        if not np.any(left):
+            return found
+        rest = fading((left[0], left[1], left[2]), duration, times)
+        return Poses(*(a + b for a, b in zip(found, rest, strict=True)))
+
+    entered = trajectory.entered(Entry(before, duration, start, delay))
+    return _checked(course, Part(index, trajectory.parameters.shape, entered))
+
+
+def through(course: Course, index: int, points: Points) -> Course:
+    """A course until a sample, then a motion through points, at last at rest.
+
+    It is the motion of least mean square jerk through the points, or a quintic polynomial
+    from each to the next where they have derivatives. Pose, rate and acceleration are
+    continuous.
+
+    Raises:
+        InputError: the points are too uneven for that.
+        MotionError: the robot cannot perform it.
+    """
+    before = course.until(index)
+    spline = _spline(before.sample(index), points)
+    return _checked(course, Part(index, POINTS, before.parts[-1].trajectory.along(spline)))
+
+
+def _checked(course: Course, part: Part) -> Course:
+    preflight.check(part.trajectory, course.period)
+    return course.then(part)
+
+
+def _rests(state: Poses) -> bool:
+    return not (state.rate.any() or state.acceleration.any())
+
+
+def _spline(state: Reference, points: Points) -> waypoints.Spline:
+    """The motion from a state through points.
+
+    Raises:
+        InputError: the points are too uneven.
+    """
+    from scipy import interpolate  # which takes long to load
+
+    from trajectory_gen import spline
+
+    times = np.concatenate([[0.0], points.times])
+    pose = np.concatenate([state.pose, points.pose])
+    if points.rate is None or points.acceleration is None:
+        still = np.zeros(pose.shape[1])
+        ends = (
+            [(1, state.pose_rate[0]), (2, state.pose_acceleration[0])],
+            [(1, still), (2, still)],
+        )
+        made = interpolate.make_interp_spline(times, pose, 5, bc_type=ends)
+        coefficients = spline.polynomials(made, times)
+    else:
+        rate = np.concatenate([state.pose_rate, points.rate])
+        acceleration = np.concatenate([state.pose_acceleration, points.acceleration])
+        rows = np.stack([pose, rate, acceleration], axis=1)
+        made = interpolate.BPoly.from_derivatives(times, rows)
+        coefficients = interpolate.PPoly.from_bernstein_basis(made).c.transpose(1, 0, 2)
+    offset = np.abs(made(times) - pose).max()
+    if not offset <= waypoints.RESIDUAL * np.abs(pose).max():
+        raise InputError('the times of the points are too uneven; leave some out')
+    return waypoints.Spline(times, np.ascontiguousarray(coefficients), False)
