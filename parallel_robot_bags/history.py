@@ -12,11 +12,13 @@ from parallel_robot_bags.limits import MEMORY, is_name
 from parallel_robot_bags.record_names import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot_bags.statuses import LIMIT_TEXT, ControllerStatus
 from parallel_robot_base import config, plain_data
+from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.topics import STATUS
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import NO_FAULT
 
 REALTIME = 'granted.realtime'  # parameter of a node
+FEW = 5  # changes of the motion that are told one by one
 
 
 class Change(NamedTuple):
@@ -106,6 +108,22 @@ def remarks(history: History, start: int) -> list[str]:
     first = next((status for status in history.statuses if status.fault != NO_FAULT), None)
     fault = ((first.stamp - start) / NANOSECONDS, first.fault_text) if first else None
     return remark_lines(', '.join(names), fault)
+
+
+def new_motions(history: History, start: int) -> list[str]:
+    """A line about motions that were asked for while the robot moved, if there were any.
+
+    Args:
+        history: History of the run.
+        start: Stamp of t = 0 [ns].
+    """
+    times = [
+        f'{(change.stamp - start) / NANOSECONDS:.3f}'
+        for change in history.changes
+        if MOTION in change.values
+    ]
+    shown = ', '.join(times[:FEW]) + (f' s and {len(times) - FEW} later' if times[FEW:] else ' s')
+    return [f'the motion was changed at t = {shown}'] if times else []
 
 
 def granted_priorities(history: History) -> dict[str, str]:

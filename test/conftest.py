@@ -37,7 +37,17 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
         'numba_settings',
     ),
     *('own_scenarios', 'packaging', 'player_node', 'processes', 'python', 'realtime'),
-    *('recorder', 'recorder_node', 'rehearse', 'replay', 'report', 'rerun', 'run', 'run_log'),
+    *(
+        'recorded_motions',
+        'recorder',
+        'recorder_node',
+        'rehearse',
+        'replay',
+        'report',
+        'rerun',
+        'run',
+        'run_log',
+    ),
     *('safety_nodes', 'show', 'start', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes'),
     *('trust', 'tune'),
 )

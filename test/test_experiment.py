@@ -43,6 +43,12 @@ def test_the_plant_started_by_hand_says_its_seed():
     assert values['seed'] == loop.seed == 7 and values['sensor.jitter'] == 0.002
 
 
+def test_a_bag_from_before_a_key_has_its_default():
+    older = {key: value for key, value in DEFAULTS.items() if key != 'trajectory.transition'}
+    values, *_ = configuration({'config': plain_data.dump(older)})
+    assert values['trajectory.transition'] == DEFAULTS['trajectory.transition'] == 2.0
+
+
 def configuration(facts):
     """Configuration of a bag; None when it is refused in one line."""
     with contextlib.suppress(BagError):

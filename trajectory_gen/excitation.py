@@ -42,9 +42,7 @@ def motion(parameters: Parameters, t: float) -> PoseMotion:
         identification, IEEE Trans. Robotics and Automation 13(5); the window is ours.
     """
     p = parameters
-    center = np.asarray(p.center)
-    sine = np.asarray(p.sine)
-    cosine = np.asarray(p.cosine)
+    center, sine, cosine = p.center, p.sine, p.cosine
     m = len(center)
     harmonics = len(sine) // m
     # 1. The window w = rise - fall with two derivatives.
@@ -99,7 +97,7 @@ def validate(parameters: Parameters) -> Parameters:
     return parameters
 
 
-prepare = with_arrays
+prepare = with_arrays  # of which `motion` takes the lists
 
 
 def span(parameters: Parameters) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,11 @@ class Parameters(NamedTuple):
 @kernel
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives, the same at every time `t` [s]."""
-    pose = np.asarray(parameters.pose)
+    pose: Any = parameters.pose
     return PoseMotion(pose, np.zeros(len(pose)), np.zeros(len(pose)))
 
 
-prepare = with_arrays
+prepare = with_arrays  # of which `motion` takes the lists
 
 
 def span(parameters: Parameters) -> float:

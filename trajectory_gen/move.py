@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
-
-import numpy as np
+from typing import Annotated, Any, NamedTuple
 
 from parallel_robot_base.arrays import with_arrays
 from parallel_robot_base.errors import InputError
@@ -26,8 +24,8 @@ class Parameters(NamedTuple):
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
     s, s_dot, s_ddot = quintic(parameters.duration, t)
-    start = np.asarray(parameters.start)
-    way = np.asarray(parameters.end) - start
+    start: Any = parameters.start
+    way = parameters.end - start
     return PoseMotion(start + s * way, s_dot * way, s_ddot * way)
 
 
@@ -46,7 +44,7 @@ def validate(parameters: Parameters) -> Parameters:
     return parameters
 
 
-prepare = with_arrays
+prepare = with_arrays  # of which `motion` takes the lists
 
 
 def span(parameters: Parameters) -> float:

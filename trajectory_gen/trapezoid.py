@@ -5,7 +5,7 @@ The acceleration jumps, which no law follows without an error: `move` has a smoo
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -36,8 +36,8 @@ class Parameters(NamedTuple):
 @kernel
 def _limits(parameters: Parameters) -> tuple[float, float]:
     """Largest rate [1/s] and acceleration [1/s^2] of the fraction of the way; 0 without one."""
-    start, end = np.asarray(parameters.start), np.asarray(parameters.end)
-    speeds, accelerations = np.asarray(parameters.speed), np.asarray(parameters.acceleration)
+    start, end = parameters.start, parameters.end
+    speeds, accelerations = parameters.speed, parameters.acceleration
     speed = acceleration = np.inf
     for i in range(len(start)):
         way = abs(end[i] - start[i])
@@ -50,8 +50,8 @@ def _limits(parameters: Parameters) -> tuple[float, float]:
 @kernel
 def motion(parameters: Parameters, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
-    start = np.asarray(parameters.start)
-    way = np.asarray(parameters.end) - start
+    start: Any = parameters.start
+    way = parameters.end - start
     speed, acceleration = _limits(parameters)
     s, s_dot, s_ddot = trapezoid(speed, acceleration, t) if speed > 0.0 else (0.0, 0.0, 0.0)
     return PoseMotion(start + s * way, s_dot * way, s_ddot * way)
@@ -74,7 +74,7 @@ def validate(parameters: Parameters) -> Parameters:
     return parameters
 
 
-prepare = with_arrays
+prepare = with_arrays  # of which `motion` takes the lists
 
 
 def span(parameters: Parameters) -> float:

@@ -54,9 +54,9 @@ def prepare(parameters: Parameters) -> Spline:
         InputError: numbers of times and points do not fit, a time is not after the one before, a
             periodic motion does not end where it begins, or the times are too uneven.
     """
+    times, points = _checked(parameters)
     from trajectory_gen import spline  # scipy takes long to load, and few motions need it
 
-    times, points = _checked(parameters)
     made = spline.fit(times, points, parameters.periodic, parameters.smoothing)
     offset = np.abs(made(times) - points).max()
     if not np.isfinite(offset) or (

@@ -78,6 +78,7 @@ def execute(arguments: argparse.Namespace) -> int:
     print(table(result, found, float(log.config['duration'])))
     quiet = ['no limit acted, no fault'] if past.statuses else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
+    remarks += history.new_motions(past, log.start_stamp)
     remarks += sensor_remarks(log.config, lambda: true_motion.of_bag(arguments.bag, log, memory))
     for text in remarks:
         print(f'  {text}')

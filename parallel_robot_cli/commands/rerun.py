@@ -162,7 +162,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
         )
     motions = sum(MOTION in change.values for change in past.changes)
     if motions:
-        lines.append(f'{motions} new motions during the run are not repeated')
+        lines.append(f'the motion was changed {motions} times during the run: not repeated')
     return lines
 
 
