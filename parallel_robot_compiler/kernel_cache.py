@@ -139,15 +139,19 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     @contextlib.contextmanager
     def _files_of(self, signature: Any) -> Iterator[None]:
-        """Use the files for a signature within the context."""
+        """Use the files for a signature within the context.
+
+        Each has an index of its own: to read one with all signatures takes longer than the code.
+        """
         usual = self._cache_file
-        custom = sorted(set(CUSTOM.findall(str(signature))))
+        text = str(signature)
+        folder, base, stamp = usual._cache_path, self._impl.filename_base, usual._source_stamp
+        custom = sorted(set(CUSTOM.findall(text)))
         if custom:
-            self._cache_file: Any = IndexDataCacheFile(
-                cache_directory.custom('_and_'.join(custom)),
-                f'{self._py_func.__module__}.{self._impl.filename_base}',
-                '',
-            )
+            folder = cache_directory.custom('_and_'.join(custom))
+            base, stamp = f'{self._py_func.__module__}.{base}', ''
+        base = f'{base}.{hashlib.sha256(text.encode()).hexdigest()[:16]}'
+        self._cache_file: Any = IndexDataCacheFile(folder, base, stamp)
         try:
             yield
         finally:

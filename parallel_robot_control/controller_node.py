@@ -43,8 +43,8 @@ from parallel_robot_ros.parameters import START
 from parallel_robot_ros.suite_node import SuiteNode
 
 LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
-# s, until laws are loaded in the background, which a short run never needs; between two of them
-FIRST, LOADING = 5.0, 0.03
+LOADING = 0.03  # s, pause between two laws loaded in the background
+SHORT = 5.0  # s, of a motion in which a law that is not active is loaded only if it is asked for
 LOOKS = 4  # checks of the joint states within the time after which they are stale
 
 
@@ -88,9 +88,10 @@ class ControllerNode(SuiteNode):
             self.create_timer(timeout / LOOKS, self._watch)
 
     def begin(self) -> None:
-        """Load the remaining laws in the background."""
+        """Load the remaining laws in the background, before the motion begins."""
         super().begin()
-        self._loader.start()
+        if not 0.0 < self.loop.duration <= SHORT:
+            self._loader.start()
 
     def is_settable(self, key: str) -> bool:
         """Whether a parameter can change while the node runs: law, preset and gains."""
@@ -198,9 +199,8 @@ class ControllerNode(SuiteNode):
     def _load_laws(self) -> None:
         """Load the inactive laws, with pauses, so that they are ready for a switch."""
         realtime.give_way()
-        pause = FIRST
-        while not self._closing.wait(pause) and self._controller.load():
-            pause = LOADING
+        while not self._closing.wait(LOADING) and self._controller.load():
+            pass
 
     def _now(self) -> int:
         """Time against which the age of a state is checked [ns]; 0: it is not checked.
