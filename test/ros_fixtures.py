@@ -257,9 +257,14 @@ class Sink:
 
 @pytest.fixture(params=['wall', 'lockstep'])
 def node(request, domain):
-    """Make a node of a class in this process; what it publishes on a topic goes into a list."""
+    """Make a node of a class in this process; what it publishes on a topic goes into a list.
+
+    A parameter is the time mode, and perhaps a scenario after a space.
+    """
     made = []
-    words = ['-p', f'time_mode:={request.param}', '--log-level', 'fatal']
+    mode, _, scenario = request.param.partition(' ')
+    words = ['-p', f'time_mode:={mode}', '--log-level', 'fatal']
+    words += ['-p', f'scenario:={scenario or "paper_circle"}']
     words += ['-p', 'use_sim_time:=true']  # the clock stands at zero: no stamp is too old
     rclpy.init(args=['--ros-args', *words])
 

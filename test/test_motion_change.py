@@ -1,12 +1,15 @@
 """The motion changed by parameters while the node runs: continuous, as asked for, or refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from trajectory_run import Run, smooth
 
 from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
 from trajectory_gen import motion_change
-from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.configuration import changed, motions_of, resolve, trajectory_of
 from trajectory_gen.course import Course
 from trajectory_gen.shapes import SHAPES
 
@@ -211,3 +214,44 @@ def test_a_change_compiles_nothing(node, monkeypatch):
         run.go(100)
     assert not run.set(trajectory__shape='excitation', excitation__sine=[1e-3] * 3,
                        excitation__cosine=[0.0] * 3)  # fmt: skip
+
+
+OF_OTHERS = {
+    'serial_2r_circle': ({'circle.radius': 0.1}, {'trajectory.shape': 'figure_eight'}),
+    'axes_step': (
+        {'trajectory.shape': 'hold', 'hold.pose': [0.02, 0.01, 0.0, 0.03, 0.01]},
+        {'hold.pose': [0.01, 0.02, 0.0, 0.0, 0.0]},
+    ),
+}
+
+
+@pytest.mark.parametrize('node', [f'lockstep {name}' for name in OF_OTHERS], indirect=True)
+def test_any_robot_has_its_motions_changed(node):
+    run = Run(node)
+    run.go(300)
+    for changes in OF_OTHERS[run.node.loop.scenario]:
+        assert not run.set(**{key.replace('.', '__'): value for key, value in changes.items()})
+        run.go(1300)
+    k, position, velocity, acceleration = run.heard()
+    _, begin = run.told
+    late = slice(begin - 1200, None)  # the motion that a scenario begins with may jump
+    smooth(k[late], position[late], velocity[late], acceleration[late])
+
+
+@pytest.mark.parametrize('node', ['lockstep axes_step'], indirect=True)
+def test_a_shape_for_a_robot_of_another_kind_is_refused(node):
+    run = Run(node)
+    run.go(10)
+    assert 'circle has 3 coordinates; the pose of axes has' in run.set(trajectory__shape='circle')
+
+
+def test_lists_of_a_custom_trajectory_keep_their_lengths():
+    """Its kernel is compiled for them, which would hold up a loop that runs."""
+    path = str(Path(__file__).parents[1] / 'docs/example_trajectory.py')
+    values = resolve('paper_circle', {'custom_trajectories': [path]})
+    motions = motions_of(values)
+    shape = {'trajectory.shape': 'example_trajectory'}
+    made = changed(motions, {**values, **shape, 'example_trajectory.size': [0.01, 0.02, 0.0]})
+    assert made.trajectory.span == 12.0
+    with pytest.raises(InputError, match='lists of example_trajectory keep their lengths'):
+        changed(motions, {**values, **shape, 'example_trajectory.size': [0.01, 0.02]})
