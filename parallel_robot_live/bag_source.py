@@ -113,6 +113,8 @@ class BagSource:
                     {'name': name, 'title': title(name)} for name in self._configuration.laws
                 ],
                 'gains': {},
+                'shape': '',
+                'shapes': {},
             },
             'bag': {
                 'duration': self._duration,

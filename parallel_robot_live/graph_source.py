@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-import re
 import subprocess
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,57 +16,20 @@ from parallel_robot_base import topics
 from parallel_robot_base.errors import ParallelRobotError
 from parallel_robot_base.module_process import command, die_with_parent
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_cli.top.graph import Tell
 from parallel_robot_cli.top.robots import Robots
 from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_live import readable_state
 from parallel_robot_live.frames import Camera, Motion
-from parallel_robot_live.graph_values import known_values, meant
+from parallel_robot_live.graph_values import known_values, meant, of_robot
 from parallel_robot_live.motion_buffer import MotionBuffer, States
 from parallel_robot_live.recording import Recording
 from parallel_robot_live.source import RefusedError
+from parallel_robot_live.watched import Graph, Watched
 from parallel_robot_sim.imperfections import told_age
 
 EVERY = 6  # looks, from one check of what runs to the next: five a second
-SEEN = re.compile(
-    r'robot_model|joints|(robot|controller|trajectory)\.'
-)  # what a camera depends on
 LONGEST = 100  # characters of a name that a browser sends
-
-
-class Graph(Protocol):
-    """What is needed of ros_live_graph.LiveGraph."""
-
-    parameters: dict[str, dict[str, Any]]
-    descriptions: dict[str, Any]
-
-    def watch(self, namespace: str) -> None:
-        """Read one robot, by its namespace."""
-
-    def look(self) -> None:
-        """Take all that has come."""
-
-    def heard(self, topic: topics.Topic, joints: tuple[str, ...]) -> Any:
-        """Messages of states or references since the last call."""
-
-    def ask_parameters(self) -> None:
-        """Ask the nodes for their parameters, where they are not known."""
-
-    def forget(self) -> None:
-        """Ask for all parameters anew."""
-
-    def set_parameter(self, key: str, value: Any, tell: Tell) -> None:
-        """Change a parameter of the controller."""
-
-    def emergency_stop(self, tell: Tell) -> None:
-        """Begin the safe action."""
-
-    def clear_fault(self, tell: Tell) -> None:
-        """End the safe action."""
-
-    def reset(self, tell: Tell) -> None:
-        """Put the robot back to its start."""
 
 
 class GraphSource:
@@ -91,18 +53,15 @@ class GraphSource:
             values: Configuration of a graph that was started here; None for any other.
         """
         self._graph, self._robots, self._recording = graph, robots, recording
-        self._fixed, self._namespace = namespace is not None, namespace or ''
-        self._given = values
+        self._watched, self._given = Watched(graph, robots, namespace), values
         self._looks = self._layouts = 0
         self._texts: dict[str, Any] = {}
-        self._parameters: dict[str, dict[str, Any]] = {}  # of which the camera was made
         self._values: dict[str, Any] | None = None
         self._seen: dict[str, Any] = {}
         self._camera: Camera | None = None
         self._ghost: Ghost | None = None
         self._trouble = ''
         self._origin = self._end = 0
-        graph.watch(self._namespace)
 
     def look(self) -> list[bytes]:
         """Frames since the last call."""
@@ -126,7 +85,8 @@ class GraphSource:
         do = {
             'law': self._set_law,
             'gain': self._set_gain,
-            'preset': lambda _: self._asked(self._graph.set_parameter, 'preset', 'paper'),
+            'motion': self._set_motion,
+            'preset': lambda _: self._set('controller', 'preset', 'paper'),
             'emergency_stop': lambda _: self._asked(self._graph.emergency_stop),
             'clear_fault': lambda _: self._asked(self._graph.clear_fault),
             'reset': lambda _: self._asked(self._graph.reset),
@@ -137,16 +97,9 @@ class GraphSource:
 
     def _check(self) -> None:
         """See which nodes run, and what they are."""
-        names = self._robots.names()
-        if not self._fixed and names and self._namespace not in names:
-            self._namespace = names[0]
-            self._graph.watch(names[0])
-        if names:
-            self._graph.ask_parameters()
-        if self._graph.parameters != self._parameters:
-            self._parameters = dict(self._graph.parameters)
+        if self._watched.changed():
             self._prepare()
-        robot = self._robots[self._namespace]
+        robot = self._robots[self._watched.namespace]
         self._texts = {
             **({'layout': readable_state.layout(self._camera)} if self._camera else {}),
             'state': {
@@ -156,18 +109,19 @@ class GraphSource:
                 'trouble': self._trouble,
             },
             'setup': readable_state.setup(
-                self._parameters.get('controller', {}), self._graph.descriptions, robot.laws
+                self._watched.parameters, self._graph.descriptions, robot.laws
             ),
         }
 
     def _prepare(self) -> None:
         """Make a camera for the robot that the nodes know, where it is a new one."""
-        if 'controller' not in self._parameters:
+        parameters = self._watched.parameters
+        if 'controller' not in parameters:
             return
         try:
-            self._values = known_values(self._parameters, self._given)
-            seen = {key: self._values[key] for key in self._values if SEEN.match(key)}
-            if seen != self._seen:
+            self._values = known_values(parameters, self._given)
+            seen = of_robot(self._values)
+            if seen != self._seen or self._watched.started:  # not where a motion goes on
                 self._layouts += 1
                 self._seen, joints = seen, self._values['joints']
                 self._camera = Camera(*nominal_of(self._values), joints, self._layouts)
@@ -227,24 +181,32 @@ class GraphSource:
             raise RefusedError(text.removeprefix('refused: '))
         return text
 
+    async def _set(self, node: str, key: str, value: Any) -> str:
+        return await self._asked(self._graph.set_parameter, node, key, value)
+
     async def _set_law(self, value: Any) -> str:
-        return await self._asked(self._graph.set_parameter, 'law', _name(value, 'law'))
+        return await self._set('controller', 'law', _name(value, 'law'))
 
     async def _set_gain(self, value: Any) -> str:
-        if not isinstance(value, dict) or set(value) != {'key', 'value'}:
-            raise RefusedError('a gain is a key and a value')
-        key = _name(value['key'], 'gain')
-        controller = self._parameters.get('controller', {})
-        laws = self._robots[self._namespace].laws
+        key, wanted = _pair(value, 'gain')
+        controller = self._watched.parameters.get('controller', {})
+        laws = self._robots[self._watched.namespace].laws
         if key not in controller or key.partition('.')[0] not in laws:
             raise RefusedError(f'there is no gain {key!r}')
-        wanted = meant(key, controller[key], value['value'])
-        return await self._asked(self._graph.set_parameter, key, wanted)
+        return await self._set('controller', key, meant(key, controller[key], wanted))
+
+    async def _set_motion(self, value: Any) -> str:
+        """Change the shape of the motion, or a parameter of it."""
+        key, wanted = _pair(value, 'parameter')
+        known = self._watched.parameters.get('trajectory', {})
+        if key not in readable_state.of_motion(known, self._graph.descriptions):
+            raise RefusedError(f'there is no parameter {key!r} of a motion')
+        return await self._set('trajectory', key, meant(key, known[key], wanted))
 
     async def _record(self, value: Any) -> str:
         if value is True:
-            known = self._parameters.get('controller', {})
-            return self._recording.start(known, self._namespace)
+            known = self._watched.parameters.get('controller', {})
+            return self._recording.start(known, self._watched.namespace)
         return await self._recording.stop()
 
     async def _set_ghost(self, value: Any) -> str:
@@ -269,6 +231,12 @@ class GraphSource:
         configured = await asyncio.to_thread(configure_control, wanted)
         self._ghost = await asyncio.to_thread(Ghost, configured, told_age(values))
         return law
+
+
+def _pair(value: Any, what: str) -> tuple[str, Any]:
+    if not isinstance(value, dict) or set(value) != {'key', 'value'}:
+        raise RefusedError(f'a {what} is a key and a value')
+    return _name(value['key'], what), value['value']
 
 
 def _name(value: Any, what: str) -> str:

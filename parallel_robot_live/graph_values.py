@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,7 @@ from parallel_robot_base.errors import ParallelRobotError
 from parallel_robot_control.configuration import custom_defaults
 from parallel_robot_live.source import RefusedError
 
+SEEN = re.compile(r'robot_model|joints|(robot|controller)\.')  # on which a picture depends
 SHIPPED = 'paper_circle'  # where nothing is known of the scenario
 
 
@@ -35,6 +37,11 @@ def known_values(
     }
     values = dict(given or _shipped(heard))
     return values | {key: value for key, value in heard.items() if key in values}
+
+
+def of_robot(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What a picture of the robot depends on, of a configuration."""
+    return {key: value for key, value in values.items() if SEEN.match(key)}
 
 
 def _shipped(heard: Mapping[str, Any]) -> dict[str, Any]:

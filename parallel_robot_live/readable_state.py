@@ -7,12 +7,14 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from parallel_robot_analysis.report.labels import joint_label
+from parallel_robot_base.parameter_file import is_configuration
 from parallel_robot_cli.top.robots import NODES, SILENT, Robot
 from parallel_robot_control.laws import title
 from parallel_robot_live.frames import Camera
 from parallel_robot_live.source import Description
 
 UNIT = re.compile(r'(.*?)(?: \[([^\]]*)\])?', re.DOTALL)
+SHAPE = 'trajectory.shape'
 LARGEST = 1e300  # a range that ends there has no end
 
 
@@ -61,29 +63,56 @@ def of_robot(robot: Robot, now: float) -> dict[str, Any]:
 
 
 def setup(
-    parameters: Mapping[str, Any], descriptions: Mapping[str, Description], laws: Iterable[str]
+    nodes: Mapping[str, Mapping[str, Any]],
+    descriptions: Mapping[str, Description],
+    laws: Iterable[str],
 ) -> dict[str, Any]:
-    """Laws, and their gains with units and ranges.
+    """Laws with their gains, and shapes of the motion with their parameters.
 
     Args:
-        parameters: Of the controller.
-        descriptions: What it says of them.
-        laws: Their names.
+        nodes: Parameters of each node.
+        descriptions: What they say of them.
+        laws: Names of the laws.
     """
+    parameters, motion = nodes.get('controller', {}), nodes.get('trajectory', {})
     gains: dict[str, list[dict[str, Any]]] = {name: [] for name in laws}
     for key, value in parameters.items():
         law, _, name = key.partition('.')
         if law in gains and name and key in descriptions:
-            gains[law].append(
-                {'key': key, 'name': name, 'value': value, **_told(descriptions[key])}
-            )
+            gains[law].append(_parameter(key, value, descriptions))
+    shapes: dict[str, list[dict[str, Any]]] = {}
+    for key in of_motion(motion, descriptions):
+        if key != SHAPE:
+            parameter = _parameter(key, motion[key], descriptions)
+            shapes.setdefault(key.partition('.')[0], []).append(parameter)
+    common = shapes.pop('trajectory', [])
     return {
+        'shape': motion.get(SHAPE, ''),
+        'shapes': {name: [*own, *common] for name, own in shapes.items()},
         'scenario': parameters.get('scenario', ''),
         'robot': parameters.get('robot_model', ''),
         'preset': parameters.get('preset', ''),
         'laws': [{'name': law, 'title': title(law)} for law in gains],
         'gains': gains,
     }
+
+
+def of_motion(parameters: Mapping[str, Any], descriptions: Mapping[str, Description]) -> list[str]:
+    """Keys of the parameters of a trajectory node that change its motion."""
+    return [
+        key
+        for key in parameters
+        if '.' in key
+        and is_configuration(key)
+        and key in descriptions
+        and not descriptions[key].fixed
+    ]
+
+
+def _parameter(key: str, value: Any, descriptions: Mapping[str, Description]) -> dict[str, Any]:
+    """Key, name, value, meaning, unit and range of a parameter."""
+    name = key.partition('.')[2]
+    return {'key': key, 'name': name, 'value': value, **_told(descriptions[key])}
 
 
 def _told(description: Description) -> dict[str, Any]:

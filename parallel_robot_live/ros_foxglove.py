@@ -23,9 +23,10 @@ from parallel_robot_base.optional_library import optional
 from parallel_robot_base.topics import Topic
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_cli.top.robots import Robots
-from parallel_robot_live.graph_values import known_values
+from parallel_robot_live.graph_values import known_values, of_robot
 from parallel_robot_live.guard import OPEN, is_loopback
 from parallel_robot_live.ros_live_graph import LiveGraph
+from parallel_robot_live.watched import Watched
 
 PORT = 8765  # where Foxglove looks for a server
 LOOK = 0.02  # s, between two looks at the graph
@@ -158,9 +159,9 @@ def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] 
     try:
         graph = FoxgloveGraph(robots, server.send)
         with graph:
-            watched = _Watched(graph, robots, server, namespace, given)
+            picture = _Picture(graph, Watched(graph, robots, namespace), server, given)
             while not ended:
-                watched.look()
+                picture.look()
                 time.sleep(LOOK)
     finally:
         server.close()
@@ -168,31 +169,31 @@ def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] 
             signal.signal(number, handler)
 
 
-class _Watched:
+class _Picture:
     """The robot that is shown, and its links as soon as its nodes have said what it is."""
 
     def __init__(
         self,
         graph: FoxgloveGraph,
-        robots: Robots,
+        watched: Watched,
         server: Server,
-        namespace: str | None,
         given: Mapping[str, Any] | None,
     ) -> None:
-        self._graph, self._robots, self._server, self._given = graph, robots, server, given
-        self._fixed, self._namespace = namespace is not None, namespace or ''
-        self._parameters: dict[str, dict[str, Any]] = {}
+        self._graph, self._watched, self._server, self._given = graph, watched, server, given
+        self._seen: dict[str, Any] = {}
         self._posture: Posture | None = None
         self._joints: tuple[str, ...] = ()
         self._looks = 0
-        graph.watch(self._namespace)
 
     def look(self) -> None:
         """Pass on what has come."""
         self._graph.look()
         self._server.send_latched()
         if self._looks % EVERY == 0:
-            self._check()
+            changed = self._watched.changed()
+            self._server.offer(self._watched.namespace)
+            if changed and 'controller' in self._watched.parameters:
+                self._prepare()
         self._looks += 1
         if self._posture is None:
             return
@@ -202,21 +203,13 @@ class _Watched:
             if angles is not None:
                 self._server.send_frames(self._posture, stamp, angles)
 
-    def _check(self) -> None:
-        """See which nodes run, and what their robot is."""
-        names = self._robots.names()
-        if not self._fixed and names and self._namespace not in names:
-            self._namespace = names[0]
-            self._server.offer(names[0])
-            self._graph.watch(names[0])
-        if names:
-            self._graph.ask_parameters()
-        if self._graph.parameters == self._parameters:
+    def _prepare(self) -> None:
+        """Make the links of the robot that the nodes know."""
+        values = known_values(self._watched.parameters, self._given)
+        seen = of_robot(values)
+        if seen == self._seen and not self._watched.started:
             return
-        self._parameters = dict(self._graph.parameters)
-        if 'controller' not in self._parameters:
-            return
-        values = known_values(self._parameters, self._given)
+        self._seen = seen
         self._joints = tuple(values['joints'])
         try:
             self._posture = posture_of(values)
@@ -226,4 +219,4 @@ class _Watched:
             return
         topic = topics.ROBOT_DESCRIPTION
         text = layouts.text_message(self._posture.description)
-        self._server.send(topic._replace(name=f'{self._namespace}/{topic.name}'), text)
+        self._server.send(topic._replace(name=f'{self._watched.namespace}/{topic.name}'), text)

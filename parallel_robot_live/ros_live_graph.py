@@ -11,12 +11,13 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import cdr, topics
 from parallel_robot_base.arrays import Array
+from parallel_robot_base.parameter_file import is_configuration
 from parallel_robot_base.topics import Topic
 from parallel_robot_cli.top.graph import Tell
 from parallel_robot_cli.top.robots import Robots
@@ -46,14 +47,15 @@ class LiveGraph(RosGraph):
 
     Attributes:
         parameters: Parameters of the nodes that were asked, by node; empty while not known.
-        descriptions: What the controller says of its parameters.
+        descriptions: What they say of their parameters, by name.
     """
 
     DEPTH = LONGEST
     SERVICES: ClassVar[dict[str, Any]] = {
         **RosGraph.SERVICES,
         'plant/reset': Trigger,
-        'controller/describe_parameters': DescribeParameters,
+        'trajectory/set_parameters': SetParameters,
+        **{f'{node}/describe_parameters': DescribeParameters for node in ASKED},
         **{f'{node}/list_parameters': ListParameters for node in ASKED},
         **{f'{node}/get_parameters': GetParameters for node in ASKED},
     }
@@ -143,9 +145,8 @@ class LiveGraph(RosGraph):
             found = map(_plain, answer.values)
             self.parameters[node] = dict(zip(names, found, strict=False))
             self._waiting.pop(node, None)
-            if node == 'controller':
-                described = DescribeParameters.Request(names=names)
-                self._call('controller/describe_parameters', described, self._on_described)
+            described = DescribeParameters.Request(names=names)
+            self._call(f'{node}/describe_parameters', described, self._on_described)
 
         return take
 
@@ -153,13 +154,14 @@ class LiveGraph(RosGraph):
         for one in answer.descriptors:
             ranges = [*one.floating_point_range, *one.integer_range]
             low, high = (ranges[0].from_value, ranges[0].to_value) if ranges else (None, None)
-            self.descriptions[one.name] = Description(one.description, low, high)
+            found = Description(one.description, low, high, one.read_only)
+            self.descriptions[one.name] = found
 
     def _on_event(self, event: ParameterEvent) -> None:
         space, _, node = event.node.rpartition('/')
         if space != self._namespace or node not in ASKED:
             return
-        if event.new_parameters:  # the node has started once more
+        if any(is_configuration(one.name) for one in event.new_parameters):  # it started anew
             self.parameters.pop(node, None)
             self._waiting.pop(node, None)
         elif node in self.parameters:

@@ -12,11 +12,19 @@ class RefusedError(ParallelRobotError):
 
 
 class Description(NamedTuple):
-    """What a node says of a parameter: meaning with its unit in brackets, and its range."""
+    """What a node says of a parameter.
+
+    Attributes:
+        text: Its meaning, with the unit in brackets.
+        low: Smallest value, if there is one.
+        high: Largest value, likewise.
+        fixed: Whether it cannot be changed.
+    """
 
     text: str
     low: float | None
     high: float | None
+    fixed: bool = False
 
 
 class Source(Protocol):

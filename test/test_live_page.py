@@ -146,6 +146,25 @@ def test_a_gain_is_set(graph):
     assert graph.script('texts.setup.preset') == 'custom'
 
 
+def test_a_parameter_of_the_motion_is_set_and_the_curves_go_on(graph):
+    number = graph.script('texts.layout.number')
+    field = entered(graph, 'circle.radius', '3')
+    graph.until(lambda: field.get_attribute('aria-invalid') == 'true')
+    why = field.find_element('xpath', '..').find_element('class name', 'why').text
+    assert why.startswith('motion refused at t = ') and why.endswith('; still 0.03')
+    entered(graph, 'circle.radius', '0.025')
+    graph.until('texts.setup.shapes.circle.some(({ value }) => value === 0.025)')
+    graph.choose('shapes', 'ellipse')
+    graph.until('document.getElementById("motionof").textContent === "Parameters of ellipse"')
+    graph.until('document.getElementById("ellipse.semi_axes")')
+    graph.choose('shapes', 'waypoints')
+    graph.until('document.getElementById("said").textContent.includes("waypoints.times must")')
+    assert graph.script('document.getElementById("shapes").value') == 'ellipse'
+    graph.choose('shapes', 'circle')
+    graph.until('texts.setup.shape === "circle"')
+    assert graph.script('texts.layout.number') == number
+
+
 def test_a_ghost_tells_what_another_law_would_ask_for(graph):
     graph.choose('ghost', 'smc')
     graph.until('texts.state.ghost === "smc"')

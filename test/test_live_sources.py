@@ -156,9 +156,8 @@ def test_units_and_ranges_are_those_that_the_node_tells():
         'smc.shape': Description('a form', None, None),
         'pid.Kp': Description('gain [N m/rad]', 0.0, 1e5),
     }
-    found = setup(
-        {'smc.z': 20.0, 'smc.shape': 'sign', 'law': 'smc', 'period': 1e-3}, told, ['smc']
-    )
+    controller = {'smc.z': 20.0, 'smc.shape': 'sign', 'law': 'smc', 'period': 1e-3}
+    found = setup({'controller': controller}, told, ['smc'])
     assert found['gains'] == {
         'smc': [
             {
@@ -174,18 +173,38 @@ def test_units_and_ranges_are_those_that_the_node_tells():
     assert found['laws'] == [{'name': 'smc', 'title': 'SMC'}]
 
 
+MOTION = {
+    'circle.radius': 0.03, 'line.end': [0.46, 0.41], 'trajectory.shape': 'circle',
+    'trajectory.lookahead': 0.02, 'trajectory.transition': 2.0, 'robot.l1': 0.2, 'period': 1e-3,
+    'granted.motion': '2 points',
+}  # fmt: skip
+FIXED = ('robot.l1', 'period', 'trajectory.lookahead')
+DESCRIBED = {key: Description('radius [m]', 0.0, np.inf, key in FIXED) for key in MOTION}
+
+
+def test_shapes_are_offered_with_what_can_be_changed_of_them():
+    found = setup({'trajectory': MOTION}, DESCRIBED, [])
+    assert found['shape'] == 'circle'
+    names = {shape: [one['name'] for one in own] for shape, own in found['shapes'].items()}
+    assert names == {'circle': ['radius', 'transition'], 'line': ['end', 'transition']}
+    assert found['shapes']['circle'][0] == {
+        'key': 'circle.radius', 'name': 'radius', 'value': 0.03,
+        'text': 'radius', 'unit': 'm', 'low': 0.0, 'high': None,
+    }  # fmt: skip
+
+
 class Graph:
     """A graph that notes what it is asked for and answers at once."""
 
     def __init__(self):
-        self.parameters = {'controller': {'smc.z': 20.0, 'period': 1e-3}}
-        self.descriptions, self.asked = {}, []
+        self.parameters = {'controller': {'smc.z': 20.0, 'period': 1e-3}, 'trajectory': MOTION}
+        self.descriptions, self.asked = DESCRIBED, []
 
     def watch(self, namespace):
         self.watched = namespace
 
-    def set_parameter(self, key, value, tell):
-        self.asked.append((key, value))
+    def set_parameter(self, node, key, value, tell):
+        self.asked.append((node, key, value))
         tell(key != 'law', 'there is no such law')
 
     def emergency_stop(self, tell):
@@ -199,7 +218,7 @@ def graph():
     values = {'laws': 'smc, pid'}
     robots.report(0.0, 'controller: loop', '/left/controller', OK, 'ok', values)
     source = GraphSource(graph, robots, None, '/left')
-    source._parameters = graph.parameters
+    source._watched.parameters = graph.parameters
     return source, graph
 
 
@@ -210,7 +229,12 @@ def test_a_node_refuses_in_its_own_words(graph):
         act(source, 'law', 'fuzzy')
     assert act(source, 'emergency_stop', None) == 'stopped'
     act(source, 'gain', {'key': 'smc.z', 'value': 25})
-    assert nodes.asked == [('law', 'fuzzy'), 'stop', ('smc.z', 25.0)]
+    act(source, 'motion', {'key': 'circle.radius', 'value': 0})
+    act(source, 'motion', {'key': 'trajectory.shape', 'value': 'line'})
+    assert nodes.asked == [
+        ('controller', 'law', 'fuzzy'), 'stop', ('controller', 'smc.z', 25.0),
+        ('trajectory', 'circle.radius', 0.0), ('trajectory', 'trajectory.shape', 'line'),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -219,7 +243,11 @@ def test_a_node_refuses_in_its_own_words(graph):
         ('gain', {'key': 'period', 'value': 1.0}), ('gain', {'key': 'smc.no', 'value': 1.0}),
         ('gain', {'key': 'smc.z', 'value': 'x'}), ('gain', {'key': ['smc.z'], 'value': 1.0}),
         ('gain', 7), ('gain', {'key': 'smc.z'}), ('law', 7), ('law', 'x' * 1000),
-        ('ghost', 'smc'),
+        ('ghost', 'smc'), ('motion', 7), ('motion', {'key': 'circle.radius', 'value': 'x'}),
+        ('motion', {'key': 'robot.l1', 'value': 0.3}), ('motion', {'key': 'period', 'value': 1.0}),
+        ('motion', {'key': 'trajectory.lookahead', 'value': 0.3}),
+        ('motion', {'key': 'granted.motion', 'value': 'x'}),
+        ('motion', {'key': 'law', 'value': 'pid'}),
     ],
 )  # fmt: skip
 def test_what_is_no_request_reaches_no_node(action, value, graph):

@@ -127,14 +127,14 @@ class RosGraph:
 
     def switch_law(self, law: str, tell: Tell) -> None:
         """Ask the controller to take another law."""
-        self.set_parameter('law', law, tell)
+        self.set_parameter('controller', 'law', law, tell)
 
-    def set_parameter(self, key: str, value: Any, tell: Tell) -> None:
-        """Ask the controller to change a parameter."""
+    def set_parameter(self, node: str, key: str, value: Any, tell: Tell) -> None:
+        """Ask a node to change a parameter."""
         request = SetParameters.Request(
             parameters=[Parameter(key, value=value).to_parameter_msg()]
         )
-        self.ask('controller/set_parameters', request, tell)
+        self.ask(f'{node}/set_parameters', request, tell)
 
     def emergency_stop(self, tell: Tell) -> None:
         """Ask the controller for its safe action."""

@@ -50,9 +50,9 @@ function fill(select, options, chosen) {
   if (document.activeElement !== select || !select.dataset.open) select.value = chosen;
 }
 
-class Gain {
-  constructor(parent, { key, name, text, unit, low, high }) {
-    this.key = key;
+class Field {
+  constructor(parent, action, { key, name, text, unit, low, high }) {
+    Object.assign(this, { key, action });
     this.row = parent.appendChild(document.createElement('div'));
     this.row.className = 'gain';
     const label = this.row.appendChild(document.createElement('label'));
@@ -82,7 +82,7 @@ class Gain {
 
   async send() {
     const wanted = read(this.input.value);
-    const { done, answer } = await act('gain', { key: this.key, value: wanted });
+    const { done, answer } = await act(this.action, { key: this.key, value: wanted });
     this.refused = !done;
     this.input.setAttribute('aria-invalid', String(!done));
     this.why.textContent = done ? '' : `${answer}; still ${written(this.value)}`;
@@ -105,15 +105,19 @@ const read = (text) => {
   return numbers.length > 1 ? numbers : numbers[0];
 };
 
-class Gains {
-  show(law, title, gains) {
-    const list = gains[law] ?? [];
+// A form whose fields are the parameters of a law or of a motion; `action` changes one.
+class Fields {
+  constructor(form, action) {
+    Object.assign(this, { form, action });
+    form.addEventListener('submit', (event) => event.preventDefault());
+  }
+
+  show(list = []) {
     const keys = list.map(({ key }) => key).join();
-    find('gainsof').textContent = title ? `Gains of ${title}` : 'Gains';
     if (keys !== this.keys) {
       this.keys = keys;
-      find('gains').replaceChildren();
-      this.fields = list.map((one) => new Gain(find('gains'), one));
+      this.form.replaceChildren();
+      this.fields = list.map((one) => new Field(this.form, this.action, one));
       allow();
     }
     list.forEach((one, k) => this.fields[k].show(one.value));
@@ -123,7 +127,7 @@ class Gains {
 let readOnly = false;
 function allow() {
   const can = token && !readOnly;
-  for (const element of document.querySelectorAll('.acts, #gains input')) element.disabled = !can;
+  for (const element of document.querySelectorAll('.acts, .fields input')) element.disabled = !can;
   if (!can) say(readOnly ? 'This page only shows.' : 'This page only shows: open the address that the command printed.');
 }
 
@@ -134,13 +138,16 @@ addEventListener('keydown', (event) => {
   event.preventDefault();
   stop();
 }, true);
-find('gains').addEventListener('submit', (event) => event.preventDefault());
 find('clear').addEventListener('click', () => tell('clear fault', 'clear_fault'));
 find('reset').addEventListener('click', () => tell('reset', 'reset'));
 find('preset').addEventListener('click', () => tell('preset gains', 'preset'));
 find('record').addEventListener('click', () =>
   tell('record', 'record', find('record').getAttribute('aria-pressed') !== 'true'));
 find('laws').addEventListener('change', ({ target }) => tell(`law ${target.value}`, 'law', target.value));
+find('shapes').addEventListener('change', async ({ target }) => {
+  const wanted = { key: 'trajectory.shape', value: target.value };
+  if (!await tell(`motion ${target.value}`, 'motion', wanted)) target.value = texts.setup.shape;
+});
 find('ghost').addEventListener('change', ({ target }) => tell('ghost', 'ghost', target.value));
 
 // The time bar of a bag; while it is dragged, one request is under way at a time.

@@ -2,7 +2,8 @@
 // The page: takes what the server sends, and draws.
 
 const seen = new History();
-const gains = new Gains();
+const gains = new Fields(find('gains'), 'gain');
+const motion = new Fields(find('motion'), 'motion');
 const texts = {};
 let diagrams = [];
 let robot;
@@ -103,6 +104,9 @@ const takers = {
     const options = setup.laws;
     fill(find('ghost'), [{ name: '', title: 'none' }, ...options], texts.state?.ghost ?? '');
     fill(find('laws'), options, texts.state?.law ?? '');
+    fill(find('shapes'), Object.keys(setup.shapes).map((name) => ({ name, title: name })), setup.shape);
+    find('motionof').textContent = setup.shape ? `Parameters of ${setup.shape}` : 'Motion';
+    motion.show(setup.shapes[setup.shape]);
     find('scenario').textContent = [setup.scenario, setup.robot].filter(Boolean).join(', ') || 'waiting for the nodes of a run';
     find('preset').disabled ||= setup.preset === 'paper';
   },
@@ -181,8 +185,11 @@ listen({
       texts[name] = value;
       takers[name]?.(value);
     }
-    if (found.setup || found.state)
-      gains.show(texts.state?.law, texts.state?.title, texts.setup?.gains ?? {});
+    if (found.setup || found.state) {
+      const { law, title } = texts.state ?? {};
+      find('gainsof').textContent = title ? `Gains of ${title}` : 'Gains';
+      gains.show(texts.setup?.gains[law]);
+    }
     soon();
   },
   frames: (data) => {
