@@ -22,6 +22,7 @@ FIELDS = {
     topics.REFERENCE: ('position', 'velocity', 'acceleration'),
     topics.COMMANDS: ('data',),
 }
+MAY_LACK = {topics.JOINT_STATES: 'velocity'}  # hardware that does not measure it
 LARGEST = 1e12  # rad, rad/s, rad/s^2, N m; squares of it are still numbers
 ARRAYS: dict[str, Callable[[int], cdr.Layout]] = {  # both have numbers of eight bytes
     'std_msgs/msg/Float64MultiArray': layouts.float64_multi_array,
@@ -89,10 +90,15 @@ def decoder(
 def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]) -> Samples:
     """Samples of a topic in the order of their log time, numbers in the order of `joints`.
 
+    A field that may lack is left out where it is not in all of them, or never a number.
+
     Raises:
         BagError: a joint or a field is not in all of them.
     """
     fields = FIELDS.get(topic, ('position',))
+    lacks = MAY_LACK.get(topic, '')
+    if not all(lacks in part.numbers and np.isfinite(part.numbers[lacks]).any() for part in parts):
+        fields = tuple(field for field in fields if field != lacks)
     if not all({*fields} <= {*part.numbers} for part in parts):
         raise BagError(f'{bag}: not all messages on {topic.name} have {", ".join(fields)}')
     if topic == topics.COMMANDS:

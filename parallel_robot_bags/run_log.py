@@ -37,7 +37,7 @@ class RunLog(NamedTuple):
         stamps: Stamps of the states [ns], shape (N,).
         time: Stamps since t = 0 [s], shape (N,).
         position: Measured actuated angles [rad], shape (N, n).
-        velocity: Measured actuated rates [rad/s], shape (N, n).
+        velocity: Measured actuated rates, NaN where the bag has none [rad/s], shape (N, n).
         effort: Torques applied during the step that ended at the stamp [N m], shape (N, n).
         reference_position: Desired angles [rad], shape (N, n).
         reference_velocity: Desired rates [rad/s], shape (N, n).
@@ -73,6 +73,11 @@ class RunLog(NamedTuple):
     used: Used | None = None
     warnings: tuple[str, ...] = ()
 
+    @property
+    def has_velocities(self) -> bool:
+        """Whether the rates of the joints were measured."""
+        return not np.isnan(self.velocity).any()
+
 
 def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
@@ -103,6 +108,9 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     warnings = [*found.warnings]
     states = _physical(bag, topics.JOINT_STATES, states, warnings)
     references = _physical(bag, topics.REFERENCE, references, warnings)
+    if 'velocity' not in states.numbers:
+        states.numbers['velocity'] = np.full_like(states.numbers['position'], np.nan)
+        warnings.append(f'{bag}: the messages on {topics.JOINT_STATES.name} have no velocities')
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     age = told_age(values)

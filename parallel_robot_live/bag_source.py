@@ -181,7 +181,11 @@ class BagSource:
             raise RefusedError(f'the law {value!r:.40} is not known here')
         if value not in self._torques:
             configured = changed(self._configuration, {'law': value})
-            found = await asyncio.to_thread(replayed.instead, self._log, self._past, configured)
+            given = self._log, self._past, configured
+            try:
+                found = await asyncio.to_thread(replayed.instead, *given)
+            except BagError as error:
+                raise RefusedError(str(error)) from None
             self._torques = {'': self._torques[''], value: found.torque}
         self._ghost = value
         self._motion = self._motion._replace(ghost=self._torques[value])

@@ -5,13 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from assembly import simulated as simulate
-from bags import streams, write_foreign
+from bags import content, streams, write_foreign
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
 
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.experiment import describe
-from parallel_robot_base import config, topics
+from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.groups import group
 from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_cli.command_line import main
@@ -339,3 +341,45 @@ def test_a_bag_of_others_does_not_say_its_law(tmp_path, capsys):
     assert main(['replay', str(tmp_path / 'bag')]) == 2
     assert 'does not say which law ran' in capsys.readouterr().err
     assert main(['replay', str(tmp_path / 'bag'), '--law', 'smc']) == 0
+
+
+BLIND = {
+    'filter': {'estimator.kind': 'filter'},
+    'levant': {'estimator.kind': 'levant'},
+    'kalman': {'estimator.kind': 'kalman', 'estimator.velocities': False},
+}
+
+
+def without_velocities(bag, fields, **unknown):
+    """A bag as of hardware that measures none: they are missing, or NaN."""
+    directory = bag.with_name('blind')
+    with BagWriter(directory, topics.RECORDED, history.read(bag).facts) as writer:
+        for topic, stream in content(bag / 'bag_0.mcap').items():
+            for log_time, data in stream:
+                if topic == topics.JOINT_STATES.name:
+                    state = deserialize_message(data, JointState)
+                    layout = layouts.joint_state(tuple(state.name), fields)
+                    known = {'position': state.position, 'effort': state.effort, **unknown}
+                    data = layout.records(1, log_time, **known).tobytes()
+                writer.write(topic, log_time, data)
+    return directory
+
+
+@pytest.mark.parametrize('unknown', [{}, {'velocity': np.nan}], ids=['missing', 'NaN'])
+@pytest.mark.parametrize('kind', BLIND)
+def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simulated, capsys):
+    bag = without_velocities(simulated(**BLIND[kind]), ('position', *unknown, 'effort'), **unknown)
+    assert main(['replay', str(bag)]) == 0
+    out, err = capsys.readouterr()
+    assert 'identical: 301 commands' in out and 'have no velocities' in err
+    assert main(['analyze', str(bag)]) == 0
+    assert 'nan' not in capsys.readouterr().out
+
+
+def test_without_velocities_that_were_used_a_bag_is_analysed_and_no_more(simulated, capsys):
+    bag = without_velocities(simulated(), ('position', 'effort'))
+    assert main(['analyze', str(bag)]) == 0
+    capsys.readouterr()
+    assert main(['replay', str(bag)]) == 2
+    err = capsys.readouterr().err.splitlines()[-1]
+    assert err.endswith('the bag has no velocities, which estimator.kind auto takes')

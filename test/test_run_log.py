@@ -146,7 +146,7 @@ BROKEN = {
         topics.JOINT_STATES: [(START, layouts.joint_state(('a', 'b', 'c')).encode(START))]},
     'two joints': lambda found: found | {
         topics.JOINT_STATES: [(START, layouts.joint_state(('joint1', 'joint2')).encode(START))]},
-    'no velocities': without_fields,
+    'no efforts': without_fields,
     'broken bytes': lambda found: found | {topics.JOINT_STATES: [(START, b'\0\1\0\0\xff')]},
     'references after the last state': lambda found: found | {
         topics.REFERENCE: [(6 * 10**9, layouts.joint_trajectory(JOINTS).encode(6 * 10**9))]},

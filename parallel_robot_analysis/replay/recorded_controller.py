@@ -10,6 +10,7 @@ import numpy as np
 from parallel_robot_bags.command_states import Used
 from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
+from parallel_robot_base.errors import BagError
 from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
@@ -88,6 +89,16 @@ class RecordedController:
     """
 
     def __init__(self, log: RunLog, configuration: ControlConfiguration) -> None:
+        """Take a run.
+
+        Raises:
+            BagError: it has no velocities, and the estimator takes them.
+        """
+        estimator = configuration.estimator
+        if estimator.takes_velocities and not log.has_velocities:
+            raise BagError(
+                f'the bag has no velocities, which estimator.kind {estimator.kind} takes'
+            )
         self._configuration = configuration
         self._loop, safety = configuration.loop, configuration.safety
         self._oldest = round(safety.reference_timeout / self._loop.period)
@@ -106,7 +117,7 @@ class RecordedController:
         acts = self.stamps if log.used is None else log.used.acts[self._rows]
         self._states = States(
             log.position[self._rows],
-            log.velocity[self._rows],
+            np.nan_to_num(log.velocity[self._rows]),  # as the node takes them, which has none
             dt,
             acts // self._loop.period_ns,
             (acts - self.stamps) / NANOSECONDS,

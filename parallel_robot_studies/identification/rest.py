@@ -32,7 +32,7 @@ class Rest:
     Attributes:
         duration: Length of all phases [s].
         position: [rad], shape (n,).
-        velocity: [rad/s], shape (n,).
+        velocity: [rad/s], shape (n,); NaN where it was not measured.
     """
 
     duration: float
@@ -58,10 +58,11 @@ class Rest:
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""
+        unknown = np.isnan(self.velocity).any()
         return {
             'duration_s': self.duration,
             'position_noise_rad': self.position.tolist(),
-            'velocity_noise_rad_s': self.velocity.tolist(),
+            'velocity_noise_rad_s': None if unknown else self.velocity.tolist(),
         }
 
 
