@@ -1,7 +1,8 @@
 """A process forked from this one: what is imported here costs it nothing.
 
 Only a process without other threads may be forked: the copy lacks them, and waits for ever where
-one of them held a lock. The import of rclpy starts some, of its tracing.
+one of them held a lock. The import of rclpy starts some, of its tracing; that of a custom module
+may start any.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import IO
 
+from parallel_robot_base.cache_directory import PREFIX
 from parallel_robot_base.module_process import die_with_parent, set_name
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
@@ -30,7 +32,8 @@ PAUSE = 0.01  # s, between two looks whether it has ended
 
 def possible() -> bool:
     """Whether this process can be forked."""
-    return 'rclpy' not in sys.modules and threading.active_count() == 1
+    strange = any(name == 'rclpy' or name.startswith(PREFIX) for name in sys.modules)
+    return not strange and threading.active_count() == 1
 
 
 class ForkedProcess:

@@ -55,7 +55,7 @@ Process = subprocess.Popen[Any] | ForkedProcess
 class NodeProcesses:
     """The processes of one run; use as a context manager.
 
-    They are forked from this one, if it has not imported rclpy yet: that takes half the time.
+    They are forked from this one where that is possible, and else start an interpreter.
     """
 
     def __init__(self, parameters: Mapping[str, Mapping[str, Any]], namespace: str = '') -> None:
