@@ -15,6 +15,9 @@ from parallel_robot_base import cache_directory, custom_module, trial_process
 from parallel_robot_base.processes import MODULES, command
 from parallel_robot_cli.command_line import main
 
+pytest_plugins = ['warm_trials']
+pytestmark = pytest.mark.usefixtures('warm_trials')
+
 ROOT = Path(__file__).parents[1]
 ROBOT = (ROOT / 'docs' / 'example_robot.py').read_text()
 TRAJECTORY = (ROOT / 'docs' / 'example_trajectory.py').read_text()

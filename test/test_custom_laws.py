@@ -20,7 +20,8 @@ from parallel_robot_control.array_law import ArrayLaw
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
 
-pytest_plugins = ['ros_fixtures']
+pytest_plugins = ['ros_fixtures', 'warm_trials']
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 
 @pytest.fixture
@@ -76,6 +77,7 @@ def test_classes_of_the_same_names_as_those_of_another_law_are_told_apart(mine):
     first = made.experiment.control.law.memory
     assert type(made.run.memory) is type(first) is not LAWS['pid'].Memory
     assert type(pid.run.memory) is LAWS['pid'].Memory
+    assert type(made.run.memory.integral) is Vector  # it began with an array
 
 
 def test_the_laws_are_switched_to_and_fro(mine):
@@ -87,6 +89,22 @@ def test_the_laws_are_switched_to_and_fro(mine):
         assert sample.status.law == law and sample.status.fault is None
         assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
         assert type(rig.controller.memory) is type(rig.controller.law.memory)
+
+
+def test_the_node_runs_it_or_says_in_one_line_why_not(mine, write, launch, peer):
+    def node(path, law):
+        words = ['-p', f'custom_laws:=["{path}"]', '-p', f'law:={law}', '-p', f'{law}.Kp:=1000']
+        return launch(MODULES['controller'], '--ros-args', *words)
+
+    good = node(mine, 'mine')
+    wrong = node(write('mistaken', ('gains.Kp * e', 'gains.Kq * e')), 'mistaken')
+    laws = peer.listen(topics.ACTIVE_LAW)
+    peer.until(lambda: laws or not good.running)
+    assert laws[-1].data == 'mine'
+    assert wrong.wait() == 2
+    notice, *_, error = wrong.stderr.splitlines()  # between them, how much is compiled
+    assert notice.endswith(NOTICE) and "Unknown attribute 'Kq'" in error
+    assert good.end(signal.SIGINT) == 0
 
 
 def test_the_preset_of_a_law__are_its_defaults_as_numbers(mine):
@@ -242,59 +260,6 @@ def test_a_copy_of_a_law_is_not_compiled_again(write):
     assert modules[0] is modules[1] and modules[0] is not modules[2]
 
 
-def test_the_node_runs_it_or_says_in_one_line_why_not(write, launch, peer):
-    def node(path, law):
-        words = ['-p', f'custom_laws:=["{path}"]', '-p', f'law:={law}', '-p', f'{law}.Kp:=1000']
-        return launch(MODULES['controller'], '--ros-args', *words)
-
-    good = node(write('tuned'), 'tuned')
-    wrong = node(write('mistaken', ('gains.Kp * e', 'gains.Kq * e')), 'mistaken')
-    laws = peer.listen(topics.ACTIVE_LAW)
-    peer.until(lambda: laws or not good.running)
-    assert laws[-1].data == 'tuned'
-    assert wrong.wait() == 2
-    notice, *_, error = wrong.stderr.splitlines()  # between them, how much is compiled
-    assert notice.endswith(NOTICE) and "Unknown attribute 'Kq'" in error
-    assert good.end(signal.SIGINT) == 0
-
-
-FORMULA = 'torque = gains.Kp * e + gains.Ki * memory.integral + gains.Kd * e_dot'
-IN_PLACE = """torque = np.zeros(len(e))
-    for i in range(len(e)):
-        torque[i] = gains.Kp * e[i] + gains.Ki * memory.integral[i] + gains.Kd * e_dot[i]"""
-SLICED = f"""{FORMULA}
-    torque[1:] += 0.0
-    e[:1] *= 1.0"""
-OF_VECTORS = f"""{FORMULA}
-    torque = select(torque == torque, torque, vector((0.0, 0.0, 0.0)))"""
-IMPORTED = """from parallel_robot_compiler import kernel
-from parallel_robot_compiler import select
-from parallel_robot_compiler import vector
-"""
-
-
-def test_a_law_that_works_with_arrays_has_the_bits_of_one_with_vectors(mine, write):
-    expected = simulated(values_of(mine, duration=1.0))
-    assert type(expected.run.memory.integral) is Vector
-    for name, text in (('in_place', IN_PLACE), ('sliced', SLICED)):
-        made = simulated(values_of(write(name, (FORMULA, text)), duration=1.0))
-        assert type(made.experiment.control.law.constants.value) is ArrayLaw
-        assert type(made.run.memory.integral) is np.ndarray
-        assert np.array_equal(made.run.command, expected.run.command)
-        assert np.array_equal(made.run.memory.integral, expected.run.memory.integral)
-
-
-def test_a_law_may_make_vectors_which_only_the_trial_with_other_joints_refuses(mine, write):
-    path = write('made', (FORMULA, OF_VECTORS), (IMPORTED.splitlines()[0] + '\n', IMPORTED))
-    values = values_of(path, duration=1.0)
-    prepared = prepare('made', values)
-    assert prepared.constants.value is prepared.gains
-    (warning,) = prepared.warnings
-    assert warning.startswith('made: written for 3 joints; with 1: ')
-    expected = simulated(values_of(mine, duration=1.0))
-    assert np.array_equal(simulated(values).run.command, expected.run.command)
-
-
 ADVISED = """
 from typing import Annotated, NamedTuple
 
@@ -302,7 +267,7 @@ import numpy as np
 
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import kernel
-from parallel_robot_compiler import multiply
+from parallel_robot_compiler import multiply, select, vector
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_control.coupling import coupling
@@ -321,7 +286,7 @@ class Memory(NamedTuple):
 
 
 def initial_memory(joints):
-    return Memory(zero_integral(joints), zero_integral(joints))
+    return Memory(Integral(np.zeros(joints), np.zeros(joints)), zero_integral(joints))
 
 
 @kernel
@@ -339,29 +304,54 @@ def update(gains, model, reference, feedback, memory, dt):
 """
 
 
-def test_all_that_the_suite_offers_to_a_law_works_with_vectors_and_with_arrays(tmp_path):
-    runs = []
-    for name, line in (('of_vectors', 'pass'), ('of_arrays', 'torque[0] += 0.0')):
-        path = tmp_path / f'{name}.py'
-        path.write_text(ADVISED.replace('AS_IT_IS', line))
-        limits = {'safety.torque_limit': 5.0, 'duration': 1.0}
-        runs.append(simulated(values_of(path, **limits)))
-    of_vectors, of_arrays = runs
-    assert type(of_vectors.run.memory.ring.value) is Vector
-    assert type(of_arrays.run.memory.ring.value) is np.ndarray
+MAKES_VECTORS = 'torque = select(torque == torque, torque, vector((0.0, 0.0, 0.0)))'
+USES_ARRAYS = """formula = torque
+    torque = np.zeros(len(e))
+    for i in range(len(e)):
+        torque[i] = formula[i]
+    torque[1:] += 0.0
+    e[:1] *= 1.0"""
+
+
+@pytest.fixture(scope='module')
+def advised(tmp_path_factory):
+    """Two law files of one formula, compiled once: one makes vectors, one works with arrays."""
+    made = {'of_vectors': MAKES_VECTORS, 'of_arrays': USES_ARRAYS}
+    folder = tmp_path_factory.mktemp('advised')
+    for name, lines in made.items():
+        (folder / f'{name}.py').write_text(ADVISED.replace('AS_IT_IS', lines))
+    return [folder / f'{name}.py' for name in made]
+
+
+def test_all_that_the_suite_offers_to_a_law_works_with_vectors_and_with_arrays(advised):
+    limits = {'safety.torque_limit': 5.0, 'duration': 1.0}
+    of_vectors, of_arrays = (simulated(values_of(path, **limits)) for path in advised)
+    laws = [made.experiment.control.law for made in (of_vectors, of_arrays)]
+    assert laws[0].constants.value is laws[0].gains
+    assert type(laws[1].constants.value) is ArrayLaw
+    for memory, kind in ((of_vectors.run.memory, Vector), (of_arrays.run.memory, np.ndarray)):
+        assert {type(row) for integral in memory for row in integral} == {kind}
     assert of_vectors.run.acted.any()  # the integrals were held, too
     assert np.array_equal(of_vectors.run.command, of_arrays.run.command)
+    for one, other in zip(of_vectors.run.memory, of_arrays.run.memory, strict=True):
+        assert np.array_equal(np.array(tuple(one)), np.array(tuple(other)))
 
 
-def test_a_law_with_arrays_is_switched_to_and_fro_and_keeps_its_memory(write):
-    rig = Rig('lockstep', law='pid', custom_laws=[str(write('placed', (FORMULA, IN_PLACE)))])
-    for law in ('placed', 'pid', 'placed'):
+def test_only_the_trial_with_other_joints_refuses_vectors_that_a_law_makes(advised):
+    (warning,) = prepare('of_vectors', values_of(advised[0])).warnings
+    assert warning.startswith('of_vectors: written for 3 joints; with 1: ')
+    assert prepare('of_arrays', values_of(advised[1])).warnings == ()
+
+
+def test_a_law_with_arrays_is_switched_to_and_fro_and_keeps_its_memory(advised):
+    rig = Rig('lockstep', law='pid', custom_laws=[str(advised[1])])
+    for law in ('of_arrays', 'pid', 'of_arrays'):
         before = rig.run(20).torque
         rig.change(law=law)
         sample = rig.step()
         assert sample.status.law == law and sample.status.fault is None
         assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
-    integral = rig.run(20) and rig.controller.memory.integral.copy()
-    rig.change(placed__Kp=1000.0)
+    integral = rig.run(20) and rig.controller.memory.error.value.copy()
+    rig.change(of_arrays__Kp=300.0)
     rig.step()
-    assert 0.0 < np.abs(rig.controller.memory.integral - integral).max() < 1e-4
+    assert 0.0 < np.abs(rig.controller.memory.error.value - integral).max() < 1e-4

@@ -1,12 +1,12 @@
 """A robot from a file of the user's: it runs everywhere, and a wrong one costs one line."""
 
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_rerun import by_hand
+from untried import detach, forget
 from vectors import OnVectors
 
 from parallel_robot_bags import history, run_log
@@ -14,6 +14,9 @@ from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.contract import FOUND
+
+pytest_plugins = ['warm_trials']
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
 CHANGES = {'custom_robots': [str(EXAMPLE)], 'robot_model': 'example_robot', 'duration': 3.0}
@@ -142,30 +145,41 @@ def test_a_wrong_file_costs_one_line(change, reason, tmp_path, capsys):
     assert err.count('\n') == 1 and reason in err
 
 
-@pytest.fixture
-def gone(tmp_path, monkeypatch, capsys):
-    """A bag of a custom robot, and the place where the file of the robot was."""
-    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
-    robot = tmp_path / 'elsewhere' / 'mine.py'
-    robot.parent.mkdir()
-    robot.write_text(EXAMPLE.read_text())
-    named = ['--set', f'custom_robots=[{robot}]', '--set', 'robot_model=mine']
-    words = [*named, '--set', 'robot.tool=3', '--duration', '0.1', *POSE]
-    assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 0
+@pytest.fixture(scope='module')
+def recorded(tmp_path_factory):
+    """A directory with a bag of a custom robot, whose file is gone.
+
+    It is a copy of the example, so that both are compiled once.
+    """
+    directory = tmp_path_factory.mktemp('recorded')
+    robot = Path(shutil.copy(EXAMPLE, directory))
+    words = ['--set', f'custom_robots=[{robot}]', '--set', 'robot_model=example_robot']
+    words += ['--set', 'robot.tool=3', '--duration', '0.1', *POSE]
+    assert main(['simulate', 'paper_circle', *words, '--out', str(directory / 'bag')]) == 0
     robot.unlink()
-    capsys.readouterr()
-    return tmp_path / 'bag', robot
+    return directory
+
+
+@pytest.fixture
+def gone(recorded, tmp_path, monkeypatch, capsys):
+    """A copy of the bag, beside which the test runs, and the place where the file was."""
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(recorded / 'bag', tmp_path / 'bag')
+    robot = recorded / 'example_robot.py'
+    yield tmp_path / 'bag', robot
+    robot.unlink(missing_ok=True)
 
 
 def test_it_comes_from_the_bag(gone, capsys):
     bag, _ = gone
-    assert history.read(bag).sources['custom_robots'] == {'mine': EXAMPLE.read_bytes()}
+    assert history.read(bag).sources['custom_robots'] == {'example_robot': EXAMPLE.read_bytes()}
     again = bag.with_name('again')
     assert main(['rerun', str(bag), '--trust', '--out', str(again)]) == 0
     assert main(['replay', str(bag), '--trust']) == 0
     out, err = capsys.readouterr()
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
-    assert 'runs the code of mine, which the bag holds' in err
+    assert 'runs the code of example_robot, which the bag holds' in err
     assert history.read(again).sources == history.read(bag).sources
     assert run_log.read(again).config['robot.tool'] == 3.0
 
@@ -193,17 +207,20 @@ def test_the_code_of_the_bag_is_refused_in_one_line(command, gone, capsys):
     assert main([command, str(bag)]) == 2
     out, err = capsys.readouterr()
     assert out == '' and err.count('\n') == 1
-    assert f'{bag} holds the code of the robot mine, which would run' in err and '--trust' in err
+    assert (
+        f'{bag} holds the code of the robot example_robot, which would run' in err
+        and '--trust' in err
+    )
 
 
 def test_another_file_takes_the_place_of_that_in_the_bag(gone, capsys):
     bag, robot = gone
-    wrong = robot.with_name('wrong') / 'mine.py'
+    wrong = bag.with_name('wrong') / robot.name
     wrong.parent.mkdir()
     wrong.write_text(EXAMPLE.read_text().replace('return 2', 'return 1 // 0'))
     assert main(['replay', str(bag), '--set', f'custom_robots=[{wrong}]']) == 2
     err = capsys.readouterr().err
-    assert 'mine: ZeroDivisionError' in err and 'runs the code' not in err
+    assert 'example_robot: ZeroDivisionError' in err and 'runs the code' not in err
     robot.write_text(EXAMPLE.read_text())
     assert main(['replay', str(bag), '--set', f'custom_robots=[{robot}]']) == 0
     assert 'difference of torques' in capsys.readouterr().out
@@ -233,46 +250,34 @@ def test_a_bag_recorded_by_hand_holds_the_robot_of_its_controller(gone, tmp_path
 
 @pytest.mark.parametrize('attached', [True, False])
 @pytest.mark.parametrize('command', ['analyze', 'replay', 'rerun', 'report', 'export'])
-def test_a_file_that_a_bag_only_names_is_not_loaded(command, attached, gone, tmp_path):
+def test_a_file_that_a_bag_only_names_is_not_loaded(
+    command, attached, gone, tmp_path, monkeypatch, capsys
+):
     bag, robot = gone
-    mark = tmp_path / 'ran'
-    robot.write_text(f'open({str(mark)!r}, "w")\n' + EXAMPLE.read_text())
+    robot.write_text('open("ran", "w")\n' + EXAMPLE.read_text())
     if not attached:
-        (file,) = bag.glob('*.mcap')
-        data = file.read_bytes()
-        assert b'custom_robots/mine' in data
-        file.write_bytes(data.replace(b'custom_robots/mine', b'custom_robotz/mine'))
+        detach(bag, 'custom_robots', 'example_robot')
+    forget(monkeypatch)
     out = {'report': 'report.html', 'export': 'table.csv'}.get(command)
-    module = 'parallel_robot_cli.command_line'
-    done = subprocess.run(
-        [
-            sys.executable,
-            '-m',
-            module,
-            command,
-            str(bag),
-            *(['--out', str(tmp_path / out)] if out else []),
-        ],
-        capture_output=True,
-        text=True,
-        cwd=Path(__file__).parents[1],
-    )
-    assert not mark.exists()
+    code = main([command, str(bag), *(['--out', out] if out else [])])
+    err = capsys.readouterr().err
+    assert not Path('ran').exists() and 'runs the code' not in err
     runs = command in ('replay', 'rerun')
-    assert done.returncode == (2 if runs else 0) and 'Traceback' not in done.stderr
+    assert code == (2 if runs else 0)
     if runs:
-        reason = 'holds the code of the robot mine' if attached else 'does not hold the robot mine'
-        assert reason in done.stderr
+        robot = 'the robot example_robot'
+        assert (f'holds the code of {robot}' if attached else f'does not hold {robot}') in err
 
 
-def test_a_file_that_a_controller_named_is_not_loaded(gone, tmp_path, capsys):
+def test_a_file_that_a_controller_named_is_not_loaded(gone, tmp_path, monkeypatch, capsys):
     bag, robot = gone
     controller = run_log.read(bag).config | {'custom_robots': [str(robot)]}
     lines = by_hand(tmp_path / 'hand', bag, plant=controller, controller=controller)
     assert lines == [f'the robot file {robot} is not on this machine']
-    robot.write_text(f'open({str(tmp_path / "ran")!r}, "w")\n' + EXAMPLE.read_text())
+    robot.write_text('open("ran", "w")\n' + EXAMPLE.read_text())
+    forget(monkeypatch)
     capsys.readouterr()
     for command in ('replay', 'rerun'):
         assert main([command, str(tmp_path / 'hand'), '--trust']) == 2
-        assert 'does not hold the robot mine' in capsys.readouterr().err
-    assert not (tmp_path / 'ran').exists()
+        assert 'does not hold the robot example_robot' in capsys.readouterr().err
+    assert not Path('ran').exists()
