@@ -15,8 +15,7 @@ from parallel_robot_base import cache_directory, custom_module, trial_process
 from parallel_robot_base.processes import MODULES, command
 from parallel_robot_cli.command_line import main
 
-pytest_plugins = ['warm_trials']
-pytestmark = pytest.mark.usefixtures('warm_trials')
+pytest_plugins = ['ros_fixtures']
 
 ROOT = Path(__file__).parents[1]
 ROBOT = (ROOT / 'docs' / 'example_robot.py').read_text()
@@ -95,26 +94,27 @@ def test_in_every_command(name, tmp_path, capsys):
         ('controller', 'custom_trajectories'),
     ],
 )
-def test_in_a_node(node, key, tmp_path):
+def test_in_a_node(node, key, launch, domain, tmp_path):
     file = written(tmp_path, 'leaves', 'os._exit(0)', TEXTS[key])
     words = ['--ros-args', '-p', f'{key}:=["{file}"]', '-p', 'robot_model:=leaves']
     words = words if key == 'custom_robots' else words[:3]
-    done = subprocess.run(command(MODULES[node], *words), capture_output=True, text=True)
-    assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if 'so far' not in line]
+    process = launch(MODULES[node], *words)
+    assert process.wait() == 2
+    (line,) = [line for line in process.stderr.splitlines() if 'so far' not in line]
     assert line == f'parallel_robot: {key}: {file}: its import ends the process with code 0'
 
 
 @pytest.mark.parametrize('name', ['replay', 'rerun'])
 def test_of_a_bag(name, tmp_path, capsys, monkeypatch):
-    file = written(tmp_path, 'moody', 'os.environ.get("DEADLY") and os._exit(0)')
-    words = ['--law', 'moody', '--set', f'custom_laws=[{file}]', '--out', str(tmp_path / 'bag')]
-    assert main(['simulate', 'paper_circle', *SHORT, *words]) == 0
+    file = written(tmp_path, 'moody', 'os.environ.get("DEADLY") and os._exit(0)', TRAJECTORY)
+    words = ['--set', f'custom_trajectories=[{file}]', '--set', 'trajectory.shape=moody']
+    out = str(tmp_path / 'bag')
+    assert main(['simulate', 'paper_circle', *SHORT, *words, '--out', out]) == 0
     capsys.readouterr()
     monkeypatch.setenv('DEADLY', '1')
     monkeypatch.setattr(custom_module, '_loaded', {})
     monkeypatch.setattr(cache_directory, 'marked', lambda _: None)  # as on another machine
-    assert main([name, str(tmp_path / 'bag'), '--trust']) == 2
+    assert main([name, out, '--trust']) == 2
     *_, line = capsys.readouterr().err.splitlines()
     assert 'moody.py: its import ends the process with code 0' in line
 
@@ -150,20 +150,20 @@ def test_one_that_exits_later_costs_one_line(tmp_path, capsys):
 
 
 def test_one_that_computes_for_ever_is_stopped(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(trial_process, 'WHOLE', 5)
+    monkeypatch.setattr(trial_process, 'WHOLE', 1)
     file = written(tmp_path, 'endless', 'while True: pass')
     line = refused(['compare', 'paper_circle', '--set', f'custom_laws=[{file}]'], capsys)
-    assert f'{file}: its import does not return within 5 s of processor time' in line
+    assert f'{file}: its import does not return within 1 s of processor time' in line
 
 
 def test_one_that_waits_for_ever_is_named_and_stopped(tmp_path, capsys, monkeypatch, caplog):
-    monkeypatch.setattr(trial_process, 'LONGEST', 5.0)
+    monkeypatch.setattr(trial_process, 'LONGEST', 1.0)
     monkeypatch.setattr(custom_module, 'SLOW', 0.1)
     file = written(tmp_path, 'waiting', 'time.sleep(1e4)')
     with caplog.at_level(logging.WARNING, 'parallel_robot'):
         line = refused(['compare', 'paper_circle', '--set', f'custom_laws=[{file}]'], capsys)
     assert caplog.messages == [f'loading {file} has taken 0.1 s so far']
-    assert re.search(r'(its import|its trial) does not return within 5 s', line)
+    assert re.search(r'(its import|its trial) does not return within 1 s', line)
 
 
 def test_what_it_starts_there_is_ended(tmp_path, capsys):

@@ -136,11 +136,13 @@ def _be_trial(descriptor, words, environment, folder):
 
 
 def _warm():
-    """Import what trials import, and try a law, so that the compiler has begun once."""
+    """Import what trials import; where code is run, try a law, so that the compiler is ready."""
     from custom_law import LAW
 
     for name in MODULES:
         importlib.import_module(name)
+    if SETTINGS[0] not in os.environ:
+        return
     with tempfile.TemporaryDirectory() as folder, open(os.devnull, 'wb') as silence:
         file = Path(folder, 'law.py')
         file.write_text(LAW)
