@@ -15,7 +15,6 @@ from parallel_robot_control import faults
 from parallel_robot_control.faults import STATES_STALE
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 ROOT = Path(__file__).parents[1]
 FAULTS = ROOT / 'benchmarks' / 'faults.py'

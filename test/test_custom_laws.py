@@ -21,7 +21,10 @@ from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
-pytestmark = pytest.mark.usefixtures('warm_trials')
+pytestmark = [
+    pytest.mark.usefixtures('warm_trials'),
+    pytest.mark.xdist_group('custom_laws'),  # compiled once for all
+]
 
 
 @pytest.fixture

@@ -16,7 +16,10 @@ from parallel_robot_model.configuration import robot_of
 from parallel_robot_model.contract import FOUND
 
 pytest_plugins = ['warm_trials']
-pytestmark = pytest.mark.usefixtures('warm_trials')
+pytestmark = [
+    pytest.mark.usefixtures('warm_trials'),
+    pytest.mark.xdist_group('custom_robots'),  # compiled once for all
+]
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
 CHANGES = {'custom_robots': [str(EXAMPLE)], 'robot_model': 'example_robot', 'duration': 3.0}

@@ -16,7 +16,10 @@ from parallel_robot_control.configuration import resolve
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
-pytestmark = pytest.mark.usefixtures('warm_trials')
+pytestmark = [
+    pytest.mark.usefixtures('warm_trials'),
+    pytest.mark.xdist_group('custom_trajectories'),  # compiled once for all
+]
 
 COMMAND_LINE = 'parallel_robot_cli.command_line'
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_trajectory.py'

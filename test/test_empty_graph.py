@@ -36,7 +36,6 @@ def test_messages_are_as_long_as_the_suites(benchmarks, tmp_path):
         assert set(lengths[-1:]) == {len(BYTES[topic])}, topic.name
 
 
-@pytest.mark.xdist_group('processes')  # it runs in real time
 def test_all_messages_come_to_the_bag(benchmarks, domain, tmp_path):
     from empty_graph import ROLES
     from empty_node import BYTES

@@ -16,7 +16,6 @@ from parallel_robot_base.processes import MODULES
 from parallel_robot_control.configuration import configure
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 RAMP = 200.0  # N m/s, of SLOW_LOOP
 

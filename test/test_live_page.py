@@ -13,7 +13,7 @@ from parallel_robot_base.processes import MODULES
 from parallel_robot_cli.command_line import main
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')
+pytestmark = pytest.mark.xdist_group('live_page')  # one loop for all
 
 LIVE = ('parallel_robot_cli', 'live', '--port', '0')
 SET = [word for one in SLOW_LOOP for word in ('--set', one.replace(':=', '='))]

@@ -32,7 +32,6 @@ from parallel_robot_control.controller_io import JointSample
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 NAMES = list(MODULES)
 PATIENT = [*SLOW_LOOP, 'plant.command_timeout:=60.0']

@@ -22,7 +22,6 @@ from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import configure
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
 
 COMMAND_LINE = 'parallel_robot_cli.command_line'
 
@@ -128,20 +127,19 @@ def test_a_node_that_dies_ends_the_run(begin, tmp_path):
     check_end(tmp_path / 'bag', nodes)
 
 
-HASTY = (
-    'import sys\n'
-    'from parallel_robot_cli.command_line import main\n'
-    'from parallel_robot_cli.commands import run\n'
-    'run.STANDSTILL = 5.0\n'
-    'sys.exit(main())\n'
-)
+HASTY = """
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import run
+
+run.STANDSTILL = 2.0
+"""
 
 
 def test_a_controller_that_is_stopped_is_named(launch, domain, tmp_path):
     (tmp_path / 'hasty.py').write_text(HASTY)
     process = launch(
         'hasty', 'run', 'paper_circle', '--duration', 600, '--time-mode', 'lockstep',
-        '--out', 'bag', fresh=True, PYTHONPATH=f'{ROOT}:{tmp_path}',
+        '--out', 'bag', PYTHONPATH=f'{ROOT}:{tmp_path}',
     )  # fmt: skip
     nodes = under_way(process, tmp_path / 'bag')
     signal.pidfd_send_signal(nodes[MODULES['controller']].descriptor, signal.SIGSTOP)
@@ -203,7 +201,7 @@ def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
 def test_a_signal_while_a_report_is_drawn_leaves_nothing_of_it(name, launch, tmp_path):
     assert launch(COMMAND_LINE, 'simulate', 'paper_circle', '--out', 'bag').wait() == 0
-    process = launch('parallel_robot_cli', 'report', 'bag', '--out', 'report', fresh=True)
+    process = launch('parallel_robot_cli.__main__', 'report', 'bag', '--out', 'report')
     process.until(lambda: [*tmp_path.glob('.report.*/report/report.html')])
     assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
     assert process.stderr == ''
@@ -244,7 +242,7 @@ def test_a_signal_before_the_motion_begins_leaves_nothing(begin, tmp_path):
 
 @pytest.mark.skipif(not Path('/proc/self/stat').exists(), reason='needs Linux')
 def test_no_node_outlives_its_supervisor(begin, tmp_path):
-    process = begin('bag', fresh=True)
+    process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
     assert process.end(signal.SIGKILL) == -signal.SIGKILL
     check_end(tmp_path / 'bag', nodes)

@@ -16,7 +16,7 @@ from parallel_robot_control import faults
 from parallel_robot_control.faults import EMERGENCY_STOP, STATES_DISAGREE, STATES_STALE
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')  # one after the other: they run in real time
+pytestmark = pytest.mark.xdist_group('safety_nodes')  # one loop for all
 
 LATE = 400  # samples by which a command may come late, on a busy machine
 ENOUGH = 100  # samples that show how it stays

@@ -1,6 +1,5 @@
 """The command `top` beside real nodes."""
 
-import pytest
 from ros_fixtures import PATIENCE, SLOW_LOOP, until
 
 from parallel_robot_base.processes import MODULES
@@ -11,7 +10,6 @@ from parallel_robot_cli.top.robots import Robots
 from parallel_robot_cli.top.ros_graph import RosGraph
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('processes')
 
 
 def test_a_running_loop_is_shown_and_obeys(launch, peer, capsys, monkeypatch):

@@ -46,6 +46,7 @@ def _become(module, words, environment):
     os.environ.clear()
     os.environ.update(environment)
     own = {str(ROOT), str(ROOT / 'test'), str(ROOT / 'benchmarks')}
-    sys.path[:] = [str(ROOT), *(entry for entry in sys.path if entry not in own)]
+    first = environment['PYTHONPATH'].split(os.pathsep)
+    sys.path[:] = [*first, *(entry for entry in sys.path if entry not in own)]
     sys.argv = [module, *words]
     return importlib.import_module(module).main()
