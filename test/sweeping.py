@@ -8,16 +8,18 @@ from parallel_robot_studies.sweep.plan import plan
 from parallel_robot_studies.sweep.sweep import sweep
 from parallel_robot_studies.sweep.tasks import run_task
 
-TEXT = """
+RUNS = 16
+ROWS = 2 * RUNS
+TEXT = f"""
 scenarios: [paper_circle]
 laws: [smc, computed_torque]
-runs: 40
+runs: {RUNS}
 seed: 3
 duration: 0.2
 uncertainty:
-  true_robot.m1: {distribution: uniform, relative: 0.2}
-  friction.viscous: {distribution: log_uniform, factor: [0.5, 2.0], common: true}
-  plant.integrator: {distribution: choice, values: [ode3, rk4]}
+  true_robot.m1: {{distribution: uniform, relative: 0.2}}
+  friction.viscous: {{distribution: log_uniform, factor: [0.5, 2.0], common: true}}
+  plant.integrator: {{distribution: choice, values: [ode3, rk4]}}
 """
 FAILING = """
 scenarios: [paper_circle]
