@@ -1,6 +1,6 @@
 """Gives hostile bags to a command, one after the other, in a process whose end says enough.
 
-Usage: python hostile_reader.py COMMAND SECONDS GIGABYTES OUT BAG...
+Its words: COMMAND SECONDS GIGABYTES OUT BAG...
 """
 
 import contextlib
@@ -19,7 +19,7 @@ from parallel_robot_bags.player import Player, PlayerOptions
 from parallel_robot_bags.printable_output import LONGEST_LINE
 from parallel_robot_base.errors import ParallelRobotError, RunError
 from parallel_robot_base.printable import printable
-from parallel_robot_cli.command_line import main
+from parallel_robot_cli import command_line
 from parallel_robot_cli.commands import run
 
 WORDS = {
@@ -68,7 +68,10 @@ def no_nodes(*_):
 
 
 COMMANDS = {
-    **{name: lambda bag, out, words=words: main(words(bag, out)) for name, words in WORDS.items()},
+    **{
+        name: lambda bag, out, words=words: command_line.main(words(bag, out))
+        for name, words in WORDS.items()
+    },
     'log': one_line(run_log.read),
     'history': one_line(history.read),
     'player': one_line(play),
@@ -107,7 +110,8 @@ def try_one(command, bag, out, seconds):
     }
 
 
-if __name__ == '__main__':
+def main():
+    """Read bags in this process, which has no more than that of time and memory."""
     command, seconds, gigabytes, out, *bags = sys.argv[1:]
     limit = int(float(gigabytes) * 2**30)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -6,8 +6,6 @@ quick commands, and some meet all.
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import hostile_bags
@@ -15,6 +13,7 @@ import numpy as np
 import pandas
 import pytest
 from bags import content, full_disk
+from warm_process import WarmProcess
 
 from parallel_robot_analysis.report import runs
 from parallel_robot_bags import history, recovery, run_log
@@ -76,16 +75,18 @@ def contents(directory):
 
 def answers(command, bags, out):
     """What the command says of each bag; what is not said is why its process ended."""
-    words = [sys.executable, ROOT / 'test' / 'hostile_reader.py', command]
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'TMPDIR': str(out)}
-    done = subprocess.run(
-        [*words, str(SECONDS), str(GIGABYTES), out, *bags],
-        capture_output=True, text=True, env=environment,
-    )  # fmt: skip
-    lines = [json.loads(line) for line in done.stdout.splitlines() if line[:2] == '["']
+    files = [out.with_name(name) for name in ('stdout', 'stderr')]
+    for file in files:
+        file.touch()
+    path = os.pathsep.join((str(ROOT), str(ROOT / 'test')))
+    environment = {**os.environ, 'PYTHONPATH': path, 'TMPDIR': str(out)}
+    words = [command, str(SECONDS), str(GIGABYTES), str(out), *map(str, bags)]
+    code = WarmProcess('hostile_reader', words, out, environment, files).wait()
+    said, errors = (file.read_text() for file in files)
+    lines = [json.loads(line) for line in said.splitlines() if line[:2] == '["']
     found = [value for kind, value in lines if kind == 'end']
-    assert done.returncode == 0 and len(found) == len(bags), (
-        f'{command} ended with {done.returncode} at {bags[len(found)]}: {done.stderr[-2000:]}'
+    assert code == 0 and len(found) == len(bags), (
+        f'{command} ended with {code} at {bags[len(found)]}: {errors[-2000:]}'
     )
     return found
 
