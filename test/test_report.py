@@ -11,7 +11,7 @@ from browser import requests, started
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot_analysis.report import page, runs
+from parallel_robot_analysis.report import page, paper_figures, runs
 from parallel_robot_analysis.report.charts import charts
 from parallel_robot_analysis.report.paper_figures import draw
 from parallel_robot_base import topics
@@ -120,7 +120,8 @@ def test_errors_are_magnitudes_where_a_good_law_would_look_like_zero(bags, tmp_p
         both[1].logarithmic('lin')
 
 
-def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path):
+def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path, monkeypatch):
+    monkeypatch.setattr(paper_figures, 'FORMATS', ())
     words = ['report', str(bags[1]), '--scale', 'linear', '--out', str(tmp_path / 'out')]
     assert main(words) == 0
     text = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
@@ -181,7 +182,8 @@ def test_cross_coupling_errors_are_those_of_the_controller(bags):
     np.testing.assert_allclose(run.cross_coupling.values, error + 0.9 * integral, atol=6e-4)
 
 
-def test_a_bag_of_another_tool(foreign, tmp_path, capsys):
+def test_a_bag_of_another_tool(foreign, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(paper_figures, 'FORMATS', ('svg',))
     assert main(['report', str(foreign), '--out', str(tmp_path / 'out')]) == 0
     assert 'no cross-coupling error' in capsys.readouterr().out
     text = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
@@ -233,7 +235,8 @@ def test_whoever_recorded_it_the_report_is_the_same(kind, short, tmp_path):
     assert f'>{count}<' in page.render(groups, {'unknown': charts([found])})
 
 
-def test_a_cut_and_a_split_bag_are_compared(short, tmp_path):
+def test_a_cut_and_a_split_bag_are_compared(short, tmp_path, monkeypatch):
+    monkeypatch.setattr(paper_figures, 'FORMATS', ('svg',))
     cut(tmp_path / 'cut', short[1])
     split(tmp_path / 'split', short[1])
     bags = [str(tmp_path / 'cut'), str(tmp_path / 'split')]
