@@ -13,7 +13,7 @@ from parallel_robot_ros.diagnostics import STATE_INDEX
 pytest_plugins = ['ros_fixtures']
 
 JOINTS = [f'joint{k}' for k in (1, 2, 3)]
-MESSAGES = 100  # of each kind
+MESSAGES = 30  # of each kind
 NEAR = [1.0, 2.0, 3.0]  # rad
 CASES = {  # stamp of the stranger's state after one of the plant's
     'as it is': lambda sec, nanosec: (sec, nanosec),

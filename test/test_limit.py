@@ -16,7 +16,7 @@ from parallel_robot_studies.limit.coordinates import coordinates_of
 from parallel_robot_studies.limit.linear_motion import LinearMotion, linearise
 from parallel_robot_studies.limit.prediction import Noise, errors, least, noise_of
 from parallel_robot_studies.sweep import study
-from parallel_robot_studies.sweep.plan import plan
+from parallel_robot_studies.sweep.plan import Plan, plan
 from parallel_robot_studies.sweep.run_chunk import run_chunk
 
 PERIOD = 1e-3  # s
@@ -197,10 +197,12 @@ def test_what_the_limit_counts_as_noise():
 
 @pytest.mark.parametrize('name', STUDIES)
 def test_no_law_is_below_the_limit(name):
-    """A robot of each scenario of a study that is shipped, over its whole duration."""
+    """A robot of each scenario of a study that is shipped, which can be planned, all along."""
     file = study.file_of(name)
     asked = study.parse(study.read(file), str(file), file.parent)
     planned = plan(asked.changed(asked.scrambles, {}))
+    whole = Plan(asked, planned.cases)
+    assert whole.row(whole.count - 1).drawn
     below = []
     for case in range(len(planned.cases)):
         rows = planned.rows(case, 0, 1)

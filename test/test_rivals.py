@@ -233,7 +233,7 @@ def test_every_error_vanishes_before_the_settling_time_whatever_it_was():
     """Errors over five decades, a load at the bound that switches: one time for all of them."""
     start = np.array([1e-2, -0.1, 1.0, -10.0, 100.0, 1000.0])
     joints = Joints(fixed_time_smc, SHARP, np.eye(6), start)
-    dt = 1e-4
+    dt = 2e-4
     found = settled(joints, 4.5, lambda t: 0.99 * SHARP.G * np.sign(np.sin(9 * t)), dt, 5e-3)
     assert found.max() < sum(times(SHARP))
     assert found[-1] < 1.2 * found[-3]  # a hundred times as far, hardly later
@@ -258,7 +258,7 @@ def test_on_the_surface_the_time_is_the_integral_of_the_motion(start):
 
     exact, bound = quad(slowness, 0.0, start)[0], times(SHARP)[1]
     joints = Joints(fixed_time_smc, SHARP, 1.0, start, -1 / slowness(start))
-    found = settled(joints, 2.5, lambda t: 0.0, 1e-4, 1e-5)[0]
+    found = settled(joints, 1.5 * exact, lambda t: 0.0, 1e-4, 1e-5)[0]
     assert found == pytest.approx(exact, rel=0.02)
     assert exact < bound
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from parallel_robot_base import config
 from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
@@ -214,14 +213,6 @@ def test_a_file_that_is_not_text(tmp_path, capsys):
     (tmp_path / 'study.yaml').write_bytes(b'\xff\xfe\x00')
     assert main(['sweep', str(tmp_path / 'study.yaml'), '--out', str(tmp_path / 'out')]) == 2
     assert 'is not text in UTF-8' in capsys.readouterr().err
-
-
-def test_every_study_of_the_suite_can_be_planned():
-    files = sorted((config.directory() / 'studies').glob('*.yaml'))
-    assert files
-    for file in files:
-        found = plan(study.parse(file.read_text()))
-        assert found.row(found.count - 1).drawn
 
 
 POINTS = np.random.default_rng(0).random(2000)

@@ -1,5 +1,6 @@
 """Vectors against the scalar kernel, element by element, to the bit."""
 
+import functools
 import math
 import operator
 import sys
@@ -52,11 +53,13 @@ def name_of(function):
     return f'{getattr(function, "__module__", "")}.{function.__name__}'
 
 
+@functools.cache
 def unary(function):
     text = 'lambda a: -a' if function is operator.neg else 'lambda a: f(a)'
     return compiled(text, f=function)
 
 
+@functools.cache
 def binary(function):
     symbol = SYMBOLS.get(function)
     return compiled(f'lambda a, b: a {symbol} b' if symbol else 'lambda a, b: f(a, b)', f=function)
