@@ -25,7 +25,7 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
     *('config', 'custom_import', 'custom_laws', 'custom_robots', 'custom_trajectories'),
     *('docs', 'empty_graph', 'forked_process', 'foxglove'),
     *('hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache'),
-    *('life_cycle',),
+    *('life_cycle', 'limit'),
     *(
         'live_page',
         'lockstep',

@@ -49,11 +49,6 @@ def start(launch, domain):
     return start
 
 
-def test_what_runs_in_real_time_has_no_rival(request):
-    if getattr(request.config.option, 'loadgroup', False):  # pytest-xdist, in a worker
-        assert request.node.nodeid.endswith('@processes')
-
-
 def trouble(process):
     """What a user would have to read as an error."""
     return [line for line in process.stderr.splitlines() if 'Traceback' in line or 'Error' in line]
