@@ -94,7 +94,10 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     ends = np.cumsum(sizes)
     rows = whole[np.repeat(starts - (ends - sizes), sizes) + np.arange(ends[-1])]
 
-    ahead = _median(ends - np.searchsorted(heard, times, side='right'))
+    ahead = ends - np.searchsorted(heard, times, side='right')
+    # The last command may be logged after its record: what comes after all of them counts, too.
+    after = int(np.median([*ahead[-2:][[0, -1]], ends[-1] - len(heard)]))
+    ahead = _median(ahead, after)
     free = np.maximum.accumulate(np.concatenate([[0], ends - ahead]))[:-1]
     command = np.arange(len(rows)) - np.repeat(ahead, sizes)
     found = (command >= np.repeat(free, sizes)) & (command < len(heard))
@@ -112,9 +115,10 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     )
 
 
-def _median(values: np.ndarray) -> np.ndarray:
-    """Median of the neighbours of each value; the first and the last stand for those beyond."""
-    around = np.pad(values, NEIGHBOURS // 2, mode='edge')
+def _median(values: np.ndarray, after: int) -> np.ndarray:
+    """Median of the neighbours of each value; the first and `after` stand for those beyond."""
+    beyond = NEIGHBOURS // 2
+    around = np.concatenate([np.full(beyond, values[0]), values, np.full(beyond, after)])
     windows = np.lib.stride_tricks.sliding_window_view(around, NEIGHBOURS)
     return np.partition(windows, NEIGHBOURS // 2)[:, NEIGHBOURS // 2]
 
