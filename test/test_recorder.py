@@ -300,6 +300,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         from pathlib import Path
         from parallel_robot_bags.recorder import Recorder
         from parallel_robot_base import config, layouts, topics
+        from parallel_robot_base.groups import group
         from parallel_robot_base.loop import LoopParameters
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))

@@ -179,4 +179,4 @@ def design(values: Mapping[str, Any], trials: int, seed: int) -> Design:
     parent = np.trunc(parent * 1e5) / 1e5  # towards zero: within the limits still
     sine, cosine = (half.tolist() for half in np.split(parent, [len(parent) // 2]))
     shape = search.start._asdict() | {'sine': sine, 'cosine': cosine}
-    return Design({**shape, 'center': list(shape['center'])}, best, before)
+    return Design({**shape, 'center': list(map(float, shape['center']))}, best, before)
