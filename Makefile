@@ -23,6 +23,7 @@ INSTALLED := .venv/installed-$(call hash,$(SOURCES))
 
 # Of a ROS that is installed, or of a Python that was started before: they would mix with .venv.
 unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONHOME PYTHONPATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport PYTHONDONTWRITEBYTECODE  # each process of the tests would translate all modules
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
@@ -71,13 +72,9 @@ style: setup
 check: style ## check style, types and layers, then run the quick tests, which start no process
 	$(BIN)/python -m pytest -n 2 --quick
 
-# In three parts, because workers keep every kernel that they have met: 2 GB each after all tests.
 test: style ## check style, types and layers, then run all tests
 	PYTHONPATH=. $(BIN)/python test/warm.py
-	@failed=0; for part in a-d e-o p-z; do \
-	echo "Tests, test/test_[$$part]*.py:"; \
-	$(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0 test/test_[$$part]*.py || failed=1; \
-	done; exit $$failed
+	$(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0
 
 clean: ## remove .venv and everything built; runs/ stays
 	@rm -rf .venv build install log site *.egg-info .*_cache .hypothesis

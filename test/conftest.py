@@ -1,5 +1,7 @@
 """Fixtures that many tests share; which tests are quick, which run under the pytest of ROS."""
 
+import gc
+import os
 import sys
 
 import pytest
@@ -21,36 +23,16 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 
 PROCESSES = (  # tests that start processes, or take long: not for make check
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
-    *('completion',),
-    *('config', 'custom_import', 'custom_laws', 'custom_robots', 'custom_trajectories'),
-    *('docs', 'empty_graph', 'forked_process', 'foxglove'),
-    *('hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache'),
-    *('life_cycle', 'limit'),
-    *(
-        'live_page',
-        'lockstep',
-        'monitor_node',
-        'mujoco_engine',
-        'node_parameters',
-        'nodes',
-        'notebook',
-        'numba_settings',
-    ),
-    *('own_scenarios', 'packaging', 'player_node', 'processes', 'python', 'realtime'),
-    *(
-        'recorded_motions',
-        'recorder',
-        'recorder_node',
-        'rehearse',
-        'replay',
-        'report',
-        'rerun',
-        'run',
-        'run_log',
-    ),
-    *('safety_nodes', 'show', 'start', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes'),
-    *('trust', 'tune'),
+    *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
+    *('custom_trajectories', 'docs', 'empty_graph', 'forked_process', 'foxglove', 'hostile_bags'),
+    *('hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache', 'life_cycle'),
+    *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
+    *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
+    *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
+    *('rehearse', 'replay', 'report', 'rerun', 'run', 'run_log', 'safety_nodes', 'show', 'start'),
+    *('study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
+LONGEST = 200  # characters of a value in the name of a test
 STARTS = ('subprocess.Popen', 'os.fork', 'os.posix_spawn')  # audit events
 TOLD = (('git',), ('uname',))  # by which a bag says what made it
 
@@ -69,6 +51,12 @@ def pytest_addoption(parser):
     parser.addoption('--quick', action='store_true', help='only tests that start no process')
     if STOCK:
         parser.addini('faulthandler_exit_on_timeout', 'of pytest 9')
+
+
+def pytest_make_parametrize_id(val):
+    if isinstance(val, (str, bytes)) and len(val) > LONGEST:
+        return f'{val[:20]!r} and so on, {len(val)} in all'
+    return None
 
 
 def pytest_ignore_collect(collection_path, config):
@@ -94,6 +82,14 @@ def _no_process(pytestconfig):
         sys.addaudithook(refuse)
 
 
+@pytest.fixture(scope='session', autouse=True)
+def _no_nicer():
+    """`live` and `top` take less of the processor: in a worker, all tests after them would."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, 'nice', lambda _: os.getpriority(os.PRIO_PROCESS, 0))
+        yield
+
+
 settings.register_profile(
     'suite',
     deadline=None,  # the first example compiles
@@ -102,6 +98,8 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )
 settings.load_profile('suite')
+pytest.register_assert_rewrite('browser', 'ros_fixtures', 'sweeping', 'warm_trials')
+gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looked through
 
 
 @pytest.fixture(scope='session')

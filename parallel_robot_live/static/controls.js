@@ -113,9 +113,10 @@ class Fields {
   }
 
   show(list = []) {
-    const keys = list.map(({ key }) => key).join();
-    if (keys !== this.keys) {
-      this.keys = keys;
+    // A node that starts describes its parameters late.
+    const described = JSON.stringify(list.map((one) => ({ ...one, value: null })));
+    if (described !== this.described) {
+      this.described = described;
       this.form.replaceChildren();
       this.fields = list.map((one) => new Field(this.form, this.action, one));
       allow();
