@@ -40,9 +40,9 @@ demo: setup ## run the paper's circle in real time over ROS 2, show it in a brow
 	@$(BIN)/parallel_robot run paper_circle --live --law s_fotsmc --time-mode wall --duration 12 \
 	--out runs/demo_$$(date +%Y%m%d_%H%M%S)
 
-docs: setup ## write docs/parameters.md and architecture.md anew, run docs/notebook.ipynb, draw the moving robot
+docs: setup ## write docs/parameters.md anew, draw the packages, run docs/notebook.ipynb, draw the moving robot
 	$(BIN)/python docs/parameters.py docs/parameters.md
-	$(BIN)/python docs/architecture.py docs/architecture.md
+	$(BIN)/python docs/architecture.py docs/images/packages.svg
 	$(BIN)/python docs/notebook.py
 	@bags=$$(mktemp -d) && trap 'rm -rf "$$bags"' EXIT && \
 	for law in $(PAPER); do \

@@ -4,7 +4,9 @@ One graph runs; a page with its browsers comes and goes. Each round has a phase 
 with it, one after the other; the ratio is that of one round. A browser is a WebSocket that reads;
 one of them reads nothing. The first is Chromium, where it is installed.
 
-Usage: python benchmarks/live.py [--rounds N] [--seconds S] [--browsers N]
+With --asleep, only the memory of the page is measured, over some minutes.
+
+Usage: python benchmarks/live.py [--rounds N] [--seconds S] [--browsers N] [--asleep MINUTES]
 """
 
 from __future__ import annotations
@@ -87,9 +89,22 @@ def measure(node: rclpy.node.Node, seconds: float, page: int | None) -> Phase:
     lag = lags(node, seconds)
     passed = time.monotonic() - begun
     used = {pid: 100.0 * (processor_seconds(pid) - before[pid]) / passed for pid in every}
-    pages = int(Path(f'/proc/{page}/statm').read_text().split()[1]) if page else 0
-    memory = pages * os.sysconf('SC_PAGE_SIZE') / 1e6
-    return Phase(lag, sum(used[pid] for pid in pids), used.get(page or 0, 0.0), memory)
+    held = memory(page) if page else 0.0
+    return Phase(lag, sum(used[pid] for pid in pids), used.get(page or 0, 0.0), held)
+
+
+def memory(pid: int) -> float:
+    """Resident memory of a process [MB]."""
+    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
+    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
+
+
+def watch_memory(minutes: int, count: int) -> None:
+    """Print the memory of the page, after each minute with browsers of which one sleeps."""
+    with page() as (pid, address), browsers(address, count):
+        for minute in range(minutes + 1):
+            time.sleep(2.0 * SETTLE if minute == 0 else 60.0)
+            print(f'{minute} min: {memory(pid):.1f} MB', flush=True)
 
 
 @contextlib.contextmanager
@@ -141,6 +156,7 @@ def main() -> int:
     parser.add_argument('--rounds', type=int, default=5)
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--browsers', type=int, default=10)
+    parser.add_argument('--asleep', type=int, metavar='MINUTES')
     parser.add_argument('--read', nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.read:
@@ -148,6 +164,9 @@ def main() -> int:
         return 0
     rounds = []
     with started_graph('paper_circle', {'duration': 0.0}, ''):
+        if arguments.asleep:
+            watch_memory(arguments.asleep, arguments.browsers)
+            return 0
         rclpy.init(args=[])
         node = rclpy.create_node('benchmark_live')
         for k in range(arguments.rounds):

@@ -1,12 +1,24 @@
-"""Draws the packages of docs/architecture.md from their imports, as a Mermaid diagram."""
+"""Draws the packages of docs/architecture.md from their imports."""
 
+import ast
+import graphlib
+import html
 import sys
 from pathlib import Path
 
 import grimp
 
 ROOT = Path(__file__).parents[1]
-BEGIN, END = '```mermaid\n', '```\n'
+LEFT, WIDE, HIGH, ROW, SIZE = 60, 170, 26, 42, 800  # px
+STYLE = """<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7"
+markerHeight="7" orient="auto"><path class="tip" d="M0 0L8 4L0 8z"/></marker></defs>
+<style>
+rect{fill:#eceff1;stroke:#607d8b}
+path{fill:none;stroke:#78909c;stroke-width:1.4;marker-end:url(#tip)}
+.tip{fill:#78909c;stroke:none;marker-end:none}
+text{font:13px sans-serif;fill:#607d8b}
+.name{font-weight:600;fill:#263238;text-anchor:middle}
+</style>"""
 
 
 def edges() -> dict[str, set[str]]:
@@ -31,19 +43,38 @@ def edges() -> dict[str, set[str]]:
     return {package: imports[package] - reached[package] for package in packages}
 
 
-def diagram() -> str:
-    """The lines between the fences."""
-    lines = [f'    {one} --> {other}' for one, others in edges().items() for other in others]
-    drawn = '\n'.join(['graph TD', *sorted(lines)]) + '\n'
-    return drawn.replace('parallel_robot_', '')
+def purpose(package: str) -> str:
+    """The first sentence of its docstring, for SVG."""
+    tree = ast.parse((ROOT / package / '__init__.py').read_text())
+    first = (ast.get_docstring(tree) or '').split('\n')[0].split('. ')[0].rstrip('.')
+    return html.escape(first.replace('`', ''))
 
 
-def text(page: str) -> str:
-    """A page with its diagram drawn anew."""
-    before, _, rest = page.partition(BEGIN)
-    return before + BEGIN + diagram() + END + rest.partition(END)[2]
+def picture() -> str:
+    """The packages as SVG: one under the other, those that import above what they import."""
+    imports = edges()
+    below = {package: sorted(others) for package, others in imports.items()}
+    house = [*graphlib.TopologicalSorter(below).static_order()][::-1]
+    top = {package: 10 + ROW * k for k, package in enumerate(house)}
+    parts = []
+    for package in house:
+        y = top[package]
+        parts += [
+            f'<rect x="{LEFT}" y="{y}" width="{WIDE}" height="{HIGH}" rx="4"/>',
+            f'<text class="name" x="{LEFT + WIDE / 2:g}" y="{y + 18}">{package}</text>',
+            f'<text x="{LEFT + WIDE + 14}" y="{y + 18}">{purpose(package)}</text>',
+        ]
+        for other in below[package]:
+            rows, x, end = (top[other] - y) // ROW, LEFT + WIDE / 2, top[other]
+            path = f'M{x:g} {y + HIGH}V{end - 2}'
+            if rows > 1:  # around those between
+                start, end, bend = y + 18, end + 9, LEFT - 20 * rows
+                path = f'M{LEFT} {start}C{bend} {start} {bend} {end} {LEFT - 2} {end}'
+            parts.append(f'<path d="{path}"/>')
+    size = f'width="{SIZE}" height="{10 + ROW * len(house)}"'
+    begin = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>'
+    return '\n'.join([begin, STYLE, *parts, '</svg>', ''])
 
 
 if __name__ == '__main__':
-    path = Path(sys.argv[1])
-    path.write_text(text(path.read_text()))
+    Path(sys.argv[1]).write_text(picture())

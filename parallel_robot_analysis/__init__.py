@@ -1,3 +1,3 @@
-"""Metrics, claims, timing, reports, the monitor, and the command line of the suite."""
+"""What a run was like: metrics, claims, timing, replay, report, video; the monitor."""
 
 import parallel_robot_base  # noqa: F401, before Numba

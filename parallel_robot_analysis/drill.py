@@ -62,6 +62,8 @@ def motors_braked(log: RunLog, begin: float, end: float) -> Finding:
     rows = (log.time >= begin) & (log.time <= end)
     if rows.sum() < 2:
         return Finding(False, f'no states from t = {begin:.2f} to {end:.2f} s')
+    if not (log.has_efforts and log.has_velocities):
+        return Finding(False, 'the bag does not tell: it has no efforts or no velocities')
     power = (log.effort[rows] * log.velocity[rows]).sum(axis=1)
     drift = float(np.abs(np.ptp(log.position[rows], axis=0)).max())
     speed = float(np.abs(log.velocity[rows][-1]).max())

@@ -110,7 +110,7 @@ class Monitor:
         Args:
             stamp: Stamp of the state [ns].
             position: Actuated joints [rad], shape (n,).
-            effort: Torques [N m], shape (n,).
+            effort: Torques, NaN where they are not known [N m], shape (n,).
 
         Returns:
             The metrics once in 0.1 s of motion; None otherwise, and while there are less than two

@@ -66,7 +66,7 @@ def columns(
     quantities = {
         'position_rad': log.position,
         'velocity_rad_per_s': log.velocity,
-        'effort_nm': log.effort,
+        'effort_nm': log.effort if log.has_efforts else np.full_like(log.effort, np.nan),
         'reference_position_rad': log.reference_position,
         'reference_velocity_rad_per_s': log.reference_velocity,
         'reference_acceleration_rad_per_s2': log.reference_acceleration,

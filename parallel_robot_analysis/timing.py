@@ -98,7 +98,9 @@ def evaluate(log: RunLog, history: History) -> Timing:
     last = int(log.command_states.max()) if says and not told else log.stamps[-1]
     due = (log.stamps + told_age(log.config) >= first) & (log.stamps <= last)
     answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
-    lag, uncommanded = _lags(log, first, period) if says else (np.zeros(0, np.int64), 0)
+    lag, uncommanded = np.zeros(0, np.int64), 0
+    if says and log.has_efforts:  # which tell what command acted
+        lag, uncommanded = _lags(log, first, period)
     delay = (log.heard - log.stamps - told_age(log.config)) / NANOSECONDS
     nodes = history.facts.get('source', NODES) == NODES
     stepped = log.config['time_mode'] == 'lockstep'

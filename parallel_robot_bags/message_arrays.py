@@ -22,7 +22,7 @@ FIELDS = {
     topics.REFERENCE: ('position', 'velocity', 'acceleration'),
     topics.COMMANDS: ('data',),
 }
-MAY_LACK = {topics.JOINT_STATES: 'velocity'}  # hardware that does not measure it
+MAY_LACK = {topics.JOINT_STATES: ('velocity', 'effort')}  # hardware that does not measure them
 LARGEST = 1e12  # rad, rad/s, rad/s^2, N m; squares of it are still numbers
 ARRAYS: dict[str, Callable[[int], cdr.Layout]] = {  # both have numbers of eight bytes
     'std_msgs/msg/Float64MultiArray': layouts.float64_multi_array,
@@ -96,9 +96,11 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
         BagError: a joint or a field is not in all of them.
     """
     fields = FIELDS.get(topic, ('position',))
-    lacks = MAY_LACK.get(topic, '')
-    if not all(lacks in part.numbers and np.isfinite(part.numbers[lacks]).any() for part in parts):
-        fields = tuple(field for field in fields if field != lacks)
+    fields = tuple(
+        field
+        for field in fields
+        if field not in MAY_LACK.get(topic, ()) or all(_measured(part, field) for part in parts)
+    )
     if not all({*fields} <= {*part.numbers} for part in parts):
         raise BagError(f'{bag}: not all messages on {topic.name} have {", ".join(fields)}')
     if topic == topics.COMMANDS:
@@ -121,6 +123,11 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
             for name in fields
         },
     )
+
+
+def _measured(samples: Samples, field: str) -> bool:
+    """Whether a field has a number for each joint, in at least one message."""
+    return field in samples.numbers and bool(np.isfinite(samples.numbers[field]).all(axis=1).any())
 
 
 def physical(samples: Samples) -> np.ndarray:

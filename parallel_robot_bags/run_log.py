@@ -38,7 +38,8 @@ class RunLog(NamedTuple):
         time: Stamps since t = 0 [s], shape (N,).
         position: Measured actuated angles [rad], shape (N, n).
         velocity: Measured actuated rates, NaN where the bag has none [rad/s], shape (N, n).
-        effort: Torques applied during the step that ended at the stamp [N m], shape (N, n).
+        effort: Torques applied during the step that ended at the stamp; those commanded where the
+            bag has none [N m], shape (N, n).
         reference_position: Desired angles [rad], shape (N, n).
         reference_velocity: Desired rates [rad/s], shape (N, n).
         reference_acceleration: Desired accelerations [rad/s^2], shape (N, n).
@@ -49,6 +50,7 @@ class RunLog(NamedTuple):
         command_states: Stamp of the state that each command answers [ns], 0 where it answers
             none, UNKNOWN where the bag does not say, shape (M,).
         used: References that the controller used; None in bags that do not say.
+        has_efforts: Whether the torques were measured, as far as the robot does.
         warnings: What is wrong with the bag, one line each.
     """
 
@@ -71,6 +73,7 @@ class RunLog(NamedTuple):
     heard: np.ndarray = EMPTY
     command_states: np.ndarray = EMPTY
     used: Used | None = None
+    has_efforts: bool = True
     warnings: tuple[str, ...] = ()
 
     @property
@@ -111,6 +114,10 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     if 'velocity' not in states.numbers:
         states.numbers['velocity'] = np.full_like(states.numbers['position'], np.nan)
         warnings.append(f'{bag}: the messages on {topics.JOINT_STATES.name} have no velocities')
+    has_efforts = 'effort' in states.numbers
+    if not has_efforts:
+        what = f'the messages on {topics.JOINT_STATES.name} have no efforts'
+        warnings.append(f'{bag}: {what}: torques are those commanded')
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     age = told_age(values)
@@ -136,7 +143,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         (stamps - start) / NANOSECONDS,
         states.numbers['position'][used],
         states.numbers['velocity'][used],
-        states.numbers['effort'][used],
+        states.numbers['effort'][used] if has_efforts else commanded(answer),
         *reference_at(
             stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
         ),
@@ -146,8 +153,20 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         states.log_times[used],
         answered_states,
         in_use,
+        has_efforts,
         tuple(warnings),
     )
+
+
+def commanded(answer: np.ndarray) -> np.ndarray:
+    """Torques commanded before each state: the last answer to an earlier one, at first zero.
+
+    Args:
+        answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
+    """
+    given = np.vstack([np.zeros((1, answer.shape[1])), answer[:-1]])
+    known = np.isfinite(given).all(axis=1)
+    return given[np.maximum.accumulate(np.where(known, np.arange(len(given)), 0))]
 
 
 def head(log: RunLog, count: int) -> RunLog:

@@ -50,7 +50,7 @@ class Controller(ControllerState):
 
     Attributes:
         command: The command message of the last answer.
-        code: What :func:`answering.answer` returned for the last state.
+        code: What :func:`answer_kernel.answer` returned for the last state.
         log: Log of the states that were answered.
         load: Loads a law that is not loaded yet, see :meth:`LawCores.load`.
     """
@@ -207,7 +207,7 @@ class Controller(ControllerState):
             now: Time on the clock of the stamps [ns], to refuse old states; 0: accept any age.
 
         Returns:
-            The code of :func:`answering.answer`; with ANSWERED, `command` is the answer.
+            The code of :func:`answer_kernel.answer`; with ANSWERED, `command` is the answer.
         """
         states = self._states if wire is None else wire
         monotonic = time.monotonic_ns()

@@ -159,9 +159,8 @@ class GraphSource:
         known = np.isfinite(states.references.position).all(axis=1)
         if not known.all():
             return none
-        return ghost.answer(
-            states.stamps, states.position, states.velocity, states.references, states.effort
-        )
+        velocity, effort = np.nan_to_num(states.velocity), np.nan_to_num(states.effort)
+        return ghost.answer(states.stamps, states.position, velocity, states.references, effort)
 
     async def _asked(self, ask: Callable[..., None], *words: Any) -> str:
         """Ask a node and wait for its answer, which comes while the graph is looked at.

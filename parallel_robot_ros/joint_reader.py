@@ -34,6 +34,7 @@ class JointReader:
         fields: Sequence[str],
         counts: Counter[str],
         optional: Sequence[str] = (),
+        unknown: float = 0.0,
     ) -> None:
         """Prepare to read a topic.
 
@@ -42,13 +43,15 @@ class JointReader:
             joints: Names of the joints, in the order in which they are read.
             fields: Names of the fields: position, velocity, acceleration.
             counts: Counts the messages that cannot be used, by reason.
-            optional: Fields that are zero where a message lacks them or has no finite number.
+            optional: Fields that a message may lack.
+            unknown: What they are where it does, or has no finite number.
         """
         self._topic = topic
         self._joints = joints
         self._fields = fields
         self._counts = counts
         self._optional = optional
+        self._unknown = unknown
         self.layout: cdr.Layout | None = None
         self.order = list(range(len(joints)))
         # Learn the layout that the suite publishes, and import all that reading needs.
@@ -80,9 +83,9 @@ class JointReader:
 
     def _read_optional(self, records: np.ndarray, name: str) -> np.ndarray:
         if name not in (records.dtype.names or ()):
-            return np.zeros(len(self._joints))
+            return np.full(len(self._joints), self._unknown)
         values = records[name][0][self.order]
-        return np.where(np.isfinite(values), values, 0.0)
+        return np.where(np.isfinite(values), values, self._unknown)
 
     def _learn(self, data: bytes) -> str:
         """Set layout and order for messages like this one, or say why it cannot be used."""

@@ -142,3 +142,13 @@ def test_references_are_read_alike(counts):
         message.points = points
         assert reader.read(serialize_message(message)) is None
     assert counts.total() == 3
+
+
+@pytest.mark.parametrize('fields', [{}, {'effort': [0.5, np.nan, 0.5]}])
+@pytest.mark.parametrize('unknown', [0.0, np.nan])
+def test_what_a_message_may_lack_is_told_as_wished(fields, unknown, counts):
+    reader = JointReader(topics.JOINT_STATES, JOINTS, ('position',), counts, ('effort',), unknown)
+    _, (position, effort) = reader.read(state(**fields))
+    expected = [0.5, unknown, 0.5] if fields else [unknown] * 3
+    assert position.tolist() == [0.1, 0.2, 0.3] and not counts
+    assert np.array_equal(effort, expected, equal_nan=True)

@@ -9,6 +9,7 @@ from bags import content, streams, write_foreign
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+from parallel_robot_analysis import drill, timing
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
@@ -350,8 +351,8 @@ BLIND = {
 }
 
 
-def without_velocities(bag, fields, **unknown):
-    """A bag as of hardware that measures none: they are missing, or NaN."""
+def blind(bag, fields, **unknown):
+    """A bag as of hardware that does not measure all: fields are missing, or NaN."""
     directory = bag.with_name('blind')
     with BagWriter(directory, topics.RECORDED, history.read(bag).facts) as writer:
         for topic, stream in content(bag / 'bag_0.mcap').items():
@@ -359,7 +360,7 @@ def without_velocities(bag, fields, **unknown):
                 if topic == topics.JOINT_STATES.name:
                     state = deserialize_message(data, JointState)
                     layout = layouts.joint_state(tuple(state.name), fields)
-                    known = {'position': state.position, 'effort': state.effort, **unknown}
+                    known = {field: getattr(state, field) for field in fields} | unknown
                     data = layout.records(1, log_time, **known).tobytes()
                 writer.write(topic, log_time, data)
     return directory
@@ -368,7 +369,7 @@ def without_velocities(bag, fields, **unknown):
 @pytest.mark.parametrize('unknown', [{}, {'velocity': np.nan}], ids=['missing', 'NaN'])
 @pytest.mark.parametrize('kind', BLIND)
 def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simulated, capsys):
-    bag = without_velocities(simulated(**BLIND[kind]), ('position', *unknown, 'effort'), **unknown)
+    bag = blind(simulated(**BLIND[kind]), ('position', *unknown, 'effort'), **unknown)
     assert main(['replay', str(bag)]) == 0
     out, err = capsys.readouterr()
     assert 'identical: 301 commands' in out and 'have no velocities' in err
@@ -376,8 +377,27 @@ def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simu
     assert 'nan' not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('unknown', [{}, {'effort': [0.0, np.nan, 0.0]}], ids=['missing', 'NaN'])
+def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys):
+    measured = simulated()
+    bag = blind(measured, ('position', 'velocity', *unknown), **unknown)
+    whole, log = run_log.read(measured), run_log.read(bag)
+    assert np.array_equal(log.effort, whole.effort) and whole.has_efforts and not log.has_efforts
+    assert main(['replay', str(bag)]) == 0
+    out, err = capsys.readouterr()
+    assert 'identical: 301 commands' in out and 'have no efforts: torques are those comm' in err
+    assert main(['analyze', str(bag)]) == 0
+    assert 'nan' not in capsys.readouterr().out
+    lags = [
+        timing.evaluate(each, history.read(path)).lag
+        for each, path in ((whole, measured), (log, bag))
+    ]
+    assert [*map(len, lags)] == [300, 0]  # nobody knows which command acted
+    assert drill.motors_braked(log, 0.0, 0.3).text.startswith('the bag does not tell')
+
+
 def test_without_velocities_that_were_used_a_bag_is_analysed_and_no_more(simulated, capsys):
-    bag = without_velocities(simulated(), ('position', 'effort'))
+    bag = blind(simulated(), ('position', 'effort'))
     assert main(['analyze', str(bag)]) == 0
     capsys.readouterr()
     assert main(['replay', str(bag)]) == 2

@@ -131,10 +131,10 @@ def test_joints_are_found_by_name(names, record):
     assert np.array_equal(log.reference_position, REFERENCE)
 
 
-def without_fields(found):
-    states = layouts.joint_state(JOINTS, ('position',))
+def without_positions(found):
+    states = layouts.joint_state(JOINTS, ('effort',))
     stamps = START + np.arange(COUNT) * MS
-    rows = states.records(COUNT, stamps, position=POSITION)
+    rows = states.records(COUNT, stamps, effort=POSITION)
     return found | {topics.JOINT_STATES: [(int(s), r.tobytes()) for s, r in zip(stamps, rows)]}  # noqa: B905
 
 
@@ -146,7 +146,7 @@ BROKEN = {
         topics.JOINT_STATES: [(START, layouts.joint_state(('a', 'b', 'c')).encode(START))]},
     'two joints': lambda found: found | {
         topics.JOINT_STATES: [(START, layouts.joint_state(('joint1', 'joint2')).encode(START))]},
-    'no efforts': without_fields,
+    'no positions': without_positions,
     'broken bytes': lambda found: found | {topics.JOINT_STATES: [(START, b'\0\1\0\0\xff')]},
     'references after the last state': lambda found: found | {
         topics.REFERENCE: [(6 * 10**9, layouts.joint_trajectory(JOINTS).encode(6 * 10**9))]},

@@ -108,7 +108,8 @@ class RecordedController:
         if log.used is not None:
             self._rows = np.flatnonzero(log.used.stamps)
         self.stamps, self.expected = log.stamps[self._rows], log.answer[self._rows]
-        self._effort = log.effort[self._rows]
+        measured = log.effort if log.has_efforts else np.zeros_like(log.effort)  # as it was heard
+        self._effort = measured[self._rows]
         steps = np.diff(self.stamps)
         begun_anew = ((steps <= 0) | (steps >= RESTART)) & self.exact
         self._restarts = np.flatnonzero(begun_anew) + 1
