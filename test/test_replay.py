@@ -377,7 +377,7 @@ def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simu
     assert 'nan' not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('unknown', [{}, {'effort': [0.0, np.nan, 0.0]}], ids=['missing', 'NaN'])
+@pytest.mark.parametrize('unknown', [{}, {'effort': [0.0, np.nan] * 3}], ids=['missing', 'NaN'])
 def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys):
     measured = simulated()
     bag = blind(measured, ('position', 'velocity', *unknown), **unknown)
