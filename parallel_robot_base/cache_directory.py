@@ -24,6 +24,7 @@ from parallel_robot_base.user_directory import user_directories
 NOTICE = 'compiling; after an installation this takes about a minute, once'
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 5  # versions, this one included
+KEPT_CUSTOM = 50  # versions of custom files, for each of these
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 119  # approximate number of pieces of machine code after `make setup`
 SOURCES = (  # what kernels are made of
@@ -82,7 +83,7 @@ def custom(name: str) -> str:
     with contextlib.suppress(OSError):
         if not found.exists():
             found.mkdir(parents=True)
-            prune(root)
+            prune(root, KEPT_CUSTOM)
         os.utime(found)
     return str(found)
 
@@ -95,7 +96,7 @@ def compiled() -> str:
     return f'{min(done, ALL)} of about {ALL} kernels are compiled'
 
 
-def prune(root: Path) -> None:
+def prune(root: Path, kept: int = KEPT) -> None:
     """Remove the machine code that will hardly be used again: all but the newest directories."""
     times: dict[Path, float] = {}
     for path in root.iterdir():
@@ -104,7 +105,7 @@ def prune(root: Path) -> None:
                 times[path] = path.stat().st_mtime
     newest_first = sorted(times, key=times.__getitem__, reverse=True)
     old = {path for path, used in times.items() if time.time() - used > UNUSED}
-    for path in old.union(newest_first[KEPT:]):
+    for path in old.union(newest_first[kept:]):
         shutil.rmtree(path, ignore_errors=True)
 
 

@@ -101,6 +101,15 @@ def test_a_version_that_was_used_since_is_kept(tree):
     assert [path.exists() for path in found] == [True, False] + [True] * (KEPT - 2)
 
 
+def test_custom_files_have_more_room_and_not_without_end(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache_directory, 'OWN', str(tmp_path))
+    for number in range(cache_directory.KEPT_CUSTOM + 2):
+        found = cache_directory.custom(f'law_{number}')
+        os.utime(found, (time.time() - 9999.0 + number,) * 2)
+    kept = [(tmp_path / 'custom' / f'law_{number}').exists() for number in range(5)]
+    assert cache_directory.KEPT_CUSTOM > 2 * KEPT and kept == [False, False, True, True, True]
+
+
 def test_copies_of_the_same_sources_share_a_cache(tree, tmp_path_factory, monkeypatch):
     first = cache_directory.directory()
     other = tmp_path_factory.mktemp('other') / 'clone'
