@@ -4,9 +4,11 @@ One graph runs; a page with its browsers comes and goes. Each round has a phase 
 with it, one after the other; the ratio is that of one round. A browser is a WebSocket that reads;
 one of them reads nothing. The first is Chromium, where it is installed.
 
-With --asleep, only the memory of the page is measured, over some minutes.
+With --asleep, only the memory of the page is measured, over some minutes. With --foxglove,
+clients of `live --foxglove` that take every topic are in the place of the browsers.
 
 Usage: python benchmarks/live.py [--rounds N] [--seconds S] [--browsers N] [--asleep MINUTES]
+    [--foxglove]
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -39,6 +42,7 @@ from parallel_robot_live.started_graph import NAMES, started_graph
 LAG = 'lag p50/p99/max [ms]'
 SETTLE = 4.0  # s, from a page that begins or ends to the measurement
 PATIENCE = 60.0  # s
+PROTOCOL = 'foxglove.sdk.v1'
 CHROMIUM = shutil.which('chromium')
 HANDSHAKE = (
     'GET /frames HTTP/1.1\r\nHost: {host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
@@ -108,15 +112,25 @@ def watch_memory(minutes: int, count: int) -> None:
 
 
 @contextlib.contextmanager
-def page() -> Iterator[tuple[int, str]]:
-    """The page in a process of its own: its pid, its address."""
+def page(*more: str) -> Iterator[tuple[int, str]]:
+    """The page, or the server of Foxglove, in a process of its own: its pid, its address."""
     words = ['-m', 'parallel_robot_cli', 'live', '--port', '0', '--namespace', '/']
-    process = start(words, stdout=subprocess.PIPE)
+    process = start([*words, *more], stdout=subprocess.PIPE)
     try:
         line = process.stdout.readline() if process.stdout else ''
         yield process.pid, line.split()[-1]
     finally:
         end([process], signal.SIGINT)
+
+
+@contextlib.contextmanager
+def clients(address: str, count: int) -> Iterator[None]:
+    """Some clients of Foxglove's protocol that take every topic."""
+    readers = start([__file__, '--read', address, str(count)])
+    try:
+        yield
+    finally:
+        end([readers], signal.SIGTERM)
 
 
 @contextlib.contextmanager
@@ -139,12 +153,16 @@ def browsers(address: str, count: int) -> Iterator[None]:
 
 
 async def read(url: str, count: int) -> None:
-    """Read frames as some browsers, for ever."""
+    """Read as some browsers, or as clients of Foxglove's protocol, for ever."""
+    protocols = [PROTOCOL] if url.startswith('ws:') else []
 
     async def one(client: aiohttp.ClientSession) -> None:
-        async with client.ws_connect(url) as stream:
-            async for _ in stream:
-                pass
+        async with client.ws_connect(url, protocols=protocols) as stream:
+            async for message in stream:
+                if protocols and message.type is aiohttp.WSMsgType.TEXT:
+                    channels = json.loads(message.data).get('channels', ())
+                    wanted = [{'id': each['id'], 'channelId': each['id']} for each in channels]
+                    await stream.send_json({'op': 'subscribe', 'subscriptions': wanted})
 
     async with aiohttp.ClientSession() as client:
         await asyncio.gather(*(one(client) for _ in range(count)))
@@ -156,6 +174,7 @@ def main() -> int:
     parser.add_argument('--rounds', type=int, default=5)
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--browsers', type=int, default=10)
+    parser.add_argument('--foxglove', action='store_true')
     parser.add_argument('--asleep', type=int, metavar='MINUTES')
     parser.add_argument('--read', nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -172,7 +191,8 @@ def main() -> int:
         for k in range(arguments.rounds):
             time.sleep(SETTLE)
             without = measure(node, arguments.seconds, None)
-            with page() as (pid, address), browsers(address, arguments.browsers):
+            more, watch = (['--foxglove'], clients) if arguments.foxglove else ([], browsers)
+            with page(*more) as (pid, address), watch(address, arguments.browsers):
                 time.sleep(2.0 * SETTLE)
                 with_page = measure(node, arguments.seconds, pid)
             rounds.append((without, with_page))
