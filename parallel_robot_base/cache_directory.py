@@ -122,9 +122,10 @@ def _root() -> Path:
 def _version() -> str:
     """Hash of the sources that the machine code depends on, and of what compiles them."""
     digest = hashlib.sha256(f'{version("numba")} {sys.implementation.cache_tag}'.encode())
+    root = _root()
     rooms = [
         path
-        for path in _root().iterdir()
+        for path in root.iterdir()
         if ROOM.fullmatch(path.name) and path.name != 'parallel_robot_ros'
     ]
     for path in sorted(path for room in rooms for path in room.rglob('*.py')):
@@ -132,7 +133,7 @@ def _version() -> str:
             continue  # ROS code, which no kernel uses
         content = path.read_bytes()
         if any(mark in content for mark in SOURCES):
-            digest.update(path.relative_to(_root()).as_posix().encode() + b'\0' + content)
+            digest.update(path.relative_to(root).as_posix().encode() + b'\0' + content)
     return digest.hexdigest()[:16]
 
 

@@ -51,14 +51,9 @@ from numba.experimental.function_type import FunctionModel
 __all__ = [
     'AttributeTemplate', 'CPUDispatcher', 'CompileResultCacheImpl', 'FunctionCache',
     'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator', 'address_of', 'cgutils',
-    'impl_ret_borrowed', 'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'keep_in',
+    'impl_ret_borrowed', 'impl_ret_new_ref', 'in_kernels', 'infer_getattr',
     'lower_builtin', 'lower_getattr_generic', 'rtsys',
 ]  # fmt: skip
-
-
-def keep_in(cache: Any, compiled: Any) -> None:
-    """Give a compiled function a cache of ours: Numba has no setting for its class."""
-    compiled._cache = cache
 
 
 def address_of(compiled: Any) -> int:
