@@ -171,10 +171,13 @@ def test_how_far_it_is_is_told_now_and_then(told, tmp_path, monkeypatch):
     assert kernel(lambda x: 7.0 * x)(1.0) == 7.0 and len(told()) == 2  # where nobody knows
 
 
-def test_a_cache_that_cannot_be_written_stops_nobody(told, tmp_path, monkeypatch):
+@pytest.mark.parametrize('used', [False, True])
+def test_a_cache_that_cannot_be_written_stops_nobody(used, told, tmp_path, monkeypatch):
     monkeypatch.setattr(cache_directory, 'OWN', str(tmp_path / 'cache'))
     thrice = kernel(lambda x: 3 * x)
-    shutil.rmtree(tmp_path / 'cache')
+    if used:
+        assert thrice(2) == 6
+        shutil.rmtree(tmp_path / 'cache')
     (tmp_path / 'cache').write_text('')  # even root can make no directory there
     assert thrice(2.0) == 6.0
 
