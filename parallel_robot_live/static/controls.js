@@ -61,7 +61,7 @@ class Field {
     const range = this.row.appendChild(document.createElement('span'));
     this.why = this.row.appendChild(document.createElement('span'));
     label.htmlFor = this.input.id = key;
-    label.textContent = name;
+    label.textContent = name.replaceAll('_', '_\u200b'); // may break there
     label.title = text;
     this.input.inputMode = 'text';
     shown.className = 'unit';
@@ -77,6 +77,7 @@ class Field {
 
   show(value) {
     this.value = value;
+    this.row.classList.toggle('several', Array.isArray(value));
     if (document.activeElement !== this.input && !this.refused) this.input.value = written(value);
   }
 
