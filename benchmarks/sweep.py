@@ -16,6 +16,7 @@ from rows import ratios, row, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_studies.sweep import study
+from parallel_robot_studies.sweep.floor import floor_of
 from parallel_robot_studies.sweep.plan import plan
 from parallel_robot_studies.sweep.run_chunk import run_chunk
 from parallel_robot_studies.sweep.sweep import sweep
@@ -30,6 +31,7 @@ def main() -> None:
     repetitions = int(sys.argv[2]) if len(sys.argv) > 2 else 3
     planned = plan(study.parse(TEXT).changed(runs, {}))
     build, run, fixed = alone(planned, min(runs, 32))
+    limit = limit_alone(planned, min(runs, 32))
     rates: dict[int, list[float]] = {1: [], 2: []}
     with tempfile.TemporaryDirectory() as directory:
         for repetition in range(repetitions):
@@ -47,6 +49,7 @@ def main() -> None:
             row('processor time to build a configuration', 'ms', [1e3 * build]),
             row('to run and measure it', 'ms', [1e3 * run]),
             row('of which does not depend on its length', 'ms', [1e3 * fixed]),
+            row('limit of a sample, once for all laws', 'ms', [1e3 * limit]),
         ]
     )
 
@@ -67,6 +70,17 @@ def alone(planned, count: int) -> tuple[float, float, float]:
             ended = time.process_time()
         times.append(((middle - begun) / count, (ended - middle) / count))
     return times[0][0], times[0][1], times[1][1]
+
+
+def limit_alone(planned, count: int) -> float:
+    """Processor time of the limit of a sample [s]."""
+    rows = planned.rows(0, 0, count)
+    built = [configure(resolve(row.scenario, row.overrides)) for row in rows]
+    floor_of(built[0])
+    begun = time.process_time()
+    for each in built:
+        floor_of(each)
+    return (time.process_time() - begun) / count
 
 
 if __name__ == '__main__':
