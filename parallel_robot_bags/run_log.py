@@ -143,7 +143,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         (stamps - start) / NANOSECONDS,
         states.numbers['position'][used],
         states.numbers['velocity'][used],
-        states.numbers['effort'][used] if has_efforts else commanded(answer),
+        states.numbers['effort'][used] if has_efforts else _commanded(answer),
         *reference_at(
             stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
         ),
@@ -158,7 +158,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     )
 
 
-def commanded(answer: np.ndarray) -> np.ndarray:
+def _commanded(answer: np.ndarray) -> np.ndarray:
     """Torques commanded before each state: the last answer to an earlier one, at first zero.
 
     Args:

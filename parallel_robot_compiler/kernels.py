@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -12,7 +11,7 @@ import parallel_robot_compiler.vector_functions
 import parallel_robot_compiler.vector_operators  # noqa: F401 and these
 from parallel_robot_base.errors import InputError
 from parallel_robot_compiler.kernel_cache import cache_of
-from parallel_robot_compiler.numba_parts import CPUDispatcher
+from parallel_robot_compiler.numba_parts import CachedDispatcher, CPUDispatcher
 from parallel_robot_compiler.vector_types import INTERPRETED, holds_vectors
 
 Function = TypeVar('Function', bound=Callable[..., Any])
@@ -34,11 +33,11 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
         return self.overloads[kinds].entry_point(*arguments)
 
 
-class _CachedKernel(_Kernel):
-    """A kernel whose machine code is kept on disk, in a cache of ours."""
+class _CachedKernel(_Kernel, CachedDispatcher):
+    """A kernel whose machine code is kept on disk."""
 
-    @functools.cached_property
-    def _cache(self) -> Any:  # most kernels that are imported are never asked for
+    def cache(self) -> Any:
+        """Where it is kept."""
         return cache_of(self.py_func)
 
 
@@ -60,9 +59,7 @@ def _cached(function: Function, **options: bool) -> Function:
     if INTERPRETED:
         return _as_it_is(function)
     compiled = numba.njit(error_model='numpy', **options)(function)
-    del compiled._cache  # Numba's own, which keeps nothing
-    compiled.__class__ = _CachedKernel
-    return cast(Function, compiled)
+    return cast(Function, _CachedKernel.of(compiled))
 
 
 def inlined(function: Function) -> Function:

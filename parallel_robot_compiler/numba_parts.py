@@ -6,6 +6,7 @@ test_kernel.py, test_vectors.py, test_kernel_cache.py, test_interpreted.py, test
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -49,11 +50,33 @@ from numba.core.typing.templates import (
 from numba.experimental.function_type import FunctionModel
 
 __all__ = [
-    'AttributeTemplate', 'CPUDispatcher', 'CompileResultCacheImpl', 'FunctionCache',
-    'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator', 'address_of', 'cgutils',
-    'impl_ret_borrowed', 'impl_ret_new_ref', 'in_kernels', 'infer_getattr',
-    'lower_builtin', 'lower_getattr_generic', 'rtsys',
+    'AttributeTemplate', 'CPUDispatcher', 'CachedDispatcher', 'CompileResultCacheImpl',
+    'FunctionCache', 'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator',
+    'address_of', 'cgutils', 'impl_ret_borrowed', 'impl_ret_new_ref', 'in_kernels',
+    'infer_getattr', 'lower_builtin', 'lower_getattr_generic', 'rtsys',
 ]  # fmt: skip
+
+
+class CachedDispatcher(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function with a cache of ours: Numba has no setting for its class.
+
+    The cache is looked for when it is first asked for: most functions that are imported never are.
+    """
+
+    @functools.cached_property
+    def _cache(self) -> Any:
+        return self.cache()
+
+    def cache(self) -> Any:
+        """The cache."""
+        raise NotImplementedError
+
+    @classmethod
+    def of(cls, compiled: Any) -> Any:
+        """A compiled function as one of this class."""
+        del compiled._cache  # Numba's own, which keeps nothing
+        compiled.__class__ = cls
+        return compiled
 
 
 def address_of(compiled: Any) -> int:
