@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.errors import InputError
+from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_studies.limit.calm import Calm, price_of_calm
-from parallel_robot_studies.limit.linear_motion import linearise
+from parallel_robot_studies.limit.coordinates import coordinates_of
+from parallel_robot_studies.limit.linear_motion import linearise, points_of
 from parallel_robot_studies.limit.prediction import EXACT, Noise, least, noise_of
 
 NEGLIGIBLE = 1e-9  # m or rad: what rounding leaves of no limit at all
@@ -61,17 +63,22 @@ def least_error(
         InputError: the robot does not reach the motion; there is no steady state to be calm in.
     """
     loop, plant = configuration.loop, configuration.plant
-    motion = linearise(configuration)
     noise = noise_of(plant.imperfections, loop.period, len(loop.joints))
-    found = {
-        name: least(motion, without(noise), loop.period)
-        for name, without in CAUSES.items()
-        if causes or name == WHOLE
-    }
+    asked = CAUSES if causes else {WHOLE: CAUSES[WHOLE]}
+    times = points_of(loop.duration)
+    if noise.moves():
+        motion = linearise(configuration)
+        found = {
+            name: least(motion, without(noise), loop.period) for name, without in asked.items()
+        }
+    else:  # a state that is known at the start stays known, on a motion within reach
+        poses = configuration.trajectory.sample(times).pose
+        coordinates_of(plant.robot, assemble_plant(plant), poses)
+        found = dict.fromkeys(asked, 0.0)
     travelled = np.nan
     told = plant.imperfections.age > 0.0
     if plant.robot.module.PLANAR and not told:
-        steady = motion.times[motion.times >= 0.5 * motion.times[-1]]
+        steady = times[times >= 0.5 * times[-1]]
         rate = configuration.trajectory.sample(steady).pose_rate[:, :2]
         late = np.floor(plant.imperfections.sensor.delay / loop.period + 0.5) * loop.period
         travelled = float(late * np.sqrt(np.mean(np.sum(rate**2, axis=1))))

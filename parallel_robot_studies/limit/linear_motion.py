@@ -65,6 +65,11 @@ def linearise(configuration: Configuration) -> LinearMotion:
     return LinearMotion(motion.times, transition, motion.pushed, joints, error)
 
 
+def points_of(duration: float) -> Array:
+    """Times of the points of linearisation of a motion [s], shape (K,)."""
+    return np.linspace(0.0, duration, max(round(duration / INTERVAL), 1) + 1)
+
+
 class PerformedMotion(NamedTuple):
     """A plant that performs its desired motion exactly, at K points of it.
 
@@ -91,10 +96,10 @@ def performed(trajectory: Trajectory, plant: PlantConfiguration) -> PerformedMot
     Raises:
         InputError: the robot does not reach the motion.
     """
-    period, duration = plant.loop.period, plant.loop.duration
+    period = plant.loop.period
     made = assemble_plant(plant)
     advance = FirstClass(step, made.setup, made.state, made.state.torque, period)
-    times = np.linspace(0.0, duration, max(round(duration / INTERVAL), 1) + 1)
+    times = points_of(plant.loop.duration)
     around = (times[:, np.newaxis] + period * np.array([-1.0, 0.0, 1.0, 2.0])).ravel()
     coordinates = coordinates_of(plant.robot, made, trajectory.sample(around).pose)
     before, now, after, later = (coordinates[k::4] for k in range(4))

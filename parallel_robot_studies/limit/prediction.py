@@ -41,6 +41,10 @@ class Noise(NamedTuple):
     motor: Array
     late: int
 
+    def moves(self) -> bool:
+        """Whether anything unknown moves the robot; if not, its state at the start tells all."""
+        return bool(self.disturbance.any() or self.motor.any())
+
 
 def noise_of(imperfections: Imperfections, period: float, joints: int) -> Noise:
     """The noise of a plant, in samples of a period [s].
