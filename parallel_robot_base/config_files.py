@@ -25,11 +25,17 @@ def directory() -> Path:
     Raises:
         InputError: the package is not installed completely.
     """
-    here = Path(__file__).resolve()
+    return _directory(__file__, os.environ.get('AMENT_PREFIX_PATH', ''))
+
+
+@functools.cache
+def _directory(module: str, prefixes: str) -> Path:
+    """``config/``, which stays where it is while a process runs: a sweep asks very often."""
+    here = Path(module).resolve()
     candidates = [parent / 'share' / PACKAGE / 'config' for parent in here.parents]
     candidates.insert(0, here.parents[1] / 'config')
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    candidates += [Path(prefix) / 'share' / PACKAGE / 'config' for prefix in prefixes if prefix]
+    installed = filter(None, prefixes.split(os.pathsep))
+    candidates += [Path(prefix) / 'share' / PACKAGE / 'config' for prefix in installed]
     for candidate in candidates:
         if (candidate / DEFAULTS).is_file():
             return candidate
@@ -38,8 +44,12 @@ def directory() -> Path:
 
 def label(file: Path) -> str:
     """Display name of a file: its place in ``config/``, or else its path."""
-    root = directory().resolve()
-    path = file.resolve()
+    return _label(file, directory())
+
+
+@functools.lru_cache(maxsize=256)
+def _label(file: Path, root: Path) -> str:
+    root, path = root.resolve(), file.resolve()
     return str(path.relative_to(root) if path.is_relative_to(root) else path)
 
 

@@ -118,6 +118,7 @@ def build(
     return group(*(check(prefix + p.key, p.type, p.field, values[p.key], joints) for p in known))
 
 
+@functools.cache
 def words(kind: Any) -> tuple[str, ...]:
     """The words that a parameter takes in place of a number; none for most."""
     parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else ()
