@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -28,9 +29,16 @@ class _Kernel(CPUDispatcher):  # type: ignore[misc]
         if named or not holds_vectors(arguments):
             return super().__call__(*arguments, **named)
         kinds = tuple(map(numba.typeof, arguments))
-        if kinds not in self.overloads:
+        key = tuple(map(id, kinds))
+        if key not in self._entries:
             self.compile(kinds)
-        return self.overloads[kinds].entry_point(*arguments)
+            self._entries[key] = self.overloads[kinds].entry_point, kinds  # they keep their ids
+        return self._entries[key][0](*arguments)
+
+    @functools.cached_property
+    def _entries(self) -> dict[tuple[int, ...], Any]:
+        """Machine code by the types of its arguments: a hash of theirs is that of whole trees."""
+        return {}
 
 
 class _CachedKernel(_Kernel, CachedDispatcher):

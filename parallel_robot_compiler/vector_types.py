@@ -7,6 +7,7 @@ a matrix.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -101,10 +102,34 @@ _SCALARS = {
 
 @typeof_impl.register(Vector)
 def _type_of_vector(value: Vector, context: Any) -> Any:
-    kind: Any = _SCALARS.get(value.dtype)  # None: Numba does not know the type
-    for count in reversed(value.shape):
+    return _vector_type(value.dtype, value.shape)
+
+
+@functools.cache
+def _vector_type(dtype: np.dtype[Any], shape: tuple[int, ...]) -> Any:
+    kind: Any = _SCALARS.get(dtype)  # None: Numba does not know the type
+    for count in reversed(shape):
         kind = kind and VectorType(count, kind)
     return kind
+
+
+@typeof_impl.register(tuple)
+def _type_of_tuple(value: tuple[Any, ...], context: Any) -> Any:
+    """Type of a tuple, as Numba makes it, but found again by its class and elements.
+
+    Numba makes a new one at every call, whose hash is that of the whole tree of its types.
+    """
+    kinds = [typeof_impl(each, context) for each in value]
+    if any(kind is None for kind in kinds):
+        return None
+    key = (type(value), *map(id, kinds))  # the type that is found keeps those of its elements
+    found = _TUPLES.get(key)
+    if found is None:
+        found = _TUPLES[key] = types.BaseTuple.from_types(kinds, type(value))
+    return found
+
+
+_TUPLES: dict[tuple[Any, ...], Any] = {}
 
 
 def holds_vectors(value: Any) -> bool:

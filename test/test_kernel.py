@@ -1,13 +1,15 @@
 """Kernels: plain IEEE arithmetic, functions as values."""
 
+import collections
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numba import typeof, types
 from numba.core.runtime import rtsys
 from numba.core.runtime._nrt_python import memsys_enable_stats
 
-from parallel_robot_compiler import Boxed, FirstClass, kernel
+from parallel_robot_compiler import Boxed, FirstClass, kernel, vector
 
 
 class Constants(NamedTuple):
@@ -76,6 +78,30 @@ def test_first_class_needs_no_compiling_anew():
     before = len(twice.signatures)
     FirstClass(twice, 7.0)
     assert len(twice.signatures) == before
+
+
+def test_a_tuple_has_the_type_that_numba_gives_it():
+    """Also where another class has its names, or its elements are of another size."""
+    other = NamedTuple('Constants', [('counted', Any), ('number', float)])
+    contents = [
+        1.0,
+        1,
+        None,
+        (1.0, 2),
+        np.zeros(2),
+        *map(vector, ([1.0], [1.0, 2.0], [[1.0], [2.0]])),
+    ]
+    values = [kind(content, 1.0) for kind in (Constants, other) for content in contents]
+    found = [typeof(value) for value in values]
+    for value, kind in zip(values, found, strict=True):
+        elements = [typeof(element) for element in value]
+        assert kind is types.BaseTuple.from_types(elements, type(value)) is typeof(value)
+    assert len(set(found)) == len(values)
+
+
+def test_a_type_that_numba_does_not_know_is_refused_in_a_tuple_as_well():
+    with pytest.raises(ValueError, match='Cannot determine Numba type'):
+        typeof((1.0, object()))
 
 
 def test_division_by_zero_is_that_of_ieee_754():
