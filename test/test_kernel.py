@@ -82,16 +82,10 @@ def test_first_class_needs_no_compiling_anew():
 
 def test_a_tuple_has_the_type_that_numba_gives_it():
     """Also where another class has its names, or its elements are of another size."""
-    other = NamedTuple('Constants', [('counted', Any), ('number', float)])
-    contents = [
-        1.0,
-        1,
-        None,
-        (1.0, 2),
-        np.zeros(2),
-        *map(vector, ([1.0], [1.0, 2.0], [[1.0], [2.0]])),
-    ]
-    values = [kind(content, 1.0) for kind in (Constants, other) for content in contents]
+    Other = collections.namedtuple('Constants', Constants._fields)
+    vectors = [vector(each) for each in ([1.0], [1.0, 2.0], [[1.0], [2.0]])]
+    contents = [1.0, 1, None, (1.0, 2), np.zeros(2), *vectors]
+    values = [kind(content, 1.0) for kind in (Constants, Other) for content in contents]
     found = [typeof(value) for value in values]
     for value, kind in zip(values, found, strict=True):
         elements = [typeof(element) for element in value]
