@@ -250,7 +250,7 @@ def _open(
         Approach(
             read_row(vectors, APART, row),
             read_row(vectors, APART_RATE, row),
-            read_row(vectors, ELAPSED, row),
+            vectors[ELAPSED, 0],
         ),
     )
     age = (acts - stamp) / NANOSECONDS
@@ -297,7 +297,7 @@ def _close(
     write_row(v, RATE, after.estimated.velocity)
     write_row(v, APART, after.approach.offset)
     write_row(v, APART_RATE, after.approach.rate)
-    write_row(v, ELAPSED, after.approach.elapsed)
+    v[ELAPSED, 0] = after.approach.elapsed
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)

@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
-from parallel_robot_compiler import inner, select, vector
+from parallel_robot_compiler import inner, vector
 from parallel_robot_control.contract import JointReference
 
 
@@ -21,23 +21,23 @@ class ApproachParameters(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """Where the robot was at the first state, relative to the reference, each shape (n,).
+    """Where the robot was at the first state, relative to the reference.
 
     Attributes:
-        offset: Of the positions [rad].
-        rate: Of the velocities [rad/s].
+        offset: Of the positions [rad], shape (n,).
+        rate: Of the velocities [rad/s], shape (n,).
         elapsed: Time since then [s]; negative before the first state.
     """
 
     offset: Array
     rate: Array
-    elapsed: Array
+    elapsed: float
 
 
 def not_begun(joints: int) -> Approach:
     """Before the first state; `joints` is n."""
     zero = vector(np.zeros(joints))
-    return Approach(zero, zero, zero - 1.0)
+    return Approach(zero, zero, -1.0)
 
 
 @inner
@@ -68,13 +68,13 @@ def approached(
     Returns:
         The reference, and the approach for the next state.
     """
-    first = before.elapsed < 0.0
-    e = select(first, position - reference.position, before.offset)
-    v = select(first, velocity - reference.velocity, before.rate)
-    t = select(first, 0.0 * e, before.elapsed + dt)
-    under_way = t < duration
-    per_time = select(under_way, 1.0 / duration, 0.0)
-    e_now, v_now = select(under_way, e, 0.0), select(under_way, v, 0.0)
+    e, v, t = before.offset, before.rate, before.elapsed + dt
+    if before.elapsed < 0.0:
+        e, v, t = position - reference.position, velocity - reference.velocity, 0.0
+    after = Approach(e, v, t)
+    if not t < duration:
+        return reference, after
+    per_time = 1.0 / duration
     x = t * per_time
     xx = x * x
     left = 1.0 - xx * x * (10.0 - x * (15.0 - 6.0 * x))
@@ -84,8 +84,8 @@ def approached(
     turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x))
     turn_acceleration = -x * (36.0 - x * (96.0 - 60.0 * x)) * per_time
     joined = JointReference(
-        reference.position + (e_now * left + v_now * turn),
-        reference.velocity + (e_now * left_rate + v_now * turn_rate),
-        reference.acceleration + (e_now * left_acceleration + v_now * turn_acceleration),
+        reference.position + (e * left + v * turn),
+        reference.velocity + (e * left_rate + v * turn_rate),
+        reference.acceleration + (e * left_acceleration + v * turn_acceleration),
     )
-    return joined, Approach(e, v, t)
+    return joined, after

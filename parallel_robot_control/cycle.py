@@ -92,6 +92,19 @@ class Acted(NamedTuple):
     state: CycleState
 
 
+class Limited(NamedTuple):
+    """What becomes of what a law asks for; the names are those of Cycle, Last and CycleState."""
+
+    torque: Array
+    sliding_variable: Array
+    coupled_error: Array
+    acted: int
+    last: Last
+    excess: Array
+    held: Array
+    fault: int
+
+
 class Cycle(NamedTuple):
     """Result of one control cycle.
 
@@ -140,18 +153,23 @@ def sense(
     reference: JointReference,
     position: Array,
     velocity: Array,
-    state: CycleState,
+    pose: Array,
+    last: Last,
+    latched: int,
     dt: float,
 ) -> Estimate:
-    """Find the pose, look for faults, compute the model. Arguments as of :func:`run_cycle`.
+    """Find the pose, look for faults, compute the model.
+
+    Arguments as of :func:`run_cycle`, and of the state only what counts: a whole one takes long to
+    hand over.
 
     Returns:
         The estimate; its fault is the latched one, or else the first one found, first in the
         motion of the joints, then in the robot.
     """
-    found = estimate(robot, limits.margins, position, velocity, state.pose)
-    seen = find_fault(limits, reference, position, velocity, state.last, dt)
-    fault = select(state.fault == faults.NONE, seen, state.fault)
+    found = estimate(robot, limits.margins, position, velocity, pose)
+    seen = find_fault(limits, reference, position, velocity, last, dt)
+    fault = select(latched == faults.NONE, seen, latched)
     fault = select(fault == faults.NONE, found.fault, fault)
     return Estimate(fault, found.pose, found.model)
 
@@ -162,11 +180,13 @@ def act(
     reference: JointReference,
     position: Array,
     velocity: Array,
-    state: CycleState,
-    sensed: Estimate,
+    last: Last,
+    held: Array,
+    latched: int,
+    fault: int,
     asked: Asked,
     dt: float,
-) -> Acted:
+) -> Limited:
     """Limit the torque that the law asks for, or replace it with the safe action.
 
     Args:
@@ -174,19 +194,20 @@ def act(
         reference: Desired joint motion at the state's stamp.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        state: State of the controller after the cycle before.
-        sensed: Pose, fault and model of the robot.
+        last: What the cycle before saw and did.
+        held: Joint angles at the moment of the fault [rad], shape (n,).
+        latched: Fault after the cycle before.
+        fault: Fault before the law was asked.
         asked: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
     """
-    fault, last, held = sensed.fault, state.last, state.held
     demand, sliding_variable, coupled_error = asked
     # 1. A demand that is not finite is a fault, too.
     finite = is_finite(demand)
     fault = select((fault == faults.NONE) & (finite == False), faults.TORQUE_NOT_FINITE, fault)  # noqa: E712
     # 2. In a fault, the safe action replaces the demand; a ramp that is not over is dropped.
     failed = fault != faults.NONE
-    new = failed & ((state.fault == faults.NONE) | (last.known == False))  # noqa: E712
+    new = failed & ((latched == faults.NONE) | (last.known == False))  # noqa: E712
     held = select(new, position, held)
     safe = safe_torque(limits.safe, held, position, velocity)
     zero = np.zeros_like(position)
@@ -199,8 +220,7 @@ def act(
     # 3. The limits; the next cycle continues from what they let through.
     torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
     last = Last(position, reference.position, torque, offset, False, True)
-    after = CycleState(sensed.pose, last, excess, held, fault, state.estimated, state.approach)
-    return Acted(torque, sliding_variable, coupled_error, acted, after)
+    return Limited(torque, sliding_variable, coupled_error, acted, last, excess, held, fault)
 
 
 @inner
@@ -242,9 +262,10 @@ def run_cycle(
     """
     limits, estimator, dt = setup.limits, setup.estimator, when.dt
     identified, known = estimator.lock_in, state.last.known
+    delay = estimator.delay
     if identified.on:
         lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)
-    delay = lock_in.delay_at(identified, estimator.delay, known, position)
+        delay = lock_in.delay_at(identified, estimator.delay, known, position)
     tracks, late = estimator.kind == KALMAN, when.age + delay
     # 1. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
@@ -257,12 +278,20 @@ def run_cycle(
         if kalman_memory.running(filter_, when.sample, state.last.known):
             velocity = kalman_memory.known_velocity(filter_, velocity)
     joined, approach = approached(setup.approach, state.approach, desired, position, velocity, dt)
-    state = CycleState(
-        state.pose, state.last, state.excess, state.held, state.fault, found, approach
-    )
     reference = at_measurement(joined, late)
     error = position - reference.position
-    sensed = sense(setup.estimate, setup.robot, limits, desired, position, velocity, state, dt)
+    sensed = sense(
+        setup.estimate,
+        setup.robot,
+        limits,
+        desired,
+        position,
+        velocity,
+        state.pose,
+        state.last,
+        state.fault,
+        dt,
+    )
     feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
@@ -295,8 +324,20 @@ def run_cycle(
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
         advanced = output.memory
     # 3. The same within the limits, or the safe action. In a fault the memory is kept.
-    done = act(limits, desired, position, velocity, state, sensed, asked, dt)
-    kalman_memory.remember(filter_, when.sample, done.torque, tracks)
+    done = act(
+        limits,
+        desired,
+        position,
+        velocity,
+        state.last,
+        state.held,
+        state.fault,
+        sensed.fault,
+        asked,
+        dt,
+    )
+    if estimator.kind == KALMAN:
+        kalman_memory.remember(filter_, when.sample, done.torque, tracks)
     if identified.on:
         lock_in.observe(
             identified,
@@ -307,15 +348,15 @@ def run_cycle(
             when.age,
             filter_.command_delay,
             estimator.delay,
-            done.state.fault != faults.NONE,
+            done.fault != faults.NONE,
         )
     return Cycle(
         done.torque,
         done.sliding_variable,
         done.coupled_error,
         done.acted,
-        done.state,
-        select(done.state.fault == faults.NONE, advanced, memory),
+        CycleState(sensed.pose, done.last, done.excess, done.held, done.fault, found, approach),
+        select(done.fault == faults.NONE, advanced, memory),
     )
 
 

@@ -94,7 +94,7 @@ def stored(arrays: Shared) -> CycleState:
         bool(numbers[KNOWN]),
     )
     estimated = Estimated(v[TRACKED], v[RATE])
-    approach = Approach(v[APART], v[APART_RATE], v[ELAPSED])
+    approach = Approach(v[APART], v[APART_RATE], float(arrays.vectors[ELAPSED, 0]))
     fault = int(numbers[FAULT])
     return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach)
 
@@ -111,6 +111,8 @@ def store(arrays: Shared, state: CycleState) -> None:
         state.excess,
         state.held,
         *state.estimated,
-        *state.approach,
+        state.approach.offset,
+        state.approach.rate,
+        np.full_like(state.held, state.approach.elapsed),
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known

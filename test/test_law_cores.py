@@ -8,6 +8,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.typing import typeof as typing_module
 
 from parallel_robot_base import config
+from parallel_robot_compiler import vector_types
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
@@ -48,7 +49,8 @@ def counts(monkeypatch):
         return type_of(value, context)
 
     monkeypatch.setattr(Dispatcher, 'compile', compiling)
-    monkeypatch.setattr(typing_module, 'typeof_impl', typing)
+    for module in (typing_module, vector_types):
+        monkeypatch.setattr(module, 'typeof_impl', typing)
     return counted
 
 
