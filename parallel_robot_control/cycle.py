@@ -336,8 +336,8 @@ def run_cycle(
         asked,
         dt,
     )
-    if estimator.kind == KALMAN:
-        kalman_memory.remember(filter_, when.sample, done.torque, tracks)
+    # Also without a filter: a law that comes next may have one.
+    kalman_memory.remember(filter_, when.sample, done.torque, tracks)
     if identified.on:
         lock_in.observe(
             identified,
