@@ -151,11 +151,13 @@ class LiveGraph(RosGraph):
         return take
 
     def _on_described(self, answer: Any) -> None:
+        """Keep what nodes say of their parameters; they say nothing of those of other nodes."""
         for one in answer.descriptors:
             ranges = [*one.floating_point_range, *one.integer_range]
             low, high = (ranges[0].from_value, ranges[0].to_value) if ranges else (None, None)
             found = Description(one.description, low, high, one.read_only)
-            self.descriptions[one.name] = found
+            if one.description or ranges or one.name not in self.descriptions:
+                self.descriptions[one.name] = found
 
     def _on_event(self, event: ParameterEvent) -> None:
         space, _, node = event.node.rpartition('/')

@@ -5,6 +5,8 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.srv import DescribeParameters
 
 from parallel_robot_base.errors import UnknownNameError
 from parallel_robot_cli.command_line import main
@@ -14,6 +16,7 @@ from parallel_robot_live.frames import HEADER
 from parallel_robot_live.graph_source import GraphSource
 from parallel_robot_live.graph_values import known_values, meant
 from parallel_robot_live.readable_state import setup
+from parallel_robot_live.ros_live_graph import LiveGraph
 from parallel_robot_live.source import Description, RefusedError
 from parallel_robot_model.configuration import robot_of
 
@@ -255,3 +258,13 @@ def test_what_is_no_request_reaches_no_node(action, value, graph):
     with pytest.raises(RefusedError):
         act(source, action, value)
     assert nodes.asked == []
+
+
+@pytest.mark.parametrize('first', [True, False])
+def test_a_node_that_was_given_the_gain_of_another_one_does_not_describe_it(first):
+    whole = FloatingPointRange(from_value=0.0, to_value=9.0)
+    own = ParameterDescriptor(name='smc.z', description='gain', floating_point_range=[whole])
+    graph = LiveGraph(Robots())
+    for one in (own, ParameterDescriptor(name='smc.z'))[:: 1 if first else -1]:
+        graph._on_described(DescribeParameters.Response(descriptors=[one]))
+    assert graph.descriptions == {'smc.z': Description('gain', 0.0, 9.0, False)}
