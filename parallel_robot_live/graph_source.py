@@ -198,7 +198,8 @@ class GraphSource:
         """Change the shape of the motion, or a parameter of it."""
         key, wanted = _pair(value, 'parameter')
         known = self._watched.parameters.get('trajectory', {})
-        if key not in readable_state.of_motion(known, self._graph.descriptions):
+        told = self._graph.descriptions.get('trajectory', {})
+        if key not in readable_state.of_motion(known, told):
             raise RefusedError(f'there is no parameter {key!r} of a motion')
         return await self._set('trajectory', key, meant(key, known[key], wanted))
 

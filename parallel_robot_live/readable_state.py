@@ -16,6 +16,7 @@ from parallel_robot_live.source import Description
 UNIT = re.compile(r'(.*?)(?: \[([^\]]*)\])?', re.DOTALL)
 SHAPE = 'trajectory.shape'
 LARGEST = 1e300  # a range that ends there has no end
+UNKNOWN = Description('', None, None)  # of a parameter that a node was given and does not use
 
 
 def layout(camera: Camera) -> dict[str, Any]:
@@ -64,26 +65,27 @@ def of_robot(robot: Robot, now: float) -> dict[str, Any]:
 
 def setup(
     nodes: Mapping[str, Mapping[str, Any]],
-    descriptions: Mapping[str, Description],
+    descriptions: Mapping[str, Mapping[str, Description]],
     laws: Iterable[str],
 ) -> dict[str, Any]:
     """Laws with their gains, and shapes of the motion with their parameters.
 
     Args:
         nodes: Parameters of each node.
-        descriptions: What they say of them.
+        descriptions: What each says of them; a node may have those of another, and nothing to say.
         laws: Names of the laws.
     """
     parameters, motion = nodes.get('controller', {}), nodes.get('trajectory', {})
+    told, of_shapes = (descriptions.get(node, {}) for node in ('controller', 'trajectory'))
     gains: dict[str, list[dict[str, Any]]] = {name: [] for name in laws}
     for key, value in parameters.items():
         law, _, name = key.partition('.')
-        if law in gains and name and key in descriptions:
-            gains[law].append(_parameter(key, value, descriptions))
+        if law in gains and name and key in told:
+            gains[law].append(_parameter(key, value, told))
     shapes: dict[str, list[dict[str, Any]]] = {}
-    for key in of_motion(motion, descriptions):
+    for key in of_motion(motion, of_shapes):
         if key != SHAPE:
-            parameter = _parameter(key, motion[key], descriptions)
+            parameter = _parameter(key, motion[key], of_shapes)
             shapes.setdefault(key.partition('.')[0], []).append(parameter)
     common = shapes.pop('trajectory', [])
     return {
@@ -98,13 +100,16 @@ def setup(
 
 
 def of_motion(parameters: Mapping[str, Any], descriptions: Mapping[str, Description]) -> list[str]:
-    """Keys of the parameters of a trajectory node that change its motion."""
+    """Keys of the parameters of a trajectory node that change its motion.
+
+    It says nothing of those that it was given with others but does not know.
+    """
     return [
         key
         for key in parameters
         if '.' in key
         and is_configuration(key)
-        and key in descriptions
+        and descriptions.get(key, UNKNOWN) != UNKNOWN
         and not descriptions[key].fixed
     ]
 

@@ -47,7 +47,7 @@ class LiveGraph(RosGraph):
 
     Attributes:
         parameters: Parameters of the nodes that were asked, by node; empty while not known.
-        descriptions: What they say of their parameters, by name.
+        descriptions: What they say of their parameters, by node and name.
     """
 
     DEPTH = LONGEST
@@ -64,7 +64,7 @@ class LiveGraph(RosGraph):
         """Prepare; reports of the nodes go into `robots`."""
         super().__init__(robots, 'parallel_robot_live')
         self.parameters: dict[str, dict[str, Any]] = {}
-        self.descriptions: dict[str, Description] = {}
+        self.descriptions: dict[str, dict[str, Description]] = {}
         self._messages: dict[Topic, list[bytes]] = {topics.JOINT_STATES: [], topics.REFERENCE: []}
         self._readers: dict[tuple[Topic, tuple[str, ...]], JointReader] = {}
         self._waiting: dict[str, float] = {}  # nodes that were asked and have not answered: when
@@ -146,18 +146,15 @@ class LiveGraph(RosGraph):
             self.parameters[node] = dict(zip(names, found, strict=False))
             self._waiting.pop(node, None)
             described = DescribeParameters.Request(names=names)
-            self._call(f'{node}/describe_parameters', described, self._on_described)
+            self._call(f'{node}/describe_parameters', described, self._described(node))
 
         return take
 
-    def _on_described(self, answer: Any) -> None:
-        """Keep what nodes say of their parameters; they say nothing of those of other nodes."""
-        for one in answer.descriptors:
-            ranges = [*one.floating_point_range, *one.integer_range]
-            low, high = (ranges[0].from_value, ranges[0].to_value) if ranges else (None, None)
-            found = Description(one.description, low, high, one.read_only)
-            if one.description or ranges or one.name not in self.descriptions:
-                self.descriptions[one.name] = found
+    def _described(self, node: str) -> Callable[[Any], None]:
+        def take(answer: Any) -> None:
+            self.descriptions[node] = {one.name: _description(one) for one in answer.descriptors}
+
+        return take
 
     def _on_event(self, event: ParameterEvent) -> None:
         space, _, node = event.node.rpartition('/')
@@ -186,6 +183,13 @@ def _read_all(reader: JointReader, messages: list[bytes], topic: Topic, joints: 
     stamps = np.array([stamp for stamp, _ in read], dtype=np.int64)
     columns = zip(*(vectors for _, vectors in read), strict=True) if read else [()] * len(names)
     return Heard(stamps, tuple(np.array(column).reshape(-1, joints) for column in columns))
+
+
+def _description(told: Any) -> Description:
+    """What a node says of a parameter."""
+    ranges = [*told.floating_point_range, *told.integer_range]
+    low, high = (ranges[0].from_value, ranges[0].to_value) if ranges else (None, None)
+    return Description(told.description, low, high, told.read_only)
 
 
 def _plain(value: Any) -> Any:

@@ -13,7 +13,7 @@ class Graph(Protocol):
     """What is needed of ros_live_graph.LiveGraph."""
 
     parameters: dict[str, dict[str, Any]]
-    descriptions: dict[str, Any]
+    descriptions: dict[str, dict[str, Any]]
 
     def watch(self, namespace: str) -> None:
         """Read one robot, by its namespace."""

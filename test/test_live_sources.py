@@ -5,8 +5,6 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
-from rcl_interfaces.srv import DescribeParameters
 
 from parallel_robot_base.errors import UnknownNameError
 from parallel_robot_cli.command_line import main
@@ -16,7 +14,6 @@ from parallel_robot_live.frames import HEADER
 from parallel_robot_live.graph_source import GraphSource
 from parallel_robot_live.graph_values import known_values, meant
 from parallel_robot_live.readable_state import setup
-from parallel_robot_live.ros_live_graph import LiveGraph
 from parallel_robot_live.source import Description, RefusedError
 from parallel_robot_model.configuration import robot_of
 
@@ -160,7 +157,7 @@ def test_units_and_ranges_are_those_that_the_node_tells():
         'pid.Kp': Description('gain [N m/rad]', 0.0, 1e5),
     }
     controller = {'smc.z': 20.0, 'smc.shape': 'sign', 'law': 'smc', 'period': 1e-3}
-    found = setup({'controller': controller}, told, ['smc'])
+    found = setup({'controller': controller}, {'controller': told}, ['smc'])
     assert found['gains'] == {
         'smc': [
             {
@@ -182,7 +179,8 @@ MOTION = {
     'granted.motion': '2 points',
 }  # fmt: skip
 FIXED = ('robot.l1', 'period', 'trajectory.lookahead')
-DESCRIBED = {key: Description('radius [m]', 0.0, np.inf, key in FIXED) for key in MOTION}
+OF_MOTION = {key: Description('radius [m]', 0.0, np.inf, key in FIXED) for key in MOTION}
+DESCRIBED = {'trajectory': OF_MOTION}
 
 
 def test_shapes_are_offered_with_what_can_be_changed_of_them():
@@ -260,11 +258,14 @@ def test_what_is_no_request_reaches_no_node(action, value, graph):
     assert nodes.asked == []
 
 
-@pytest.mark.parametrize('first', [True, False])
-def test_a_node_that_was_given_the_gain_of_another_one_does_not_describe_it(first):
-    whole = FloatingPointRange(from_value=0.0, to_value=9.0)
-    own = ParameterDescriptor(name='smc.z', description='gain', floating_point_range=[whole])
-    graph = LiveGraph(Robots())
-    for one in (own, ParameterDescriptor(name='smc.z'))[:: 1 if first else -1]:
-        graph._on_described(DescribeParameters.Response(descriptors=[one]))
-    assert graph.descriptions == {'smc.z': Description('gain', 0.0, 9.0, False)}
+def test_a_gain_has_the_range_that_its_own_node_tells_and_is_no_shape_of_the_motion():
+    """Another node that was given it, too, says nothing of it."""
+    nodes = {'controller': {'smc.z': 2.0}, 'trajectory': {'smc.z': 2.0, **MOTION}}
+    own, silent = Description('gain [1/s]', 0.0, 9.0), Description('', None, None)
+    told = {'controller': {'smc.z': own}, 'trajectory': {'smc.z': silent, **OF_MOTION}}
+    found = setup(nodes, told, ['smc'])
+    assert found['gains']['smc'] == [
+        {'key': 'smc.z', 'name': 'z', 'value': 2.0, 'text': 'gain', 'unit': '1/s', 'low': 0.0,
+         'high': 9.0},
+    ]  # fmt: skip
+    assert set(found['shapes']) == {'circle', 'line'}
