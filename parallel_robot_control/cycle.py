@@ -262,10 +262,9 @@ def run_cycle(
     """
     limits, estimator, dt = setup.limits, setup.estimator, when.dt
     identified, known = estimator.lock_in, state.last.known
-    delay = estimator.delay
     if identified.on:
         lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)
-        delay = lock_in.delay_at(identified, estimator.delay, known, position)
+    delay = lock_in.delay_at(identified, estimator.delay, known, position)
     tracks, late = estimator.kind == KALMAN, when.age + delay
     # 1. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated

@@ -69,8 +69,9 @@ def delay_at(lock_in: LockIn, assumed: float, known: bool, like: Array) -> float
         known: Whether there was a state before.
         like: Any vector of shape (n,).
     """
-    ended = lock_in.on and known and read_at(lock_in.memory, END, 0.0) > 0.0
-    return select(ended, read_at(lock_in.memory, DELAY, like)[0], assumed)
+    if lock_in.on and known and read_at(lock_in.memory, END, 0.0) > 0.0:
+        return read_at(lock_in.memory, DELAY, like)[0]
+    return assumed
 
 
 @inner

@@ -64,7 +64,7 @@ def test_without_noise_there_is_no_error():
     configuration = of('paper_circle', duration=1.0, **{'sensor.delay': 3e-3})
     unknown = noise_of(configuration.plant.imperfections, PERIOD, 3)
     assert least(linearise(configuration), unknown, PERIOD) < 1e-10
-    assert set(least_error(configuration).errors.values()) == {0.0}  # in a tenth of the time
+    assert set(least_error(configuration).errors.values()) == {0.0}
 
 
 @pytest.mark.parametrize('late', [0, 1, 4])
