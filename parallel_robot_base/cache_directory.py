@@ -24,7 +24,7 @@ from parallel_robot_base.user_directory import user_directories
 NOTICE = 'compiling; after an installation this takes about a minute, once'
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 5  # versions, this one included
-KEPT_CUSTOM = 50  # versions of custom files, for each of these
+KEPT_CUSTOM = 100  # versions of custom files, for each of these
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 119  # approximate number of pieces of machine code after `make setup`
 SOURCES = (  # what kernels are made of

@@ -45,8 +45,9 @@ def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
 def import_file(file: Path, source: bytes) -> ModuleType:
     """Execute a file as a module of a name of its own."""
     # Numba tells tuples apart by the names of module and class: two files must not share one.
-    # Machine code is kept under the name, too, so that it belongs to this source.
-    digest = hashlib.sha256(bytes(file) + b'\0' + source).hexdigest()[:16]
+    # Machine code is kept under the name, too: copies share it, unless they look where they lie.
+    place = bytes(file) + b'\0' if b'__file__' in source else b''
+    digest = hashlib.sha256(place + source).hexdigest()[:16]
     name = f'{cache_directory.PREFIX}{file.stem}_{digest}'
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None  # a .py file always has one

@@ -50,6 +50,8 @@ class _Place(_CacheLocator):  # type: ignore[misc]
         if own and cache_directory.is_source(file):
             self._path = os.path.join(own, function.__module__)
             self._stamp = ''  # the directory depends on it already
+        elif function.__module__.startswith(PREFIX):
+            self._path, self._stamp = cache_directory.custom(function.__module__), ''
         else:
             folder = hashlib.sha256(bytes(file.parent)).hexdigest()[:16]
             root = own or os.environ['NUMBA_CACHE_DIR']

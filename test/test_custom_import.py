@@ -5,13 +5,14 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from custom_law import LAW
 from ros_fixtures import until
 
-from parallel_robot_base import cache_directory, custom_module, trial_process
+from parallel_robot_base import cache_directory, custom_import, custom_module, trial_process
 from parallel_robot_base.processes import MODULES, command
 from parallel_robot_cli.command_line import main
 
@@ -198,3 +199,17 @@ def test_it_is_imported_as_here(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(custom_module, '_loaded', {})
     words[-3] = f'custom_laws=[{shutil.copy(file, tmp_path / "again.py")}]'
     assert main(words) == 0
+
+
+def test_copies_share_machine_code_unless_they_look_where_they_lie(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, 'modules', sys.modules.copy())
+    texts = {'law': LAW, 'data': f'here = __file__\n{LAW}'}
+
+    def name(folder, stem, text):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        return custom_import.import_file(tmp_path / folder / f'{stem}.py', text.encode()).__name__
+
+    assert name('a', 'law', texts['law']) == name('b', 'law', texts['law'])
+    assert name('a', 'data', texts['data']) != name('b', 'data', texts['data'])
+    assert name('a', 'law', texts['law']) != name('a', 'law', texts['law'] + '\n')
+    assert name('a', 'law', texts['law']) != name('a', 'wal', texts['law'])
