@@ -21,7 +21,7 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 )
 
 
-PROCESSES = (  # tests that start processes, or take long: not for make check
+PROCESSES = (  # tests that start processes
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
     *('custom_trajectories', 'docs', 'empty_graph', 'forked_process', 'foxglove', 'hostile_bags'),
@@ -31,6 +31,10 @@ PROCESSES = (  # tests that start processes, or take long: not for make check
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
     *('rehearse', 'replay', 'report', 'rerun', 'run', 'run_log', 'safety_nodes', 'show', 'start'),
     *('study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
+)
+LONG = (  # half of the time of all others
+    *('calm', 'driven_out', 'hostile_messages', 'identification', 'identify', 'recover', 'rivals'),
+    *('site', 'vectors', 'video'),
 )
 LONGEST = 200  # characters of a value in the name of a test
 STARTS = ('subprocess.Popen', 'os.fork', 'os.posix_spawn')  # audit events
@@ -61,7 +65,7 @@ def pytest_make_parametrize_id(val):
 
 def pytest_ignore_collect(collection_path, config):
     quick = config.getoption('quick')
-    return (quick and collection_path.stem.removeprefix('test_') in PROCESSES) or None
+    return (quick and collection_path.stem.removeprefix('test_') in (*PROCESSES, *LONG)) or None
 
 
 def pytest_pycollect_makemodule(module_path, parent):

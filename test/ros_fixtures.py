@@ -256,11 +256,12 @@ class Sink:
 
 
 @pytest.fixture(params=['wall', 'lockstep'])
-def node(request, domain):
+def node(request, domain, monkeypatch):
     """Make a node of a class in this process; what it publishes on a topic goes into a list.
 
     A parameter is the time mode, and perhaps a scenario after a space.
     """
+    monkeypatch.setattr('parallel_robot_control.controller_node.LAST_WORD', 0.0)  # nobody listens
     made = []
     mode, _, scenario = request.param.partition(' ')
     words = ['-p', f'time_mode:={mode}', '--log-level', 'fatal']

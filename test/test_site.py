@@ -8,6 +8,7 @@ import pytest
 
 from parallel_robot_cli.command_line import COMMANDS, main
 
+pytestmark = pytest.mark.xdist_group('site')  # built once
 ROOT = Path(__file__).parents[1]
 FIRST = (ROOT / 'docs' / 'first_results.md').read_text()
 
