@@ -17,6 +17,7 @@ from typing import Any
 
 from parallel_robot_base import cache_directory, trial_process
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.tuple_classes import classes_of, distinguish
 
 Rehearse = Callable[[ModuleType], None]
 
@@ -59,9 +60,7 @@ def import_file(file: Path, source: bytes) -> ModuleType:
     finally:
         if os.getpid() != process:  # a copy that the file has forked: one command is enough
             os._exit(1)
-    for kind in vars(module).values():
-        if isinstance(kind, type) and issubclass(kind, tuple) and kind.__module__ == name:
-            kind.__name__ = f'{name}.{kind.__qualname__}'
+    distinguish(*classes_of(module))
     return module
 
 

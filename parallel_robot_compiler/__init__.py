@@ -15,7 +15,7 @@ Loops
 import parallel_robot_base  # noqa: F401, before Numba
 from parallel_robot_compiler.boxed import Boxed
 from parallel_robot_compiler.compile_error import reason
-from parallel_robot_compiler.function_value import FirstClass, distinguish
+from parallel_robot_compiler.function_value import FirstClass
 from parallel_robot_compiler.kernels import entry_point, inlined, inner, kernel, need_compiler
 from parallel_robot_compiler.linear_algebra import cross, dot, multiply, solve
 from parallel_robot_compiler.raw_memory import Space, read_at, write_at
@@ -33,7 +33,7 @@ from parallel_robot_compiler.vector_types import (
 
 __all__ = [
     'INTERPRETED', 'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays',
-    'as_vectors', 'clip', 'cross', 'distinguish', 'dot', 'entry_point', 'every', 'inlined',
+    'as_vectors', 'clip', 'cross', 'dot', 'entry_point', 'every', 'inlined',
     'inner', 'kernel', 'multiply', 'need_compiler', 'read_at', 'read_row', 'reason', 'select',
     'shape_of', 'solve', 'some', 'vector', 'write_at', 'write_row',
 ]  # fmt: skip

@@ -13,22 +13,11 @@ from parallel_robot_compiler.numba_parts import FunctionModel, address_of
 from parallel_robot_compiler.vector_types import INTERPRETED, divisible
 
 
-def distinguish(*values: Any) -> None:
-    """Make the classes of tuples known to Numba's dispatcher by module and name.
-
-    It tells NamedTuples apart by the names of class and fields, so the ``Memory`` of one law could
-    pass for that of another; every call then takes the slow path, ten times as long.
-    """
-    for kind in map(type, values):
-        if issubclass(kind, tuple):
-            kind.__name__ = f'{kind.__module__}.{kind.__qualname__}'
-
-
 class _FunctionType(types.FunctionType):  # type: ignore[misc]
     """Type of a function by address, told apart by the types of its arguments.
 
     Numba's own goes by the names of the types: two laws whose ``Gains`` have the same number of
-    fields would be one type to it, and one law two types, before and after :func:`distinguish`.
+    fields would be one type to it, and one law two types if its classes are named anew.
     """
 
     @property

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import Boxed, Space, distinguish, vector
+from parallel_robot_base.tuple_classes import distinguish
+from parallel_robot_compiler import Boxed, Space, vector
 from parallel_robot_control import delay_identification
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
@@ -50,7 +51,7 @@ def assemble(
     gains, robot = configuration.gains[name], configuration.robot
     prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
     row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
-    distinguish(configuration.margins)
+    distinguish(type(configuration.margins))
     estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
     limits = Boxed(
         limits_of(configuration.safety, configuration.margins, configuration.loop.period)

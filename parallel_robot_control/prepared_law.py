@@ -11,13 +11,13 @@ from numba import typeof
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
+from parallel_robot_base.tuple_classes import distinguish
 from parallel_robot_compiler import (
     INTERPRETED,
     Boxed,
     FirstClass,
     as_arrays,
     as_vectors,
-    distinguish,
     reason,
     vector,
 )
@@ -84,7 +84,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         raise InputError(f'{name}: update is not compiled: put @kernel before it')
     try:
         memory = law.initial_memory(joints)
-        distinguish(gains, memory)
+        distinguish(type(gains), type(memory))
         typeof(memory)
     except RAISED as error:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error

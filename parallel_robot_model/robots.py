@@ -16,12 +16,12 @@ from parallel_robot_base.fields import defaults
 from parallel_robot_base.groups import group
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.trial_process import LIMIT, step
+from parallel_robot_base.tuple_classes import distinguish
 from parallel_robot_compiler import (
     INTERPRETED,
     Boxed,
     FirstClass,
     VectorType,
-    distinguish,
     reason,
     shape_of,
 )
@@ -124,7 +124,7 @@ def _wrong(name: str, kind: Any, sizes: Mapping[str, int]) -> str:
 @functools.lru_cache(maxsize=64)
 def _constants(robot: RobotModel) -> Boxed:
     values = _unboxed(robot)
-    distinguish(values)
+    distinguish(type(values))
     return Boxed(values)
 
 

@@ -304,6 +304,19 @@ def test_code_for_other_types_is_found_out_and_compiled_anew(summing):
     assert [summing([1, 2])[1] for _ in range(2)] == [1, 2]
 
 
+NAMES = """
+from parallel_robot_control.laws import LAWS
+kinds = [kind for law in LAWS.values() for kind in (law.Gains, type(law.initial_memory(3)))]
+print(*sorted({kind.__name__.rpartition('.')[0] for kind in kinds}))
+"""
+
+
+def test_code_for_a_law_is_found_whatever_was_compiled_before_it():
+    """A law that makes a tuple of another one, in a kernel, gives its class a name for good."""
+    names = print_in_python(NAMES, ROOT).split()
+    assert len(names) > 10 and all(name.startswith('parallel_robot_control.') for name in names)
+
+
 def test_the_private_parts_of_numba_that_are_used_are_there():
     """A newer Numba that fails here needs kernel_cache.py and function_value.py looked at."""
     implementation = kernel_cache.KernelCache(kernel(lambda x: x).py_func)._impl

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from parallel_robot_base.tuple_classes import classes_of, distinguish
 from parallel_robot_control.contract import Law
 from parallel_robot_control.laws import (
     adaptive_s_fotsmc,
@@ -46,6 +47,9 @@ LAWS: dict[str, Law] = {
     'observer_s_fotsmc': observer_s_fotsmc,
     'lqg_tracking': lqg_tracking,
 }
+
+for _law in LAWS.values():
+    distinguish(*classes_of(_law))  # before a kernel makes a tuple of one
 
 PAPER = ('smc', 's_smc', 'nftsmc', 's_fotsmc')  # Doan, Le, Vo (2019)
 
