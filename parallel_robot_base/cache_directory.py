@@ -26,7 +26,7 @@ COMPLETE = 'complete'  # file that says that all kernels of the suite have been 
 KEPT = 5  # versions, this one included
 KEPT_CUSTOM = 100  # versions of custom files, for each of these
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
-ALL = 119  # approximate number of pieces of machine code after `make setup`
+ALL = 270  # approximate number of pieces of machine code after `make setup`
 SOURCES = (  # what kernels are made of
     b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)', b'numba.extending', b'@lower_builtin',
 )  # fmt: skip
