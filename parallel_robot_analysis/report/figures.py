@@ -283,8 +283,11 @@ def add_legend(axes: Any) -> None:
         loc='lower right',
         bbox_to_anchor=(1.0, 1.0),
         borderpad=0.2,
+        columnspacing=1.2,
         fontsize='small',
         frameon=False,
+        handlelength=1.6,
+        handletextpad=0.5,
         ncols=COLUMNS,
     )
 
