@@ -10,9 +10,9 @@ def distinguish(*kinds: type) -> None:
 
     Numba's dispatcher tells NamedTuples apart by the names of class and fields, so the ``Memory``
     of one law could pass for that of another; every call then takes the slow path, ten times as
-    long. A type of Numba keeps the name that its class had when it was first seen, in a kernel
-    that makes such a tuple perhaps, so this comes before: else machine code is found or not by
-    the order in which laws were compiled.
+    long. Numba's type of a class keeps the name that the class had when Numba first saw it, and
+    machine code is found by that name. So a class is named before any kernel makes such a tuple;
+    otherwise it depends on the order of compilation whether its code is found.
     """
     for kind in kinds:
         if issubclass(kind, tuple):

@@ -32,7 +32,7 @@ PROCESSES = (  # tests that start processes
     *('rehearse', 'replay', 'report', 'rerun', 'run', 'run_log', 'safety_nodes', 'show', 'start'),
     *('study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
-LONG = (  # half of the time of all others
+LONG = (  # tests that take as long as all others without processes together
     *('calm', 'driven_out', 'hostile_messages', 'identification', 'identify', 'recover', 'rivals'),
     *('site', 'vectors', 'video'),
 )
@@ -52,7 +52,7 @@ class LeftOut(pytest.Module):
 
 
 def pytest_addoption(parser):
-    parser.addoption('--quick', action='store_true', help='only tests that start no process')
+    parser.addoption('--quick', action='store_true', help='quick tests, which start no process')
     if STOCK:
         parser.addini('faulthandler_exit_on_timeout', 'of pytest 9')
 
