@@ -48,10 +48,10 @@ def repeat(
     dt: float,
 ) -> float:
     """Run a cycle `count` times."""
-    total = 0.0
+    total, zero = 0.0, np.zeros_like(velocity)
     for k in range(count):
         when = When(k, 0.0, dt)
-        cycle = run_cycle(setup, reference, position, velocity, state, memory, when)
+        cycle = run_cycle(setup, reference, position, velocity, zero, state, memory, when)
         state, memory = cycle.state, cycle.memory
         total += cycle.torque[0]
     return total

@@ -42,7 +42,7 @@ class MonitorNode(SuiteNode):
         self._monitor = Monitor(robot, guess, parameters)
         joints = self.loop.joints
         self._state_reader = JointReader(
-            topics.JOINT_STATES, joints, ('position',), self.counts, ('effort',), math.nan
+            topics.JOINT_STATES, joints, ('position',), self.counts, {'effort': math.nan}
         )
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, ('position', 'velocity', 'acceleration'), self.counts

@@ -109,6 +109,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         question.reference,
         question.position,
         question.velocity,
+        question.effort,
         question.state,
         core.memory,
         When(question.acts // common.timing.period, question.age, question.dt),
@@ -135,6 +136,7 @@ class Question(NamedTuple):
         reference: Desired joint motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
+        effort: Torque applied before the state [N m], shape (n,); NaN where it is not known.
         state: State of the controller after the cycle before.
         age: From the stamp until the torque acts [s].
         dt: Time since the previous state [s].
@@ -150,6 +152,7 @@ class Question(NamedTuple):
     reference: JointReference
     position: Array
     velocity: Array
+    effort: Array
     state: CycleState
     age: float
     dt: float
@@ -180,8 +183,8 @@ def _open(
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
-    effort = read_row(joint_row(wire, 2), 0, row)
-    effort = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not finite
+    effort = read_row(joint_row(wire, 2, np.nan), 0, row)
+    applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
     before, fault = numbers[LAST], numbers[FAULT]
     code, known, dt = ANSWERED, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
@@ -220,7 +223,7 @@ def _open(
             write_row(vectors, HELD, read_row(vectors, POSITION, row))
     if code == ANSWERED:
         write_row(vectors, VELOCITY, velocity)
-        write_row(vectors, EFFORT, effort)
+        write_row(vectors, EFFORT, applied)
         then = at_measurement(reference, (acts - stamp) / NANOSECONDS + delay)
         write_row(common.telemetry, ERROR, then.position - position)
         write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
@@ -228,7 +231,7 @@ def _open(
             dt = (stamp - before) / NANOSECONDS
             numbers[SKIPPED] += (stamp - before) // timing.period - 1
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
-            write_row(vectors, TORQUE, effort)
+            write_row(vectors, TORQUE, applied)
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
         numbers[LAST] = stamp
@@ -265,6 +268,7 @@ def _open(
         reference,
         position,
         velocity,
+        effort,
         state,
         age,
         dt,

@@ -19,6 +19,7 @@ class States(NamedTuple):
     Attributes:
         position: Measured angles [rad], shape (N, n).
         velocity: Measured rates [rad/s], shape (N, n).
+        effort: Torque applied before each [N m], NaN where it is not known, shape (N, n).
         dt: Time since the previous state [s], shape (N,).
         sample: Index of the sample from which on the torque acts, shape (N,).
         age: From the measurement to that sample [s], shape (N,).
@@ -26,6 +27,7 @@ class States(NamedTuple):
 
     position: Array
     velocity: Array
+    effort: Array
     dt: Array
     sample: NDArray[np.int64]
     age: Array
@@ -96,7 +98,8 @@ def answers(
         )
         position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)
         when = When(states.sample[k], states.age[k], states.dt[k])
-        cycle = run_cycle(control, reference, position, velocity, state, memory, when)
+        effort = read_row(states.effort, k, row)
+        cycle = run_cycle(control, reference, position, velocity, effort, state, memory, when)
         write_row(torque, k, cycle.torque)
         for i in range(expected.shape[1]):
             if torque[k, i] != expected[k, i] and not np.isnan(expected[k, i]):

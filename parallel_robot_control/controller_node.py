@@ -68,10 +68,12 @@ class ControllerNode(SuiteNode):
         self.counts = self._controller.counts
         self._warn(self._controller.law.warnings)
         joints = self.loop.joints
-        fields = 'position', 'velocity', 'effort'
-        needed = 2 if configured.estimator.takes_velocities else 1
+        needed, optional = ['position'], {'velocity': 0.0, 'effort': np.nan}
+        if configured.estimator.takes_velocities:
+            needed.append('velocity')
+            del optional['velocity']
         self._state_reader = JointReader(
-            topics.JOINT_STATES, joints, fields[:needed], self.counts, fields[needed:]
+            topics.JOINT_STATES, joints, needed, self.counts, optional
         )
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts

@@ -239,6 +239,7 @@ def run_cycle(
     desired: JointReference,
     position: Array,
     velocity: Array,
+    effort: Array,
     state: CycleState,
     memory: Any,
     when: When,
@@ -256,6 +257,8 @@ def run_cycle(
         desired: Desired joint motion at the sample from which on the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
+        effort: Torque applied during the step that ended at the measurement [N m], shape (n,); NaN
+            where it is not known.
         state: State of the controller after the cycle before.
         memory: Memory of the law.
         when: Age of the state, time since the one before.
@@ -369,4 +372,4 @@ def cycle_of(setup: ControlSetup, state: CycleState, memory: Any) -> FirstClass:
     """
     row = state.held
     reference, when = JointReference(row, row, row), When(0, 0.0, 1e-3)
-    return FirstClass(run_cycle, setup, reference, row, row, state, memory, when)
+    return FirstClass(run_cycle, setup, reference, row, row, row, state, memory, when)

@@ -52,8 +52,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
 
     Args:
         layout: Layout of the messages.
-        fields: Its joint vectors, in the order in which they will be read; one that the layout
-            does not have is read as zero.
+        fields: Its joint vectors, in the order in which they will be read.
         order: Index of each of the wanted joints in them.
     """
     offset = len(ENCAPSULATION)  # CDR aligns from there, so in the body every number is aligned
@@ -105,14 +104,15 @@ def open_message(wire: Any, data: bytes) -> int:
 
 
 @inner
-def joint_row(wire: Any, field: int) -> Array:
+def joint_row(wire: Any, field: int, missing: float = 0.0) -> Array:
     """A joint vector of the message that was opened last, shape (n,), valid until the next one.
 
     Args:
         wire: See Wire.
         field: Which one, from 0.
+        missing: What its numbers are where the layout does not have it.
     """
     order, start, row = wire.order, wire.starts[field], wire.row
     for i in range(len(order)):
-        row[i] = wire.numbers[start + order[i]] if start >= 0 else 0.0
+        row[i] = wire.numbers[start + order[i]] if start >= 0 else missing
     return row

@@ -112,7 +112,9 @@ class LiveGraph(RosGraph):
         key = (topic, joints)
         if key not in self._readers:
             needed, optional = FIELDS[topic]
-            self._readers[key] = JointReader(topic, joints, needed, Counter(), optional, math.nan)
+            self._readers[key] = JointReader(
+                topic, joints, needed, Counter(), dict.fromkeys(optional, math.nan)
+            )
         return _read_all(self._readers[key], taken, topic, len(joints))
 
     def ask_parameters(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -33,8 +33,7 @@ class JointReader:
         joints: tuple[str, ...],
         fields: Sequence[str],
         counts: Counter[str],
-        optional: Sequence[str] = (),
-        unknown: float = 0.0,
+        optional: Mapping[str, float] | None = None,
     ) -> None:
         """Prepare to read a topic.
 
@@ -43,15 +42,14 @@ class JointReader:
             joints: Names of the joints, in the order in which they are read.
             fields: Names of the fields: position, velocity, acceleration.
             counts: Counts the messages that cannot be used, by reason.
-            optional: Fields that a message may lack.
-            unknown: What they are where it does, or has no finite number.
+            optional: Fields that a message may lack, and what they are where it does, or has no
+                finite number.
         """
         self._topic = topic
         self._joints = joints
         self._fields = fields
         self._counts = counts
-        self._optional = optional
-        self._unknown = unknown
+        self._optional = optional or {}
         self.layout: cdr.Layout | None = None
         self.order = list(range(len(joints)))
         # Learn the layout that the suite publishes, and import all that reading needs.
@@ -78,14 +76,14 @@ class JointReader:
         if records['nanosec'][0] >= NANOSECONDS:
             self._counts[f'{self._topic.name}: the stamp has more than a second in ns'] += 1
             return None
-        vectors += [self._read_optional(records, name) for name in self._optional]
+        vectors += [self._read_optional(records, *each) for each in self._optional.items()]
         return int(cdr.stamps_of(records)[0]), vectors
 
-    def _read_optional(self, records: np.ndarray, name: str) -> np.ndarray:
+    def _read_optional(self, records: np.ndarray, name: str, unknown: float) -> np.ndarray:
         if name not in (records.dtype.names or ()):
-            return np.full(len(self._joints), self._unknown)
+            return np.full(len(self._joints), unknown)
         values = records[name][0][self.order]
-        return np.where(np.isfinite(values), values, self._unknown)
+        return np.where(np.isfinite(values), values, unknown)
 
     def _learn(self, data: bytes) -> str:
         """Set layout and order for messages like this one, or say why it cannot be used."""

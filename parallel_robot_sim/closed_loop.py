@@ -19,7 +19,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
-from parallel_robot_sim.sensors import sensed
+from parallel_robot_sim.sensors import effort_at_stamp, sensed
 from trajectory_gen.trajectory import Reference
 
 
@@ -118,7 +118,7 @@ def compiled_loop(
     more = count if complete else 0
     joints = np.empty((count, len(row)))
     position = np.empty((count, len(row)))
-    effort = np.empty((count, len(row)))
+    efforts = np.empty((count, len(row)))
     pose = np.empty((more, len(first.pose)))
     velocity = np.empty((more, len(row)))
     passive_position = np.empty((more, len(first.passive_position)))
@@ -135,9 +135,10 @@ def compiled_loop(
         if not is_finite(true.velocity):
             steps = k
             break
-        angles, rates = true.position, true.velocity
+        angles, rates, effort = true.position, true.velocity, state.torque
         if plant.imperfections.on:
             angles, rates = sensed(plant, true, state.time, period)
+            effort = effort_at_stamp(plant, state.torque, state.time, period)
         # 3. The torque computed from it.
         desired = JointReference(
             read_row(reference.position, k, row),
@@ -145,10 +146,10 @@ def compiled_loop(
             read_row(reference.acceleration, k, row),
         )
         when = When(k, plant.imperfections.age, period)
-        cycle = run_cycle(control, desired, angles, rates, cycle_state, memory, when)
+        cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, memory, when)
         write_row(joints, k, true.position)
         write_row(position, k, angles)
-        write_row(effort, k, state.torque)
+        write_row(efforts, k, state.torque)
         write_row(fault, k, cycle.state.fault)
         write_row(acted, k, cycle.acted)
         if complete:
@@ -170,7 +171,7 @@ def compiled_loop(
         velocity,
         passive_position,
         passive_velocity,
-        effort,
+        efforts,
         command,
         sliding_variable,
         coupled_error,

@@ -155,13 +155,13 @@ def test_memory_does_not_grow_with_single_cycles(values, robot):
     reference = JointReference(theta, still, still)
 
     when = When(0, 0.0, 1e-3)
-    begin = control.setup, reference, theta, still, control.state, control.law.memory, when
+    begin = control.setup, reference, theta, still, still, control.state, control.law.memory, when
     cycle_alone = entry_point(run_cycle, *begin)
 
     def cycles(count):
         state, memory = initial_state(PAPER_START, 3), control.law.memory
         for _ in range(count):
-            cycle = cycle_alone(control.setup, reference, theta, still, state, memory, when)
+            cycle = cycle_alone(control.setup, reference, theta, still, still, state, memory, when)
             state, memory = cycle.state, cycle.memory
 
     cycles(1000)

@@ -27,6 +27,7 @@ class Situation(NamedTuple):
     reference: JointReference
     position: np.ndarray
     velocity: np.ndarray
+    effort: np.ndarray
     state: CycleState
 
     def solve(self, control, memory=None) -> Cycle:
@@ -52,6 +53,7 @@ def situation(robot, pose):
         JointReference(theta + 0.01 * rng.standard_normal(3), rate_d, acceleration_d),
         theta,
         velocity,
+        np.zeros(3),
         initial_state(pose + np.array([0.002, -0.001, 0.01]), 3),
     )
 

@@ -42,7 +42,9 @@ def numbers():
     reference = made.trajectory.sample(np.arange(STEPS + 1) * 1e-3)
     start = JointReference(*(vector(row[0]) for row in reference[:3]))
     run_cycle = cycle_of(setup, state, memory)
-    cycle = run_cycle(setup, start, start.position, rate, state, memory, When(0, 0.0, 1e-3))
+    cycle = run_cycle(
+        setup, start, start.position, rate, 0.0 * rate, state, memory, When(0, 0.0, 1e-3)
+    )
     loop = run(made.control, made.plant, reference, 1e-3)
     values = [law.torque, law.sliding_variable, cycle.torque, cycle.state.pose, loop.pose]
     return [*values, loop.command, loop.sliding_variable, loop.fault]

@@ -113,7 +113,7 @@ def test_other_joints_that_are_not_finite_do_no_harm(reader):
 def test_velocities_may_be_missing_where_they_are_not_used(counts):
     """As joint_state_broadcaster has it without velocity interfaces: NaN for each joint."""
     reader = JointReader(
-        topics.JOINT_STATES, JOINTS, ('position',), counts, ('velocity', 'effort')
+        topics.JOINT_STATES, JOINTS, ('position',), counts, {'velocity': 0.0, 'effort': 0.0}
     )
     names, nan = ('gripper', *JOINTS[::-1]), [np.nan] * 4
     position = np.array([9.0, 0.3, 0.2, 0.1])
@@ -147,7 +147,7 @@ def test_references_are_read_alike(counts):
 @pytest.mark.parametrize('fields', [{}, {'effort': [0.5, np.nan, 0.5]}])
 @pytest.mark.parametrize('unknown', [0.0, np.nan])
 def test_what_a_message_may_lack_is_told_as_wished(fields, unknown, counts):
-    reader = JointReader(topics.JOINT_STATES, JOINTS, ('position',), counts, ('effort',), unknown)
+    reader = JointReader(topics.JOINT_STATES, JOINTS, ('position',), counts, {'effort': unknown})
     _, (position, effort) = reader.read(state(**fields))
     expected = [0.5, unknown, 0.5] if fields else [unknown] * 3
     assert position.tolist() == [0.1, 0.2, 0.3] and not counts

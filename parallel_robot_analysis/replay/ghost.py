@@ -73,6 +73,7 @@ class Ghost:
         states = States(
             np.ascontiguousarray(position),
             np.ascontiguousarray(velocity),
+            np.full_like(effort, np.nan),  # those of another law do not obey this one
             np.diff(stamps, prepend=self._last) / NANOSECONDS,
             (stamps + self._age) // loop.period_ns,
             np.full(len(stamps), self._age / NANOSECONDS),

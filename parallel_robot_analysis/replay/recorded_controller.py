@@ -88,8 +88,15 @@ class RecordedController:
         expected: The recorded commands, shape (A, n).
     """
 
-    def __init__(self, log: RunLog, configuration: ControlConfiguration) -> None:
+    def __init__(
+        self, log: RunLog, configuration: ControlConfiguration, obeyed: bool = True
+    ) -> None:
         """Take a run.
+
+        Args:
+            log: The run.
+            configuration: Configuration of the controller.
+            obeyed: Whether the recorded torques answer this controller, not another one.
 
         Raises:
             BagError: it has no velocities, and the estimator takes them.
@@ -108,8 +115,8 @@ class RecordedController:
         if log.used is not None:
             self._rows = np.flatnonzero(log.used.stamps)
         self.stamps, self.expected = log.stamps[self._rows], log.answer[self._rows]
-        measured = log.effort if log.has_efforts else np.zeros_like(log.effort)  # as it was heard
-        self._effort = measured[self._rows]
+        heard = log.effort if log.has_efforts else np.full_like(log.effort, np.nan)
+        self._effort = heard[self._rows]
         steps = np.diff(self.stamps)
         begun_anew = ((steps <= 0) | (steps >= RESTART)) & self.exact
         self._restarts = np.flatnonzero(begun_anew) + 1
@@ -119,6 +126,7 @@ class RecordedController:
         self._states = States(
             log.position[self._rows],
             np.nan_to_num(log.velocity[self._rows]),  # as the node takes them, which has none
+            self._effort if obeyed else np.full_like(self._effort, np.nan),
             dt,
             acts // self._loop.period_ns,
             (acts - self.stamps) / NANOSECONDS,

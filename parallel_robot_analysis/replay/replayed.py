@@ -98,7 +98,7 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
 
 def instead(log: RunLog, history: History, configuration: ControlConfiguration) -> Replay:
     """Another law or other gains, from the first state to the last."""
-    loop = RecordedController(log, configuration)
+    loop = RecordedController(log, configuration, obeyed=False)
     moment = loop.first(loop.common_start(history))
     free = np.full_like(loop.expected, np.nan)
     return Replay(loop.spread(loop.answer(moment, 0, len(free), free).torque), log.answer, 0)
