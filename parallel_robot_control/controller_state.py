@@ -17,6 +17,7 @@ from parallel_robot_control.shared_arrays import (
     AGE,
     END,
     FAULT,
+    FOREVER,
     FROM,
     HEARD,
     LAST,
@@ -25,8 +26,6 @@ from parallel_robot_control.shared_arrays import (
     store,
     stored,
 )
-
-FOREVER = 2**63 - 1  # ns
 
 
 class ControllerState:

@@ -19,6 +19,7 @@ from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
@@ -50,6 +51,11 @@ class Simulation(NamedTuple):
         """Age of the states that their stamps tell [s]."""
         age: float = self.experiment.plant.setup.imperfections.age
         return age
+
+    @property
+    def course(self) -> Course:
+        """What hazards made of the course of the run."""
+        return course_of(self.experiment.plant, self.reference, self.experiment.loop.period)
 
     @property
     def desired(self) -> JointReference:
