@@ -83,6 +83,12 @@ class Hazard(NamedTuple):
         """Index of its first sample and of the first one after it; `period` in s."""
         return round(self.at / period), round(self.end / period)
 
+    @property
+    def told(self) -> str:
+        """The hazard for people: what, and when."""
+        when = f'from {self.at:g} to {self.end:g} s' if self.lasts else f'at {self.at:g} s'
+        return f'{self.what} {self.joint} {when}'.replace('  ', ' ')
+
     def __str__(self) -> str:
         """The hazard as it is typed."""
         said = {JOINT: self.joint, SIZE: self.size, LIMIT: self.size, DELAY: self.size}

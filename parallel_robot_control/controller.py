@@ -282,7 +282,7 @@ class Controller(ControllerState):
         if any(before < renewal <= sample for renewal in times.renewals):
             self._store(self.state._replace(fault=faults.NONE))
             self._reset()
-            self._changed = True
+            self._fault_seen, self._changed = faults.NONE, True
         if any(before < clear <= sample for clear in times.clears):
             self._changed |= self.fault != faults.NONE and not self.clear_fault()
         numbers[UNTIL] = start + times.newest_reference(sample) * self._loop.period_ns
