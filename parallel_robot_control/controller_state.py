@@ -19,6 +19,7 @@ from parallel_robot_control.shared_arrays import (
     CAUSE,
     END,
     FAULT,
+    FOREVER,
     FROM,
     HEARD,
     LAST,
@@ -28,7 +29,6 @@ from parallel_robot_control.shared_arrays import (
     stored,
 )
 
-FOREVER = 2**63 - 1  # ns
 PATIENCE = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 
 from parallel_robot_base import cdr, layouts, topics
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import safety
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.contract import Fault
@@ -51,19 +53,26 @@ class Status(NamedTuple):
     delay: str = ''
 
 
-def told_limits(acted: np.ndarray, period: float) -> np.ndarray:
-    """Bits of the limits in the status of each sample, shape (N,).
+def told_limits(
+    acted: np.ndarray, stamps: np.ndarray, answered: np.ndarray, begins: Collection[int]
+) -> np.ndarray:
+    """Bits of the limits in the status after each state, shape (N,).
 
     Args:
-        acted: Bits of those that acted at the sample, shape (N,).
-        period: Time between two samples [s].
+        acted: Bits of those that acted at the state, shape (N,).
+        stamps: Of the states [ns], shape (N,).
+        answered: Whether the state was answered, shape (N,).
+        begins: Rows at which a controller begins that knows of none before.
     """
-    told, quiet = np.zeros_like(acted), round(safety.QUIET / period)
+    told = np.zeros_like(acted)
+    if not acted.any():
+        return told
     shown, last = 0, 0
-    for k in range(int(np.flatnonzero(acted)[0]) if acted.any() else len(acted), len(acted)):
+    for k in np.flatnonzero(answered).tolist():
+        shown = 0 if k in begins else shown
         if acted[k]:
-            shown, last = shown | int(acted[k]), k
-        elif k - last >= quiet:
+            shown, last = shown | int(acted[k]), int(stamps[k])
+        elif stamps[k] - last >= safety.QUIET * NANOSECONDS:
             shown = 0
         told[k] = shown
     return told

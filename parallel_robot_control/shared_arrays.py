@@ -16,6 +16,7 @@ from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
 
 NEVER = -1  # a stamp that no message has
+FOREVER = 2**63 - 1  # ns
 AGES = 4096  # answers for which the age of the state is kept
 
 # Rows of Shared.vectors,
@@ -37,7 +38,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     PHASE,  # of the identification of the delay, see lock_in.py
     CAUSE,  # fault whose cause was there at the last state
     ACTED_AT,  # stamp of the last state at which a limit acted
-) = range(16)  # fmt: skip
+    UNTIL,  # stamp of the newest reference that counts
+) = range(17)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -47,7 +49,7 @@ class Shared(NamedTuple):
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (15, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (16,).
+        numbers: Fault, stamps and counts, shape (17,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -73,13 +75,14 @@ def shared(state: CycleState) -> Shared:
         np.array(state.pose),
         np.zeros((15, joints)),
         np.zeros((4, joints)),
-        np.zeros(16, np.int64),
+        np.zeros(17, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
         np.zeros(AGES, np.int64),
     )
     made.numbers[[LAST, START, END]] = NEVER
+    made.numbers[UNTIL] = FOREVER
     store(made, state)
     return made
 

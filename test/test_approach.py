@@ -21,7 +21,7 @@ def _approached(parameters, before, reference, position, velocity, dt):
 def courses(duration, count, begin=START, way_back=1.0):
     """What is added to a reference that stands still, its rate and acceleration."""
     before, rows = not_begun(2, begin), []
-    parameters = ApproachParameters(duration, way_back)
+    parameters = ApproachParameters(duration, way_back, 1e9)
     position = vector(np.asarray(REFERENCE.position) + OFFSET)
     velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
     for _ in range(count):

@@ -16,7 +16,6 @@ from parallel_robot_analysis.replay.recorded_controller import RecordedControlle
 from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import ControlConfiguration, changed
 
 SLACK = NANOSECONDS // 4  # ns, between a change and its record
@@ -64,7 +63,7 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
     pending = [
         event
         for event in events(history, configuration)
-        if not (loop.exact and event.fault == faults.REFERENCE_STALE)
+        if not (loop.exact and event.fault in loop.shown)
     ]
     expected = loop.expected.copy()
     torque = np.empty_like(expected)
