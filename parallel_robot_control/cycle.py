@@ -10,6 +10,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
 from parallel_robot_control import faults, kalman, kalman_memory, lock_in
 from parallel_robot_control.approach import Approach, approached, not_begun
+from parallel_robot_control.braking import too_fast
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
@@ -157,6 +158,7 @@ def sense(
     last: Last,
     latched: int,
     dt: float,
+    late: float,
 ) -> Estimate:
     """Find the pose, look for faults, compute the model.
 
@@ -165,12 +167,16 @@ def sense(
 
     Returns:
         The estimate; its fault is the latched one, or else the first one found, first in the
-        motion of the joints, then in the robot.
+        motion of the joints, then in the robot, then ahead of it.
     """
     found = estimate(robot, limits.margins, position, velocity, pose)
     seen = find_fault(limits, reference, position, velocity, last, dt)
     fault = select(latched == faults.NONE, seen, latched)
     fault = select(fault == faults.NONE, found.fault, fault)
+    if fault == faults.NONE and too_fast(
+        estimate, robot, limits, position, velocity, found, last, late
+    ):
+        fault = faults.TOO_FAST
     return Estimate(fault, found.pose, found.model)
 
 
@@ -293,6 +299,7 @@ def run_cycle(
         state.last,
         state.fault,
         dt,
+        late,
     )
     feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model

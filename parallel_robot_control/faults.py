@@ -16,6 +16,7 @@ REFERENCE_STALE = 17
 STATES_DISAGREE = 18
 REFERENCES_DISAGREE = 19
 EMERGENCY_STOP = 20
+TOO_FAST = 27
 
 FAULTS = {
     TORQUE_NOT_FINITE: Fault('torque_not_finite', 'the law gave a torque that is not finite'),
@@ -37,6 +38,10 @@ FAULTS = {
         'references_disagree', 'references contradict one another: two publishers'
     ),
     EMERGENCY_STOP: Fault('emergency_stop', 'emergency stop'),
+    TOO_FAST: Fault(
+        'too_fast',
+        'the robot was about to be too fast to be stopped before a limit, e.g. a singularity',
+    ),
 }
 
 
