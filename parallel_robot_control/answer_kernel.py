@@ -52,6 +52,7 @@ from parallel_robot_control.shared_arrays import (
     NEVER,
     OFFSET,
     PHASE,
+    POSE_LOST,
     POSITION,
     RATE,
     REFERENCE,
@@ -255,6 +256,7 @@ def _open(
             read_row(vectors, APART_RATE, row),
             vectors[ELAPSED, 0],
         ),
+        numbers[POSE_LOST] != 0,
     )
     age = (acts - stamp) / NANOSECONDS
     return Question(
@@ -325,5 +327,8 @@ def _close(
         code |= LOG
     if numbers[FAULT] != question.fault or numbers[ACTED] != acted or numbers[PHASE] != phase:
         code |= STATUS
+    if numbers[POSE_LOST] != after.lost:
+        code |= STATUS
+    numbers[POSE_LOST] = after.lost
     numbers[PHASE] = phase
     return code

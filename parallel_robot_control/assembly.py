@@ -10,6 +10,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.tuple_classes import distinguish
 from parallel_robot_compiler import Boxed, Space, vector
 from parallel_robot_control import delay_identification
+from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
@@ -78,6 +79,7 @@ def assemble(
             limits,
             estimator,
             configuration.approach.duration,
+            losing(robot, configuration.margins, row, guess),
         ),
         initial_state(guess, configuration.joints),
     )

@@ -14,7 +14,7 @@ from parallel_robot_control.braking import too_fast
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
 from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
-from parallel_robot_model.contract import Estimate
+from parallel_robot_model.contract import Model
 
 
 class CycleState(NamedTuple):
@@ -28,6 +28,8 @@ class CycleState(NamedTuple):
         fault: NONE or the number of the fault, see faults.py; it is latched.
         estimated: Estimates of filter and differentiator; not used without one.
         approach: How the robot joins the desired motion.
+        lost: Whether the pose may be that of another assembly mode, see assembly_mode.py; it is
+            latched.
     """
 
     pose: Array
@@ -37,6 +39,7 @@ class CycleState(NamedTuple):
     fault: int
     estimated: Estimated
     approach: Approach
+    lost: bool
 
 
 class When(NamedTuple):
@@ -64,6 +67,7 @@ class ControlSetup(NamedTuple):
         limits: Limits, boxed.
         estimator: Estimator, boxed.
         approach: Time over which an initial offset is faded [s].
+        losing: Faults of the robot at which it has no pose, as bits.
     """
 
     update: Any
@@ -73,6 +77,16 @@ class ControlSetup(NamedTuple):
     limits: Any
     estimator: Any
     approach: float
+    losing: int
+
+
+class Sensed(NamedTuple):
+    """An Estimate, with all faults, and whether the pose is lost."""
+
+    fault: int
+    pose: Array
+    model: Model
+    lost: bool
 
 
 class Asked(NamedTuple):
@@ -136,7 +150,14 @@ def initial_state(pose: Array, joints: int) -> CycleState:
     zero = vector(np.zeros(joints))
     last = Last(zero, zero, zero, zero, False, False)
     return CycleState(
-        vector(pose), last, zero, zero, faults.NONE, Estimated(zero, zero), not_begun(joints)
+        vector(pose),
+        last,
+        zero,
+        zero,
+        faults.NONE,
+        Estimated(zero, zero),
+        not_begun(joints),
+        False,
     )
 
 
@@ -159,7 +180,9 @@ def sense(
     latched: int,
     dt: float,
     late: float,
-) -> Estimate:
+    lost: bool,
+    losing: int,
+) -> Sensed:
     """Find the pose, look for faults, compute the model.
 
     Arguments as of :func:`run_cycle`, and of the state only what counts: a whole one takes long to
@@ -177,7 +200,8 @@ def sense(
         estimate, robot, limits, position, velocity, found, last, late
     ):
         fault = faults.TOO_FAST
-    return Estimate(fault, found.pose, found.model)
+    lost = lost | ((losing >> found.fault) & 1 != 0)
+    return Sensed(fault, found.pose, found.model, lost)
 
 
 @inner
@@ -300,6 +324,8 @@ def run_cycle(
         state.fault,
         dt,
         late,
+        state.lost,
+        setup.losing,
     )
     feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
@@ -364,7 +390,16 @@ def run_cycle(
         done.sliding_variable,
         done.coupled_error,
         done.acted,
-        CycleState(sensed.pose, done.last, done.excess, done.held, done.fault, found, approach),
+        CycleState(
+            sensed.pose,
+            done.last,
+            done.excess,
+            done.held,
+            done.fault,
+            found,
+            approach,
+            sensed.lost,
+        ),
         select(done.fault == faults.NONE, advanced, memory),
     )
 

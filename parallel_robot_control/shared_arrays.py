@@ -35,7 +35,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states not answered
     AGE,  # of the last state, from the measurement until the torque acts [ns]
     PHASE,  # of the identification of the delay, see lock_in.py
-) = range(14)  # fmt: skip
+    POSE_LOST,  # of the cycle
+) = range(15)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -45,7 +46,7 @@ class Shared(NamedTuple):
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (13, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (14,).
+        numbers: Fault, stamps and counts, shape (15,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -71,7 +72,7 @@ def shared(state: CycleState) -> Shared:
         np.array(state.pose),
         np.zeros((13, joints)),
         np.zeros((4, joints)),
-        np.zeros(14, np.int64),
+        np.zeros(15, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
@@ -96,7 +97,10 @@ def stored(arrays: Shared) -> CycleState:
     estimated = Estimated(v[TRACKED], v[RATE])
     approach = Approach(v[APART], v[APART_RATE], float(arrays.vectors[ELAPSED, 0]))
     fault = int(numbers[FAULT])
-    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach)
+    lost = bool(numbers[POSE_LOST])
+    return CycleState(
+        vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach, lost
+    )
 
 
 def store(arrays: Shared, state: CycleState) -> None:
@@ -116,3 +120,4 @@ def store(arrays: Shared, state: CycleState) -> None:
         np.full_like(state.held, state.approach.elapsed),
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known
+    arrays.numbers[POSE_LOST] = state.lost
