@@ -10,6 +10,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.tuple_classes import distinguish
 from parallel_robot_compiler import Boxed, Space, vector
 from parallel_robot_control import delay_identification
+from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import Begin, ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
@@ -79,6 +80,7 @@ def assemble(
             estimator,
             configuration.approach,
             Boxed(Begin(prepared.memory)),
+            losing(robot, configuration.margins, row, guess),
         ),
         initial_state(guess, configuration.joints),
     )

@@ -164,7 +164,7 @@ def control_from(
         robot,
         groups[SafetyParameters],
         groups[robot.module.SafetyMargins],
-        _checked(guess, robot),
+        checked(guess, robot),
         groups[EstimatorParameters],
         groups[LockInParameters],
         groups[ApproachParameters],
@@ -185,10 +185,10 @@ def nominal_of(values: Mapping[str, Any]) -> tuple[RobotModel, Array]:
     """
     robot, given = robot_of(values), group(values, ControllerParameters, 'controller').guess
     with locating(values):
-        return robot, np.array(_checked(given or _first_pose(values), robot))
+        return robot, np.array(checked(given or _first_pose(values), robot))
 
 
-def _checked(guess: tuple[float, ...], robot: RobotModel) -> tuple[float, ...]:
+def checked(guess: Sequence[float], robot: RobotModel) -> tuple[float, ...]:
     """A first guess that is a pose of the robot.
 
     Raises:
@@ -200,7 +200,7 @@ def _checked(guess: tuple[float, ...], robot: RobotModel) -> tuple[float, ...]:
             f'controller.guess must be empty or [{", ".join(names)}], not {list(guess)}',
             'controller.guess',
         )
-    return guess
+    return tuple(guess)
 
 
 def _first_pose(values: Mapping[str, Any]) -> tuple[float, ...]:

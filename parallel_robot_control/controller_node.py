@@ -16,6 +16,8 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import realtime, topics
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults
 from parallel_robot_control.answer_kernel import (
@@ -49,6 +51,7 @@ DOUBTS = {
     faults.STATES_LATE: 'joint states that are too old',
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
 }
+GUESS = 'controller.guess'
 LOOKS = 4  # checks of the joint states within the time after which they are stale
 
 
@@ -85,6 +88,7 @@ class ControllerNode(SuiteNode):
         self._topics = ControllerTopics(self, self._controller)
         self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
         self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
+        self.create_service(Trigger, '~/confirm_pose', self._answer_confirm_pose)
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
@@ -103,11 +107,18 @@ class ControllerNode(SuiteNode):
         """Whether a parameter can change while the node runs: law, preset and gains."""
         laws = self.configuration.laws if self.configuration else {}
         return (
-            super().is_settable(key) or key in ('law', 'preset') or key.partition('.')[0] in laws
+            super().is_settable(key)
+            or key in ('law', 'preset', GUESS)
+            or key.partition('.')[0] in laws
         )
 
     def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
-        """Let the controller prepare a change of law, preset and gains."""
+        """Let the controller prepare a change of law, preset and gains, or take a pose."""
+        if set(changes) == {GUESS}:
+            pose = self._controller.pose_near(changes[GUESS])
+            return changes, lambda: self._place(pose)
+        if GUESS in changes and changes.pop(GUESS) != self.values[GUESS]:
+            raise InputError(f'{GUESS} is set in a request of its own')
         if START in changes or not all(map(self.is_settable, changes)):
             return super().prepare_change(changes)
         before, change = self._controller.configuration, self._controller.prepare_change(changes)
@@ -124,6 +135,10 @@ class ControllerNode(SuiteNode):
             if key in changes or value != self.values[key]
         }
         return stored, apply
+
+    def _place(self, pose: Array) -> None:
+        self._controller.place(pose)
+        self._tell_now()
 
     def set_start(self, stamp: int) -> None:
         """Answer no state before the common start [ns]."""
@@ -265,6 +280,15 @@ class ControllerNode(SuiteNode):
         response.message = self._controller.clear_fault()
         response.success = not response.message
         if self._controller.fault != before:
+            self._tell_now()
+        return response
+
+    def _answer_confirm_pose(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.message = self._controller.confirm_pose()
+        response.success = not response.message
+        if response.success:
             self._tell_now()
         return response
 
