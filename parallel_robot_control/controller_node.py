@@ -46,6 +46,7 @@ LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it 
 LOADING = 0.03  # s, pause between two laws loaded in the background
 SHORT = 5.0  # s, of a motion in which a law that is not active is loaded only if it is asked for
 LOOKS = 4  # checks of the joint states within the time after which they are stale
+RIVALS = 0.1  # s, from one look whether others publish commands to the next
 
 
 class ControllerNode(SuiteNode):
@@ -88,6 +89,7 @@ class ControllerNode(SuiteNode):
         self._state_timeout = round(timeout * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
+            self.create_timer(RIVALS, self._watch_rivals)
 
     def begin(self) -> None:
         """Load the remaining laws in the background, before the motion begins."""
@@ -150,11 +152,9 @@ class ControllerNode(SuiteNode):
         return f'fault: {fault.text}' if fault else self._controller.waits()
 
     def leave_out(self, topic: topics.Topic) -> None:
-        """Change to the safe action: with two robots or two motions, neither can be trusted."""
-        if topic == topics.JOINT_STATES:
-            self._lose_torque(self._controller.lose(faults.STATES_DISAGREE))
-        else:
-            self._controller.trip(faults.REFERENCES_DISAGREE)
+        """Change to the safe action: of two robots or two motions, one is not meant."""
+        states = topic == topics.JOINT_STATES
+        self._trip(faults.STATES_DISAGREE if states else faults.REFERENCES_DISAGREE)
 
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
@@ -229,10 +229,21 @@ class ControllerNode(SuiteNode):
         """Send zero torque when the joint states become stale."""
         self._lose_torque(self._controller.watch())
 
+    def _watch_rivals(self) -> None:
+        """Enter a fault when another node publishes commands, too."""
+        if self._controller.fault == faults.NONE and self.shared_outputs():
+            self._trip(faults.COMMANDS_DISAGREE)
+
     def _lose_torque(self, lost: bool) -> None:
         """Send zero torque if the joint states are lost."""
         if lost:
             self._topics.publish_zero()
+            self._tell_now()
+
+    def _trip(self, fault: int) -> None:
+        """Enter a fault that no state shows, unless the controller already is in one."""
+        if self._controller.fault == faults.NONE:
+            self._controller.trip(fault)
             self._tell_now()
 
     def _tell_now(self) -> None:
@@ -242,8 +253,7 @@ class ControllerNode(SuiteNode):
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        self._controller.trip(faults.EMERGENCY_STOP)
-        self._tell_now()
+        self._trip(faults.EMERGENCY_STOP)
         response.success = True
         response.message = f'{self.alarm()}; ~/clear_fault ends it'
         return response
@@ -252,7 +262,10 @@ class ControllerNode(SuiteNode):
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         before = self._controller.fault
-        response.message = self._controller.clear_fault()
+        dispute = self.disputes()
+        response.message = (
+            f'{dispute}; stop all but one' if dispute else self._controller.clear_fault()
+        )
         response.success = not response.message
         if self._controller.fault != before:
             self._tell_now()

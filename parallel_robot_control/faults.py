@@ -16,6 +16,7 @@ REFERENCE_STALE = 17
 STATES_DISAGREE = 18
 REFERENCES_DISAGREE = 19
 EMERGENCY_STOP = 20
+COMMANDS_DISAGREE = 25
 
 FAULTS = {
     TORQUE_NOT_FINITE: Fault('torque_not_finite', 'the law gave a torque that is not finite'),
@@ -37,6 +38,9 @@ FAULTS = {
         'references_disagree', 'references contradict one another: two publishers'
     ),
     EMERGENCY_STOP: Fault('emergency_stop', 'emergency stop'),
+    COMMANDS_DISAGREE: Fault(
+        'commands_disagree', 'another node publishes on the topic of the commands'
+    ),
 }
 
 
