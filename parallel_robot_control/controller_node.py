@@ -16,6 +16,7 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import realtime, topics
+from parallel_robot_base.kept_stop import KeptStop
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults
 from parallel_robot_control.answer_kernel import (
@@ -80,8 +81,8 @@ class ControllerNode(SuiteNode):
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts
         )
         self._topics = ControllerTopics(self, self._controller)
-        self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
-        self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
+        stop = self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
+        clear = self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
@@ -90,6 +91,13 @@ class ControllerNode(SuiteNode):
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
             self.create_timer(RIVALS, self._watch_rivals)
+        if not self.lockstep and not self.loop.start_stamp:  # `run` ends with its controller
+            self._kept_stop = KeptStop(self.get_fully_qualified_name())
+            self.background.finish(stop, self._keep_stop)
+            self.background.finish(clear, self._forget_stop)
+            self._stop_again()
+        if self._controller.fault and not self.lockstep:
+            self._tell_now()
 
     def begin(self) -> None:
         """Load the remaining laws in the background, before the motion begins."""
@@ -233,6 +241,26 @@ class ControllerNode(SuiteNode):
         """Enter a fault when another node publishes commands, too."""
         if self._controller.fault == faults.NONE and self.shared_outputs():
             self._trip(faults.COMMANDS_DISAGREE)
+
+    def _stop_again(self) -> None:
+        """Begin in the emergency stop that was told to a controller of this name before."""
+        told = self._kept_stop.told_at()
+        if told is not None:
+            self._controller.trip(faults.EMERGENCY_STOP)
+            since = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(told))
+            self.get_logger().warning(f'emergency stop since {since}; ~/clear_fault ends it')
+
+    def _keep_stop(self, response: Trigger.Response) -> None:
+        """Let an emergency stop outlive this controller."""
+        reason = self._kept_stop.keep()
+        if reason:
+            response.message += f'; a controller that is started anew will not know it: {reason}'
+
+    def _forget_stop(self, response: Trigger.Response) -> None:
+        """Let a stop that was cleared not come back."""
+        reason = self._kept_stop.forget() if response.success else ''
+        if reason:
+            response.message = f'cleared; it comes back with the next start: {reason}'
 
     def _lose_torque(self, lost: bool) -> None:
         """Send zero torque if the joint states are lost."""
