@@ -38,6 +38,7 @@ class ControllerParameters(NamedTuple):
         tuple[float, ...],
         Field('', 'pose from which the first forward kinematics starts, as of the robot'),
     ]
+    stopped: Annotated[bool, Field('', 'true: it begins in emergency stop, until ~/clear_fault')]
 
 
 class ControlConfiguration(NamedTuple):
@@ -49,6 +50,7 @@ class ControlConfiguration(NamedTuple):
         safety: Limits and the safe action.
         margins: SafetyMargins of the robot.
         guess: Pose from which the first forward kinematics starts, m numbers.
+        stopped: Whether the controller begins in emergency stop.
         estimator: Where the motion of the joints is known from.
         lock_in: How the age of the states is identified, if it is.
         approach: How the robot joins the desired motion.
@@ -61,6 +63,7 @@ class ControlConfiguration(NamedTuple):
     safety: SafetyParameters
     margins: Any
     guess: tuple[float, ...]
+    stopped: bool
     estimator: EstimatorParameters
     lock_in: LockInParameters
     approach: ApproachParameters
@@ -165,6 +168,7 @@ def control_from(
         groups[SafetyParameters],
         groups[robot.module.SafetyMargins],
         checked(guess, robot),
+        groups[ControllerParameters].stopped,
         groups[EstimatorParameters],
         groups[LockInParameters],
         groups[ApproachParameters],

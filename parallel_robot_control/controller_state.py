@@ -67,6 +67,8 @@ class ControllerState:
             self.begin(loop.start_stamp)
         elif loop.lockstep:
             self.begin(STEP_START)
+        if configuration.stopped:
+            self.trip(faults.EMERGENCY_STOP)
 
     @property
     def fault(self) -> int:

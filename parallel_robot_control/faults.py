@@ -22,6 +22,7 @@ TORQUE_LOST = 21
 STATES_LATE = 22
 STATES_AHEAD = 23
 STATES_INVALID = 24
+COMMANDS_DISAGREE = 25
 TOO_FAST = 27
 
 FAULTS = {
@@ -55,6 +56,9 @@ FAULTS = {
     TOO_FAST: Fault(
         'too_fast',
         'the robot was about to be too fast to be stopped before a limit, e.g. a singularity',
+    ),
+    COMMANDS_DISAGREE: Fault(
+        'commands_disagree', 'another node publishes on the topic of the commands'
     ),
 }
 

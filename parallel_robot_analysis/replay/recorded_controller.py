@@ -42,6 +42,7 @@ OUTSIDE = {  # faults that states and references do not show
     faults.STATES_DISAGREE,
     faults.REFERENCES_DISAGREE,
     faults.EMERGENCY_STOP,
+    faults.COMMANDS_DISAGREE,
 }
 
 
