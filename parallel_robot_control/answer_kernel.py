@@ -15,7 +15,7 @@ from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel, read_row, select, write_row
 from parallel_robot_control import faults, lock_in
-from parallel_robot_control.approach import Approach
+from parallel_robot_control.approach import BACK, Approach
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
     Acted,
@@ -35,7 +35,9 @@ from parallel_robot_control.shared_arrays import (
     ANSWERS,
     APART,
     APART_RATE,
+    CAUSE,
     COUPLED,
+    DURATION,
     EFFORT,
     ELAPSED,
     END,
@@ -76,6 +78,7 @@ OUT_OF_ORDER = -3  # the stamp repeats, goes back or jumps
 OLD = -4  # the state is too old
 STALE = -5  # no state was answered for too long: the controller itself was stalled
 EARLY = -6  # the state is from before the start
+AHEAD = -7  # its stamp is ahead of the clock
 
 
 @kernel
@@ -117,7 +120,12 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     core.memory = done.memory
     phase = lock_in.phase(estimator.lock_in, question.acts // common.timing.period, row)
     answered = Acted(
-        done.torque, done.sliding_variable, done.coupled_error, done.acted, done.state
+        done.torque,
+        done.sliding_variable,
+        done.coupled_error,
+        done.acted,
+        done.cause,
+        done.state,
     )
     return _close(common, question, answered, acted, phase, now, monotonic)
 
@@ -133,6 +141,7 @@ class Question(NamedTuple):
         known: Stamp of the reference used [ns].
         before: Stamp of the state answered before [ns]; NEVER if there is none.
         fault: Fault of the controller before this state.
+        stale: Whether the reference is too old.
         reference: Desired joint motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -149,6 +158,7 @@ class Question(NamedTuple):
     known: int
     before: int
     fault: int
+    stale: bool
     reference: JointReference
     position: Array
     velocity: Array
@@ -186,7 +196,7 @@ def _open(
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
     before, fault = numbers[LAST], numbers[FAULT]
-    code, known, dt = ANSWERED, 0, timing.period / NANOSECONDS
+    code, known, stale, dt = ANSWERED, 0, False, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
     if timing.lockstep:
@@ -208,8 +218,10 @@ def _open(
         and monotonic - numbers[HEARD] > timing.state_timeout
     ):
         code = STALE
-    elif not timing.lockstep and now > stamp + timing.state_timeout:
+    elif not timing.lockstep and now > stamp + timing.state_age:
         code = OLD
+    elif not timing.lockstep and now != 0 and now < stamp - timing.state_age:
+        code = AHEAD
     elif before != NEVER and not 0 < stamp - before < RESTART:
         code = OUT_OF_ORDER
     else:
@@ -218,7 +230,8 @@ def _open(
         )
         if found == MISSING:
             code = NO_REFERENCE
-        if found == TOO_OLD and fault == faults.NONE:
+        stale = found == TOO_OLD
+        if stale and fault == faults.NONE:
             numbers[FAULT] = faults.REFERENCE_STALE
             write_row(vectors, HELD, read_row(vectors, POSITION, row))
     if code == ANSWERED:
@@ -234,6 +247,7 @@ def _open(
             write_row(vectors, TORQUE, applied)
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
+            vectors[ELAPSED, 0] = BACK
         numbers[LAST] = stamp
     last = Last(
         read_row(vectors, POSITION, row),
@@ -254,6 +268,7 @@ def _open(
             read_row(vectors, APART, row),
             read_row(vectors, APART_RATE, row),
             vectors[ELAPSED, 0],
+            vectors[DURATION, 0],
         ),
     )
     age = (acts - stamp) / NANOSECONDS
@@ -265,6 +280,7 @@ def _open(
         known,
         before,
         fault,
+        stale,
         reference,
         position,
         velocity,
@@ -302,6 +318,10 @@ def _close(
     write_row(v, APART, after.approach.offset)
     write_row(v, APART_RATE, after.approach.rate)
     v[ELAPSED, 0] = after.approach.elapsed
+    v[DURATION, 0] = after.approach.duration
+    numbers[CAUSE] = done.cause
+    if question.stale and done.cause == faults.NONE:
+        numbers[CAUSE] = faults.REFERENCE_STALE
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)

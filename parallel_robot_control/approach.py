@@ -18,6 +18,14 @@ class ApproachParameters(NamedTuple):
     duration: Annotated[
         float, Field('s', 'time over which an initial offset is faded; 0: not at all', 0.0, 100.0)
     ]
+    way_back: Annotated[
+        float,
+        Field('s', 'the same, at least, after a fault, a gap or a take-over', 0.001, 100.0),
+    ]
+
+
+START, BACK = -1.0, -2.0  # values of `elapsed` before an approach begins: at the start, on the way
+# back
 
 
 class Approach(NamedTuple):
@@ -26,23 +34,25 @@ class Approach(NamedTuple):
     Attributes:
         offset: Of the positions [rad], shape (n,).
         rate: Of the velocities [rad/s], shape (n,).
-        elapsed: Time since then [s]; negative before the first state.
+        elapsed: Time since then [s]; START or BACK before the first state.
+        duration: Time over which they are faded [s].
     """
 
     offset: Array
     rate: Array
     elapsed: float
+    duration: float
 
 
-def not_begun(joints: int) -> Approach:
-    """Before the first state; `joints` is n."""
+def not_begun(joints: int, elapsed: float = START) -> Approach:
+    """Before an approach, START or BACK; `joints` is n."""
     zero = vector(np.zeros(joints))
-    return Approach(zero, zero, -1.0)
+    return Approach(zero, zero, elapsed, 0.0)
 
 
 @inner
 def approached(
-    duration: float,
+    parameters: ApproachParameters,
     before: Approach,
     reference: JointReference,
     position: Array,
@@ -58,7 +68,7 @@ def approached(
     the quintic that ends with zero position, rate and acceleration at x = 1.
 
     Args:
-        duration: T [s]; with 0, the reference stays as it is.
+        parameters: T at a start and on a way back; with 0, the reference stays as it is.
         before: The approach at the state before.
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
@@ -69,9 +79,13 @@ def approached(
         The reference, and the approach for the next state.
     """
     e, v, t = before.offset, before.rate, before.elapsed + dt
+    duration = before.duration
     if before.elapsed < 0.0:
         e, v, t = position - reference.position, velocity - reference.velocity, 0.0
-    after = Approach(e, v, t)
+        duration = parameters.duration
+        if before.elapsed == BACK and duration < parameters.way_back:
+            duration = parameters.way_back
+    after = Approach(e, v, t, duration)
     if not t < duration:
         return reference, after
     per_time = 1.0 / duration

@@ -5,7 +5,7 @@ import pytest
 from assembly import simulate
 
 from parallel_robot_compiler import kernel, vector
-from parallel_robot_control.approach import approached, not_begun
+from parallel_robot_control.approach import BACK, START, ApproachParameters, approached, not_begun
 from parallel_robot_control.contract import JointReference
 
 DT = 1e-3
@@ -14,17 +14,18 @@ OFFSET, RATE = np.array([0.02, -0.05]), np.array([0.3, -0.4])
 
 
 @kernel
-def _approached(duration, before, reference, position, velocity, dt):
-    return approached(duration, before, reference, position, velocity, dt)
+def _approached(parameters, before, reference, position, velocity, dt):
+    return approached(parameters, before, reference, position, velocity, dt)
 
 
-def courses(duration, count):
+def courses(duration, count, begin=START, way_back=1.0):
     """What is added to a reference that stands still, its rate and acceleration."""
-    before, rows = not_begun(2), []
+    before, rows = not_begun(2, begin), []
+    parameters = ApproachParameters(duration, way_back)
     position = vector(np.asarray(REFERENCE.position) + OFFSET)
     velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
     for _ in range(count):
-        joined, before = _approached(duration, before, REFERENCE, position, velocity, DT)
+        joined, before = _approached(parameters, before, REFERENCE, position, velocity, DT)
         position = velocity = vector([np.nan, np.nan])  # only the first state counts
         rows.append(
             [np.asarray(a) - np.asarray(b) for a, b in zip(joined, REFERENCE, strict=True)]
@@ -45,8 +46,9 @@ def quintic(duration):
     return np.linalg.solve(ends, [OFFSET, RATE, 0 * RATE, 0 * RATE, 0 * RATE, 0 * RATE])
 
 
-def test_the_offset_is_faded_by_the_quintic():
-    found = courses(0.1, 130)
+@pytest.mark.parametrize('given', [(0.1, 130), (0.0, 130, BACK, 0.1), (0.1, 130, BACK, 0.05)])
+def test_the_offset_is_faded_by_the_quintic(given):
+    found = courses(*given)
     t = np.minimum(DT * np.arange(130), 0.1)[:, np.newaxis]
     wanted = sum(c * t**k for k, c in enumerate(quintic(0.1)))
     assert np.allclose(found[:, 0], wanted, atol=1e-12)
