@@ -26,6 +26,7 @@ from parallel_robot_control.messages import (
     answers_message,
     status_message,
     telemetry_messages,
+    told_limits,
 )
 from parallel_robot_sim.messages import state_layout, state_messages
 from parallel_robot_sim.simulation import Simulation
@@ -85,7 +86,7 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
         status, phases = None, simulation.phases
         estimator = experiment.control.setup.estimator
-        acted = np.bitwise_or.accumulate(run.acted)
+        acted = told_limits(run.acted[rows], loop.period)
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
             delay = told_delay(estimator, int(phases[k]))

@@ -27,14 +27,16 @@ from parallel_robot_control.cycle import (
 from parallel_robot_control.estimator import KALMAN, Estimated
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
-from parallel_robot_control.safety import Last
+from parallel_robot_control.safety import QUIET, Last
 from parallel_robot_control.shared_arrays import (
     ACTED,
+    ACTED_AT,
     AGE,
     AGES,
     ANSWERS,
     APART,
     APART_RATE,
+    BRAKING,
     CAUSE,
     COUPLED,
     DURATION,
@@ -269,6 +271,7 @@ def _open(
             read_row(vectors, APART_RATE, row),
             vectors[ELAPSED, 0],
             vectors[DURATION, 0],
+            vectors[BRAKING, 0],
         ),
     )
     age = (acts - stamp) / NANOSECONDS
@@ -306,7 +309,11 @@ def _close(
     numbers[FAULT] = after.fault
     numbers[TAKES_OVER] = after.last.takes_over
     numbers[KNOWN] = after.last.known
-    numbers[ACTED] |= done.acted
+    if done.acted:
+        numbers[ACTED] |= done.acted
+        numbers[ACTED_AT] = question.stamp
+    elif numbers[ACTED] and question.stamp - numbers[ACTED_AT] >= QUIET * NANOSECONDS:
+        numbers[ACTED] = 0  # what acts next is told
     write_row(v, POSITION, after.last.position)
     write_row(v, REFERENCE, after.last.reference)
     write_row(v, TORQUE, after.last.torque)
@@ -319,6 +326,7 @@ def _close(
     write_row(v, APART_RATE, after.approach.rate)
     v[ELAPSED, 0] = after.approach.elapsed
     v[DURATION, 0] = after.approach.duration
+    v[BRAKING, 0] = after.approach.braking
     numbers[CAUSE] = done.cause
     if question.stale and done.cause == faults.NONE:
         numbers[CAUSE] = faults.REFERENCE_STALE

@@ -323,13 +323,23 @@ def run_cycle(
     delay = lock_in.delay_at(identified, estimator.delay, known, position)
     tracks, late = estimator.kind == KALMAN, when.age + delay
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
-    told = arrival(filter_, limits.effort_tolerance, effort, when.sample, when.age, known, dt)
     gap, last, begun = known and dt > limits.gap, state.last, state.approach
+    told = arrival(
+        filter_,
+        limits.effort_tolerance,
+        effort,
+        when.sample,
+        when.age,
+        known and not gap,
+        dt,
+    )
     excess = state.excess + told.missing
     if (gap or told.back) and state.fault == faults.NONE:
         last, memory = taking_over(last, effort), setup.begin.memory
-        begun = Approach(begun.offset, begun.rate, BACK, begun.duration)
+        begun = Approach(begun.offset, begun.rate, BACK, begun.duration, begun.braking)
         excess = np.zeros_like(excess)
+    if begun.elapsed == BACK:
+        kalman_memory.forget(filter_)
     since = kalman_memory.between(filter_, when.age, known, dt)
     # 2. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
@@ -395,7 +405,7 @@ def run_cycle(
     advanced = memory
     if sensed.fault == faults.NONE:
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
-        torque = output.torque
+        torque = select(told.spell > 0.0, last.torque, output.torque)  # asked for in vain
         if identified.on:
             torque = torque + lock_in.added(identified, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)

@@ -18,7 +18,7 @@ MEANS = 5
 SAMPLE, RUNNING = 0, 1  # floats in the first rows: newest sample; whether the filter ran at it
 MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where these begin
 WAYS = TORQUE + SIZE  # row where that of state_consistency.py begins
-ROWS = WAYS + 3
+ROWS = WAYS + 5
 AGE = 4  # float in the first rows: age of the last state [s]
 
 
@@ -57,6 +57,12 @@ def newest(kalman: Kalman) -> int:
 def torque(kalman: Kalman, sample: int, like: Array) -> Array:
     """Torque that was asked for at one of the last SIZE samples [N m], shape (n,), as `like`."""
     return read_at(kalman.memory, TORQUE + sample % SIZE, like)
+
+
+@inner
+def forget(kalman: Kalman) -> None:
+    """Let the filter begin anew at the next state."""
+    write_at(kalman.memory, RUNNING, 0.0)
 
 
 @inner

@@ -41,7 +41,7 @@ class Status(NamedTuple):
     Attributes:
         law: Name of the active law.
         fault: The present fault, if there is one.
-        acted: Bits of the limits that acted since the start of the run.
+        acted: Bits of the limits that acted, until none has done so for a while.
         delay: What is known of the age of the states; empty where it is not identified.
     """
 
@@ -49,6 +49,24 @@ class Status(NamedTuple):
     fault: Fault | None
     acted: int
     delay: str = ''
+
+
+def told_limits(acted: np.ndarray, period: float) -> np.ndarray:
+    """Bits of the limits in the status of each sample, shape (N,).
+
+    Args:
+        acted: Bits of those that acted at the sample, shape (N,).
+        period: Time between two samples [s].
+    """
+    told, quiet = np.zeros_like(acted), round(safety.QUIET / period)
+    shown, last = 0, 0
+    for k in range(int(np.flatnonzero(acted)[0]) if acted.any() else len(acted), len(acted)):
+        if acted[k]:
+            shown, last = shown | int(acted[k]), k
+        elif k - last >= quiet:
+            shown = 0
+        told[k] = shown
+    return told
 
 
 def telemetry_messages(

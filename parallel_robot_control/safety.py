@@ -25,6 +25,7 @@ ACTED_CODE = {
     RAMP: 'ramp',
     EFFORT: 'effort',
 }  # in bags: never changed
+QUIET = 1.0  # s without limits, after which they are told anew
 ZERO, DAMP, HOLD = 0, 1, 2
 LEAST = 3.5  # periods, of a gap
 ACTIONS = {'zero': ZERO, 'damp': DAMP, 'hold': HOLD}

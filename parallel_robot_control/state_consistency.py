@@ -1,8 +1,8 @@
 """Whether the states say what the robot does: the way of each joint beside the sum of its rates.
 
-Over the last tenth of a second, the way that a joint went and the integral of its rate must agree.
-A position that is frozen, or a rate that is none, shows within some hundredths of a second once
-the joint moves.
+Over the last hundredths of a second, the way that a joint went and the integral of its rate must
+agree. A position that does not change at all while the rate goes on, and a rate of exactly zero
+while the position changes, are seen even sooner.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, read_at, select, some, write_at
 from parallel_robot_control import faults, kalman_memory
 
-WINDOW = 0.1  # s, time constant with which ways are forgotten
-LAG = 0.5  # share of the ways by which they may differ: rates may be filtered
-STILL = 0.1  # share of the way by rates below which a position stands still
+WINDOW = 0.06  # s, time constant with which ways are forgotten
+LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
 
 
 @inner
@@ -41,7 +40,7 @@ def inconsistent(
     """
     row, zero = kalman_memory.WAYS, np.zeros_like(position)
     if not comparable:
-        for k in range(3):
+        for k in range(5):
             write_at(memory, row + k, zero)
         return faults.NONE
     left = WINDOW / (WINDOW + dt)
@@ -50,10 +49,14 @@ def inconsistent(
     apart = left * (read_at(memory, row, position) + went - told)
     by_position = left * (read_at(memory, row + 1, position) + np.abs(went))
     by_rate = left * (read_at(memory, row + 2, position) + np.abs(told))
+    still = select(went == 0.0, read_at(memory, row + 3, position) + told, zero)
+    unsaid = select(told == 0.0, read_at(memory, row + 4, position) + went, zero)
     write_at(memory, row, apart)
     write_at(memory, row + 1, by_position)
     write_at(memory, row + 2, by_rate)
+    write_at(memory, row + 3, still)
+    write_at(memory, row + 4, unsaid)
     wrong = np.abs(apart) > tolerance + LAG * (by_position + by_rate)
-    still = wrong & (by_position < STILL * by_rate)
+    wrong = wrong | (np.abs(unsaid) > tolerance)
     fault = select(some(wrong), faults.VELOCITIES_WRONG, faults.NONE)
-    return select(some(still), faults.POSITIONS_FROZEN, fault)
+    return select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)

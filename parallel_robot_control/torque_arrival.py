@@ -43,7 +43,7 @@ def arrival(
     effort: Array,
     sample: int,
     age: float,
-    known: bool,
+    comparable: bool,
     dt: float,
 ) -> Arrival:
     """Compare the effort that a state tells with the commands of the last samples.
@@ -55,11 +55,11 @@ def arrival(
             is not known.
         sample: Index of the sample from which on the next torque acts.
         age: From the measurement to that sample [s].
-        known: Whether there was a state before; if not, what acts is what is told.
+        comparable: Whether there was a state not long before; if not, what acts is what is told.
         dt: Time since the state before [s].
     """
     nothing, newest = np.zeros_like(effort), kalman_memory.newest(kalman)
-    if not known or sample < newest:  # nothing was commanded lately
+    if not comparable or sample < newest:  # nothing was commanded lately
         kalman_memory.fill(kalman, select(effort - effort == 0.0, effort, nothing))
         write_at(kalman.memory, SPELL, 0.0)
         write_at(kalman.memory, LOST, 0.0)
