@@ -159,6 +159,7 @@ class ControllerNode(SuiteNode):
         figures = {
             'law': self._controller.law.name,
             'laws': self._laws,
+            'joints': ', '.join(self.loop.joints),
             'limits that acted': limits_text(self._controller.status.acted),
             'answered': str(self._controller.log.answered),
             'skipped': str(self._controller.log.skipped),

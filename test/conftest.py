@@ -25,8 +25,16 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 PROCESSES = (  # tests that start processes
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
-    *('custom_trajectories', 'docs', 'empty_graph', 'forked_process', 'foxglove', 'hostile_bags'),
-    *('hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache', 'life_cycle'),
+    *('custom_trajectories', 'docs', 'empty_graph', 'forked_process', 'foxglove', 'hold_node'),
+    *(
+        'hostile_bags',
+        'hostile_loop',
+        'hostile_wire',
+        'interpreted',
+        'joins',
+        'kernel_cache',
+        'life_cycle',
+    ),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
     *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
