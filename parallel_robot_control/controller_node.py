@@ -126,7 +126,7 @@ class ControllerNode(SuiteNode):
         """Let the controller prepare a change of law, preset and gains, or take a pose."""
         if set(changes) == {GUESS}:
             pose = self._controller.pose_near(changes[GUESS])
-            return changes, lambda: self._place(pose)
+            return changes, lambda: self._place(pose, changes)
         if GUESS in changes and changes.pop(GUESS) != self.values[GUESS]:
             raise InputError(f'{GUESS} is set in a request of its own')
         if START in changes or not all(map(self.is_settable, changes)):
@@ -146,8 +146,9 @@ class ControllerNode(SuiteNode):
         }
         return stored, apply
 
-    def _place(self, pose: Array) -> None:
+    def _place(self, pose: Array, changes: dict[str, Any]) -> None:
         self._controller.place(pose)
+        self.values = {**self.values, **changes}
         self._tell_now()
 
     def set_start(self, stamp: int) -> None:
