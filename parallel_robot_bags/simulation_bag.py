@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from parallel_robot_control.messages import (
     answers_message,
     status_message,
     telemetry_messages,
+    told_limits,
 )
 from parallel_robot_sim.messages import state_layout, state_messages
 from parallel_robot_sim.simulation import Simulation
@@ -98,7 +99,7 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         known_stamps = STEP_START + course.known * loop.period_ns
         answers, written = [], dict.fromkeys(records, 0)
         estimator = experiment.control.setup.estimator
-        acted = _accumulated(run.acted, course.renewals)
+        acted = told_limits(run.acted[:count], measured, heard.answered, course.renewals)
         logged = {*due.tolist(), count - 1}
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
@@ -125,9 +126,3 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
 def _bytes_of(messages: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """The bytes of some messages, one row each: choosing records would lose what is between."""
     return np.frombuffer(messages.tobytes(), np.uint8).reshape(len(messages), -1)[chosen]
-
-
-def _accumulated(acted: np.ndarray, renewals: Collection[int]) -> np.ndarray:
-    """Bits of the limits that have acted since a controller began, shape (N,)."""
-    parts = np.split(acted, sorted(renewals))
-    return np.concatenate([np.bitwise_or.accumulate(part) for part in parts])

@@ -25,7 +25,7 @@ class ControllerStatus(NamedTuple):
         law: Active law.
         fault: Code of the fault, NO_FAULT without one.
         fault_text: The fault for people.
-        limits: Codes of the limits that have acted since the start of the run.
+        limits: Codes of the limits that acted, until none had done so for a while.
     """
 
     stamp: int

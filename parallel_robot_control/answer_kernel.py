@@ -15,7 +15,7 @@ from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel, read_row, select, write_row
 from parallel_robot_control import faults, lock_in
-from parallel_robot_control.approach import Approach
+from parallel_robot_control.approach import BACK, Approach
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
     Acted,
@@ -27,15 +27,19 @@ from parallel_robot_control.cycle import (
 from parallel_robot_control.estimator import KALMAN, Estimated
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
-from parallel_robot_control.safety import Last
+from parallel_robot_control.safety import QUIET, Last
 from parallel_robot_control.shared_arrays import (
     ACTED,
+    ACTED_AT,
     AGE,
     AGES,
     ANSWERS,
     APART,
     APART_RATE,
+    BRAKING,
+    CAUSE,
     COUPLED,
+    DURATION,
     EFFORT,
     ELAPSED,
     END,
@@ -77,6 +81,7 @@ OUT_OF_ORDER = -3  # the stamp repeats, goes back or jumps
 OLD = -4  # the state is too old
 STALE = -5  # no state was answered for too long: the controller itself was stalled
 EARLY = -6  # the state is from before the start
+AHEAD = -7  # its stamp is ahead of the clock
 
 
 @kernel
@@ -118,7 +123,12 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     core.memory = done.memory
     phase = lock_in.phase(estimator.lock_in, question.acts // common.timing.period, row)
     answered = Acted(
-        done.torque, done.sliding_variable, done.coupled_error, done.acted, done.state
+        done.torque,
+        done.sliding_variable,
+        done.coupled_error,
+        done.acted,
+        done.cause,
+        done.state,
     )
     return _close(common, question, answered, acted, phase, now, monotonic)
 
@@ -134,6 +144,7 @@ class Question(NamedTuple):
         known: Stamp of the reference used [ns].
         before: Stamp of the state answered before [ns]; NEVER if there is none.
         fault: Fault of the controller before this state.
+        stale: Whether the reference is too old.
         reference: Desired joint motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -150,6 +161,7 @@ class Question(NamedTuple):
     known: int
     before: int
     fault: int
+    stale: bool
     reference: JointReference
     position: Array
     velocity: Array
@@ -209,8 +221,10 @@ def _open(
         and monotonic - numbers[HEARD] > timing.state_timeout
     ):
         code = STALE
-    elif not timing.lockstep and now > stamp + timing.state_timeout:
+    elif not timing.lockstep and now > stamp + timing.state_age:
         code = OLD
+    elif not timing.lockstep and now != 0 and now < stamp - timing.state_age:
+        code = AHEAD
     elif before != NEVER and (
         stamp <= before or (stamp - before >= RESTART and not timing.lockstep)
     ):
@@ -245,6 +259,7 @@ def _open(
             write_row(vectors, TORQUE, applied)
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
+            vectors[ELAPSED, 0] = BACK
         numbers[LAST] = stamp
     last = Last(
         read_row(vectors, POSITION, row),
@@ -265,6 +280,8 @@ def _open(
             read_row(vectors, APART, row),
             read_row(vectors, APART_RATE, row),
             vectors[ELAPSED, 0],
+            vectors[DURATION, 0],
+            vectors[BRAKING, 0],
         ),
     )
     age = (acts - stamp) / NANOSECONDS
@@ -276,6 +293,7 @@ def _open(
         known,
         before,
         fault,
+        found == TOO_OLD,
         reference,
         position,
         velocity,
@@ -301,7 +319,11 @@ def _close(
     numbers[FAULT] = after.fault
     numbers[TAKES_OVER] = after.last.takes_over
     numbers[KNOWN] = after.last.known
-    numbers[ACTED] |= done.acted
+    if done.acted:
+        numbers[ACTED] |= done.acted
+        numbers[ACTED_AT] = question.stamp
+    elif numbers[ACTED] and question.stamp - numbers[ACTED_AT] >= QUIET * NANOSECONDS:
+        numbers[ACTED] = 0  # what acts next is told
     write_row(v, POSITION, after.last.position)
     write_row(v, REFERENCE, after.last.reference)
     write_row(v, TORQUE, after.last.torque)
@@ -313,6 +335,11 @@ def _close(
     write_row(v, APART, after.approach.offset)
     write_row(v, APART_RATE, after.approach.rate)
     v[ELAPSED, 0] = after.approach.elapsed
+    v[DURATION, 0] = after.approach.duration
+    v[BRAKING, 0] = after.approach.braking
+    numbers[CAUSE] = done.cause
+    if question.stale and done.cause == faults.NONE:
+        numbers[CAUSE] = faults.REFERENCE_STALE
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)

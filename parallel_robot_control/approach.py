@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
-from parallel_robot_compiler import inner, vector
+from parallel_robot_compiler import inner, select, vector
 from parallel_robot_control.contract import JointReference
 
 
@@ -18,6 +19,18 @@ class ApproachParameters(NamedTuple):
     duration: Annotated[
         float, Field('s', 'time over which an initial offset is faded; 0: not at all', 0.0, 100.0)
     ]
+    way_back: Annotated[
+        float,
+        Field('s', 'the same, at least, after a fault, a gap or a take-over', 0.001, 100.0),
+    ]
+    acceleration: Annotated[
+        float, Field('rad/s^2', 'with which offset and rate are faded then, about', 1e-3)
+    ]
+
+
+START, BACK = -1.0, -2.0  # `elapsed` before an approach: to a start, and on a way back
+SHORTEST = 1e-3  # s, of the time over which a rate is faded
+BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
 
 
 class Approach(NamedTuple):
@@ -26,23 +39,36 @@ class Approach(NamedTuple):
     Attributes:
         offset: Of the positions [rad], shape (n,).
         rate: Of the velocities [rad/s], shape (n,).
-        elapsed: Time since then [s]; negative before the first state.
+        elapsed: Time since then [s]; START or BACK before the first state.
+        duration: Time over which the offset is faded [s].
+        braking: Time over which the rate is faded [s].
     """
 
     offset: Array
     rate: Array
     elapsed: float
+    duration: float
+    braking: float
 
 
-def not_begun(joints: int) -> Approach:
-    """Before the first state; `joints` is n."""
+def not_begun(joints: int, elapsed: float = START) -> Approach:
+    """Before an approach, START or BACK; `joints` is n."""
     zero = vector(np.zeros(joints))
-    return Approach(zero, zero, -1.0)
+    return Approach(zero, zero, elapsed, 0.0, 0.0)
+
+
+@inner
+def largest(x: Array) -> float:
+    """The largest element of a vector."""
+    found = x[0]
+    for i in range(1, len(x)):
+        found = select(x[i] > found, x[i], found)
+    return found
 
 
 @inner
 def approached(
-    duration: float,
+    parameters: ApproachParameters,
     before: Approach,
     reference: JointReference,
     position: Array,
@@ -51,14 +77,16 @@ def approached(
 ) -> tuple[JointReference, Approach]:
     """The reference with what is left of the initial offset.
 
-    With e and e' the offsets at the first state and x = t / T, it is added
+    With e and e' the offsets at the first state, x = t / T and y = t / B, it is added
 
-        e (1 - 10 x^3 + 15 x^4 - 6 x^5) + e' T (x - 6 x^3 + 8 x^4 - 3 x^5),
+        e (1 - 10 x^3 + 15 x^4 - 6 x^5) + e' B (y - 6 y^3 + 8 y^4 - 3 y^5),
 
-    the quintic that ends with zero position, rate and acceleration at x = 1.
+    quintics that end with zero position, rate and acceleration at x = 1 and y = 1. At a start
+    B = T. On a way back T is longer for a large offset, and B is only as long as the acceleration
+    asks for, since the robot goes on by 0.2 e' B before it turns.
 
     Args:
-        duration: T [s]; with 0, the reference stays as it is.
+        parameters: T at a start and on a way back; with 0, the reference stays as it is.
         before: The approach at the state before.
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
@@ -69,18 +97,30 @@ def approached(
         The reference, and the approach for the next state.
     """
     e, v, t = before.offset, before.rate, before.elapsed + dt
+    duration, braking = before.duration, before.braking
     if before.elapsed < 0.0:
         e, v, t = position - reference.position, velocity - reference.velocity, 0.0
-    after = Approach(e, v, t)
-    if not t < duration:
+        duration = braking = parameters.duration
+        if before.elapsed == BACK:
+            fast = parameters.acceleration
+            least = select(duration > parameters.way_back, duration, parameters.way_back)
+            duration = math.sqrt(BENT * largest(np.abs(e)) / fast)
+            duration = select(duration > least, duration, least)
+            braking = BRAKED * largest(np.abs(v)) / fast
+            braking = select(braking > SHORTEST, braking, SHORTEST)
+    after = Approach(e, v, t, duration, braking)
+    if not (t < duration or t < braking):
         return reference, after
     per_time = 1.0 / duration
-    x = t * per_time
+    x = select(t < duration, t * per_time, 1.0)
     xx = x * x
     left = 1.0 - xx * x * (10.0 - x * (15.0 - 6.0 * x))
     left_rate = -30.0 * xx * (1.0 - x) * (1.0 - x) * per_time
     left_acceleration = -60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) * per_time * per_time
-    turn = duration * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)))
+    per_time = 1.0 / braking
+    x = select(t < braking, t * per_time, 1.0)
+    xx = x * x
+    turn = braking * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)))
     turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x))
     turn_acceleration = -x * (36.0 - x * (96.0 - 60.0 * x)) * per_time
     joined = JointReference(

@@ -11,7 +11,7 @@ from parallel_robot_base.tuple_classes import distinguish
 from parallel_robot_compiler import Boxed, Space, vector
 from parallel_robot_control import delay_identification
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
+from parallel_robot_control.cycle import Begin, ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
@@ -77,7 +77,8 @@ def assemble(
             robot.constants,
             limits,
             estimator,
-            configuration.approach.duration,
+            configuration.approach,
+            Boxed(Begin(prepared.memory)),
         ),
         initial_state(guess, configuration.joints),
     )

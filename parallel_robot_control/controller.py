@@ -43,6 +43,7 @@ from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import (
     ACTED,
     AGE,
+    CAUSE,
     HEARD,
     LAST,
     MEASURED,
@@ -86,6 +87,7 @@ class Controller(ControllerState):
             loop.period_ns,
             round(configuration.safety.reference_timeout * NANOSECONDS),
             self._state_timeout,
+            round(configuration.safety.state_age * NANOSECONDS),
             loop.lockstep,
         )
         self._references = ReferenceBuffer(joints)
@@ -174,13 +176,14 @@ class Controller(ControllerState):
         self._store(state)
 
     def clear_fault(self) -> str:
-        """Leave the fault if its cause is gone, with empty memory and ramped torque.
+        """Leave the fault if its cause is gone: empty memory, ramped torque, an approach.
 
         Returns:
             The reason why not; empty if there is no fault any more.
         """
-        if self.stale():
-            return self._faults[faults.STATES_STALE].text
+        cause = self.cause()
+        if cause != faults.NONE and self.fault != faults.NONE:
+            return self._faults[cause].text
         if self.fault != faults.NONE:
             self._store(transitions.cleared(self.state))
             self._fault_seen = faults.NONE
@@ -252,7 +255,9 @@ class Controller(ControllerState):
         data = self._state_layout.encode(stamp, **measured._asdict())
         if self.answer(data, self._own) == OUT_OF_ORDER:
             last = int(numbers[LAST])
-            if stamp == last and not _equal(self._arrays.vectors[MEASURED], measured):
+            if stamp == last and not _equal(
+                self._arrays.vectors[MEASURED], map(np.nan_to_num, measured)
+            ):
                 self.trip(faults.STATES_DISAGREE)
             if self._loop.lockstep and stamp == last:  # the plant asks again
                 lost = time.monotonic_ns() - self._answered_at > LOST
@@ -293,7 +298,7 @@ class Controller(ControllerState):
     def _reset(self) -> None:
         self._store(transitions.restarted(self.state, np.array(self.configuration.guess)))
         self._core.memory = self.law.memory
-        self._numbers[ACTED] = 0
+        self._numbers[[ACTED, CAUSE]] = 0, faults.NONE
         self._numbers[LAST] = NEVER
         self._pending = None
 

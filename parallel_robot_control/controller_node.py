@@ -45,6 +45,10 @@ from parallel_robot_ros.suite_node import SuiteNode
 LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
 LOADING = 0.03  # s, pause between two laws loaded in the background
 SHORT = 5.0  # s, of a motion in which a law that is not active is loaded only if it is asked for
+DOUBTS = {
+    faults.STATES_LATE: 'joint states that are too old',
+    faults.STATES_AHEAD: 'joint states that are ahead of the clock',
+}
 LOOKS = 4  # checks of the joint states within the time after which they are stale
 
 
@@ -85,7 +89,7 @@ class ControllerNode(SuiteNode):
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = configured.safety.state_timeout
-        self._state_timeout = round(timeout * NANOSECONDS)
+        self._state_age = round(configured.safety.state_age * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
 
@@ -189,12 +193,15 @@ class ControllerNode(SuiteNode):
             self._watch()
         message = self._state_reader.read(data)
         if message is None:
+            self._lose_torque(not self.lockstep and self._controller.refuse(faults.STATES_INVALID))
             return
         if code == UNKNOWN and self._state_reader.layout is not None:
             self._controller.expect(self._state_reader.layout, self._state_reader.order)
         stamp, vectors = message
-        if self._is_old(stamp):
-            self.counts['joint states that are too old'] += 1  # as if they had not arrived
+        wrong = self._doubt(stamp)
+        if wrong != faults.NONE:  # as if it had not arrived
+            self.counts[DOUBTS[wrong]] += 1
+            self._lose_torque(self._controller.refuse(wrong))
         else:
             self._send(self._controller.add_state(stamp, JointSample(*vectors)))
 
@@ -213,12 +220,15 @@ class ControllerNode(SuiteNode):
             return 0
         return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
 
-    def _is_old(self, stamp: int) -> bool:
-        """Whether a state is too old, e.g. because it waited in a queue."""
-        latest = stamp + self._state_timeout
-        if self._now() <= latest:  # the cheaper clock first
-            return False
-        return bool(self.get_clock().now().nanoseconds > latest)
+    def _doubt(self, stamp: int) -> int:
+        """Why a state is not to be answered: it waited in a queue, or its clock is ahead."""
+        if self.lockstep:
+            return faults.NONE
+        ros = self.get_clock().now().nanoseconds  # perhaps a simulated time
+        clocks = time.time_ns(), self._clock_offset + time.monotonic_ns(), ros
+        if min(clocks) - stamp > self._state_age:
+            return faults.STATES_LATE
+        return faults.STATES_AHEAD if max(clocks) - stamp < -self._state_age else faults.NONE
 
     def _send(self, sample: Answer | None) -> None:
         """Publish an answer, if there is one."""

@@ -15,6 +15,8 @@ from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.messages import Telemetry
 from parallel_robot_control.shared_arrays import (
     AGE,
+    ANSWERS,
+    CAUSE,
     END,
     FAULT,
     FOREVER,
@@ -26,6 +28,8 @@ from parallel_robot_control.shared_arrays import (
     store,
     stored,
 )
+
+PATIENCE = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 
 
 class ControllerState:
@@ -47,6 +51,7 @@ class ControllerState:
         self._numbers = self._arrays.numbers
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted
+        self._refused = faults.NONE, 0, 0  # why, at which count of answers, since when [ns]
         self._changed = False  # whether law or fault changed since the last answer
         if loop.start_stamp == WAIT:
             self._numbers[FROM] = FOREVER
@@ -94,6 +99,27 @@ class ControllerState:
             self._count_fault()
             self._changed = True
 
+    def refuse(self, fault: int) -> bool:
+        """Leave out a state; enter a fault if all have been left out for long.
+
+        Args:
+            fault: Why it cannot be answered.
+
+        Returns:
+            Whether the states were lost since the last call: then the torque must be zero.
+        """
+        answers, now = int(self._numbers[ANSWERS]), time.monotonic_ns()
+        if self._refused[:2] != (fault, answers):
+            self._refused = fault, answers, now
+        return now - self._refused[2] > PATIENCE and self.lose(fault)
+
+    def cause(self) -> int:
+        """Fault whose cause is there now, else NONE: a fault is not cleared while it is."""
+        refused, answers, _ = self._refused
+        if refused != faults.NONE and answers == self._numbers[ANSWERS]:
+            return refused
+        return faults.STATES_STALE if self.stale() else int(self._numbers[CAUSE])
+
     def stale(self) -> bool:
         """Whether joint states were received but have stopped coming (wall time)."""
         heard = int(self._numbers[HEARD])
@@ -107,7 +133,7 @@ class ControllerState:
         Returns:
             Whether they have become stale since the last call: then the torque must be zero.
         """
-        return self.stale() and self.lose(faults.STATES_STALE)
+        return self.stale() and self.lose(self.cause())
 
     def lose(self, fault: int) -> bool:
         """Enter a fault because there are no joint states that can be trusted.

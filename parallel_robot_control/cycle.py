@@ -9,11 +9,26 @@ import numpy as np
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
 from parallel_robot_control import faults, kalman, kalman_memory, lock_in
-from parallel_robot_control.approach import Approach, approached, not_begun
+from parallel_robot_control.approach import (
+    BACK,
+    Approach,
+    ApproachParameters,
+    approached,
+    not_begun,
+)
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, Estimated, estimated
-from parallel_robot_control.safety import Last, Limits, find_fault, limit_torque, safe_torque
-from parallel_robot_model.contract import Estimate
+from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
+from parallel_robot_control.safety import (
+    EFFORT,
+    Last,
+    Limits,
+    find_fault,
+    limit_torque,
+    safe_torque,
+)
+from parallel_robot_control.state_consistency import inconsistent
+from parallel_robot_control.torque_arrival import TOLD, arrival
+from parallel_robot_model.contract import Model
 
 
 class CycleState(NamedTuple):
@@ -52,6 +67,12 @@ class When(NamedTuple):
     dt: float
 
 
+class Begin(NamedTuple):
+    """What a law begins with; `memory` is its initial memory."""
+
+    memory: Any
+
+
 class ControlSetup(NamedTuple):
     """The constant parts of a controller.
 
@@ -62,7 +83,8 @@ class ControlSetup(NamedTuple):
         robot: Constants of the nominal robot, boxed.
         limits: Limits, boxed.
         estimator: Estimator, boxed.
-        approach: Time over which an initial offset is faded [s].
+        approach: Times over which an offset is faded.
+        begin: Begin, boxed.
     """
 
     update: Any
@@ -71,7 +93,8 @@ class ControlSetup(NamedTuple):
     robot: Any
     limits: Any
     estimator: Any
-    approach: float
+    approach: ApproachParameters
+    begin: Any
 
 
 class Asked(NamedTuple):
@@ -89,6 +112,7 @@ class Acted(NamedTuple):
     sliding_variable: Array
     coupled_error: Array
     acted: int
+    cause: int
     state: CycleState
 
 
@@ -113,6 +137,7 @@ class Cycle(NamedTuple):
         sliding_variable: Sliding variable in the law's unit, shape (n,); zero in a fault.
         coupled_error: e_c [rad], shape (n,); e in a fault.
         acted: Bits of the limits that acted.
+        cause: Fault whose cause is there now, else NONE; `state` has the one that is latched.
         state: State of the controller for the next cycle.
         memory: Memory of the law for the next cycle.
     """
@@ -121,8 +146,25 @@ class Cycle(NamedTuple):
     sliding_variable: Array
     coupled_error: Array
     acted: int
+    cause: int
     state: CycleState
     memory: Any
+
+
+class Sensed(NamedTuple):
+    """What a cycle knows of the robot.
+
+    Attributes:
+        cause: Fault whose cause is there now, else NONE.
+        fault: The latched fault, else the cause.
+        pose: Pose, shape (m,).
+        model: Equations of motion; zero where the robot has none.
+    """
+
+    cause: int
+    fault: int
+    pose: Array
+    model: Model
 
 
 def initial_state(pose: Array, joints: int) -> CycleState:
@@ -156,22 +198,23 @@ def sense(
     pose: Array,
     last: Last,
     latched: int,
+    doubt: int,
     dt: float,
-) -> Estimate:
+    since: float,
+) -> Sensed:
     """Find the pose, look for faults, compute the model.
 
     Arguments as of :func:`run_cycle`, and of the state only what counts: a whole one takes long to
-    hand over.
-
-    Returns:
-        The estimate; its fault is the latched one, or else the first one found, first in the
-        motion of the joints, then in the robot.
+    hand over. `doubt` is a fault that torques and states show, `since` the time between the
+    moments of the two references [s]. A fault in the motion of the joints comes before that, one
+    of the robot after it.
     """
     found = estimate(robot, limits.margins, position, velocity, pose)
-    seen = find_fault(limits, reference, position, velocity, last, dt)
-    fault = select(latched == faults.NONE, seen, latched)
-    fault = select(fault == faults.NONE, found.fault, fault)
-    return Estimate(fault, found.pose, found.model)
+    cause = find_fault(limits, reference, position, velocity, last, dt, since)
+    cause = select(cause == faults.NONE, doubt, cause)
+    cause = select(cause == faults.NONE, found.fault, cause)
+    fault = select(latched == faults.NONE, cause, latched)
+    return Sensed(cause, fault, found.pose, found.model)
 
 
 @inner
@@ -184,6 +227,7 @@ def act(
     held: Array,
     latched: int,
     fault: int,
+    blind: bool,
     asked: Asked,
     dt: float,
 ) -> Limited:
@@ -198,6 +242,7 @@ def act(
         held: Joint angles at the moment of the fault [rad], shape (n,).
         latched: Fault after the cycle before.
         fault: Fault before the law was asked.
+        blind: Whether positions and rates are not to be believed: then the safe torque is zero.
         asked: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
     """
@@ -209,8 +254,8 @@ def act(
     failed = fault != faults.NONE
     new = failed & ((latched == faults.NONE) | (last.known == False))  # noqa: E712
     held = select(new, position, held)
-    safe = safe_torque(limits.safe, held, position, velocity)
     zero = np.zeros_like(position)
+    safe = select(blind, zero, safe_torque(limits.safe, held, position, velocity))
     demand = select(failed, safe, demand)
     sliding_variable = select(failed, zero, sliding_variable)
     coupled_error = select(failed, reference.position - position, coupled_error)
@@ -221,6 +266,14 @@ def act(
     torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
     last = Last(position, reference.position, torque, offset, False, True)
     return Limited(torque, sliding_variable, coupled_error, acted, last, excess, held, fault)
+
+
+@inner
+def taking_over(last: Last, effort: Array) -> Last:
+    """The cycle before, for a law that begins anew: its torque goes on from what acts [N m]."""
+    torque = select(effort - effort == 0.0, effort, last.torque)
+    zero = np.zeros_like(torque)
+    return Last(last.position, last.reference, torque, zero, True, last.known)
 
 
 @inner
@@ -264,24 +317,53 @@ def run_cycle(
         when: Age of the state, time since the one before.
     """
     limits, estimator, dt = setup.limits, setup.estimator, when.dt
-    identified, known = estimator.lock_in, state.last.known
+    identified, known, filter_ = estimator.lock_in, state.last.known, estimator.kalman
     if identified.on:
         lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)
     delay = lock_in.delay_at(identified, estimator.delay, known, position)
     tracks, late = estimator.kind == KALMAN, when.age + delay
-    # 1. Velocity, reference, pose, model and faults of the robot.
+    # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
+    gap, last, begun = known and dt > limits.gap, state.last, state.approach
+    told = arrival(
+        filter_,
+        limits.effort_tolerance,
+        effort,
+        when.sample,
+        when.age,
+        known and not gap,
+        dt,
+    )
+    excess = state.excess + told.missing
+    if (gap or told.back) and state.fault == faults.NONE:
+        last, memory = taking_over(last, effort), setup.begin.memory
+        begun = Approach(begun.offset, begun.rate, BACK, begun.duration, begun.braking)
+        excess = np.zeros_like(excess)
+    if begun.elapsed == BACK:
+        kalman_memory.forget(filter_)
+    since = kalman_memory.between(filter_, when.age, known, dt)
+    # 2. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
     if estimator.kind == FILTER or estimator.kind == LEVANT:
         found = estimated(estimator, state.estimated, state.last.known, position, dt)
         velocity = found.velocity
-    filter_ = estimator.kalman
     if tracks and not filter_.velocities:
         velocity = np.zeros_like(velocity)
         if kalman_memory.running(filter_, when.sample, state.last.known):
             velocity = kalman_memory.known_velocity(filter_, velocity)
-    joined, approach = approached(setup.approach, state.approach, desired, position, velocity, dt)
+    joined, approach = approached(setup.approach, begun, desired, position, velocity, dt)
     reference = at_measurement(joined, late)
     error = position - reference.position
+    measured = estimator.kind == NONE or (tracks and filter_.velocities)
+    wrong = inconsistent(
+        filter_.memory,
+        limits.rate_tolerance,
+        position,
+        velocity,
+        last.position,
+        known and measured and not gap,
+        dt,
+    )
+    doubt = select(told.spell >= limits.effort_timeout, faults.TORQUE_LOST, wrong)
     sensed = sense(
         setup.estimate,
         setup.robot,
@@ -290,11 +372,13 @@ def run_cycle(
         position,
         velocity,
         state.pose,
-        state.last,
+        last,
         state.fault,
+        doubt,
         dt,
+        since,
     )
-    feedback = Feedback(position, velocity, state.excess, np.zeros_like(position))
+    feedback = Feedback(position, velocity, excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
         reference = JointReference(
@@ -308,33 +392,35 @@ def run_cycle(
             joined,
             position,
             velocity,
-            state.last.torque,
-            state.last.known,
+            last.torque,
+            told.missing,
+            known,
             when.sample,
             late + filter_.command_delay,
             dt,
         )
-        feedback = Feedback(motion.position, motion.velocity, state.excess, motion.disturbance)
-    # 2. The torque that the law asks for; in a fault it is not called.
+        feedback = Feedback(motion.position, motion.velocity, excess, motion.disturbance)
+    # 3. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
     advanced = memory
     if sensed.fault == faults.NONE:
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
-        torque = output.torque
+        torque = select(told.spell > 0.0, last.torque, output.torque)  # asked for in vain
         if identified.on:
             torque = torque + lock_in.added(identified, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
         advanced = output.memory
-    # 3. The same within the limits, or the safe action. In a fault the memory is kept.
+    # 4. The same within the limits, or the safe action. In a fault the memory is kept.
     done = act(
         limits,
         desired,
         position,
         velocity,
-        state.last,
+        last,
         state.held,
         state.fault,
         sensed.fault,
+        wrong != faults.NONE,
         asked,
         dt,
     )
@@ -356,7 +442,8 @@ def run_cycle(
         done.torque,
         done.sliding_variable,
         done.coupled_error,
-        done.acted,
+        done.acted + select(told.spell >= TOLD, EFFORT, 0),
+        sensed.cause,
         CycleState(sensed.pose, done.last, done.excess, done.held, done.fault, found, approach),
         select(done.fault == faults.NONE, advanced, memory),
     )

@@ -11,11 +11,17 @@ TORQUE_NOT_FINITE = 10
 SPEED = 11
 POSITION_JUMP = 12
 REFERENCE_JUMP = 13
+POSITIONS_FROZEN = 14
+VELOCITIES_WRONG = 15
 STATES_STALE = 16
 REFERENCE_STALE = 17
 STATES_DISAGREE = 18
 REFERENCES_DISAGREE = 19
 EMERGENCY_STOP = 20
+TORQUE_LOST = 21
+STATES_LATE = 22
+STATES_AHEAD = 23
+STATES_INVALID = 24
 
 FAULTS = {
     TORQUE_NOT_FINITE: Fault('torque_not_finite', 'the law gave a torque that is not finite'),
@@ -28,6 +34,10 @@ FAULTS = {
         'reference_jump',
         'the reference jumped: faster than the limit from one sample to the next',
     ),
+    POSITIONS_FROZEN: Fault(
+        'positions_frozen', 'a joint angle stands still while its rate says that the joint moves'
+    ),
+    VELOCITIES_WRONG: Fault('velocities_wrong', 'a joint rate is not the derivative of its angle'),
     STATES_STALE: Fault('states_stale', 'no joint state came for too long'),
     REFERENCE_STALE: Fault('reference_stale', 'no reference came for too long'),
     STATES_DISAGREE: Fault(
@@ -37,6 +47,10 @@ FAULTS = {
         'references_disagree', 'references contradict one another: two publishers'
     ),
     EMERGENCY_STOP: Fault('emergency_stop', 'emergency stop'),
+    TORQUE_LOST: Fault('torque_lost', 'the motors do not apply the commanded torque'),
+    STATES_LATE: Fault('states_late', 'joint states come too late'),
+    STATES_AHEAD: Fault('states_ahead', 'joint states are stamped ahead of the clock'),
+    STATES_INVALID: Fault('states_invalid', 'joint states have no usable numbers'),
 }
 
 

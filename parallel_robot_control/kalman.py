@@ -11,10 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, kernel, multiply, read_at, select
+from parallel_robot_compiler import inner, kernel, multiply, select
+from parallel_robot_control import kalman_memory
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.kalman_equations import Kalman, Mean, corrected, moved, sign, spread
-from parallel_robot_control.kalman_memory import MOST, SIZE, TORQUE, begin, read, running, write
+from parallel_robot_control.kalman_memory import MOST, begin, read, running, write
 from parallel_robot_model.contract import Model
 
 
@@ -40,6 +41,7 @@ def predicted(
     position: Array,
     velocity: Array,
     before: Array,
+    missing: Array,
     moving: bool,
     sample: int,
     late: float,
@@ -54,6 +56,7 @@ def predicted(
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,); not used unless `kalman.velocities`.
         before: Torque before this sample [N m], shape (n,); used at the first state.
+        missing: Torque that was asked for and did not act [N m], shape (n,).
         moving: Whether there was a state before; if not, the robot is at rest.
         sample: Index of the period from whose start on the torque is asked for.
         late: From the measurement to the moment at which the torque acts [s]; what is beyond MOST
@@ -73,7 +76,7 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(kalman, reference, high)
-            torque = read_at(kalman.memory, TORQUE + (sample - j) % SIZE, position)
+            torque = kalman_memory.torque(kalman, sample - j, position) - missing
             x = moved(kalman, model, x, s, torque, h)
             p = spread(kalman, mobility, p, s, h)
             j -= 1
@@ -91,7 +94,7 @@ def predicted(
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = read_at(kalman.memory, TORQUE + (sample - j) % SIZE, position)
+        torque = kalman_memory.torque(kalman, sample - j, position) - missing
         x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
     unknown = x.disturbance + x.offset + x.coulomb * sign(kalman, reference, 0.0)

@@ -28,6 +28,7 @@ class Timing(NamedTuple):
     period: int
     reference_timeout: int
     state_timeout: int
+    state_age: int
     lockstep: bool
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 
 from parallel_robot_base import cdr, layouts, topics
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import safety
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.contract import Fault
@@ -41,7 +43,7 @@ class Status(NamedTuple):
     Attributes:
         law: Name of the active law.
         fault: The present fault, if there is one.
-        acted: Bits of the limits that acted since the start of the run.
+        acted: Bits of the limits that acted, until none has done so for a while.
         delay: What is known of the age of the states; empty where it is not identified.
     """
 
@@ -49,6 +51,31 @@ class Status(NamedTuple):
     fault: Fault | None
     acted: int
     delay: str = ''
+
+
+def told_limits(
+    acted: np.ndarray, stamps: np.ndarray, answered: np.ndarray, begins: Collection[int]
+) -> np.ndarray:
+    """Bits of the limits in the status after each state, shape (N,).
+
+    Args:
+        acted: Bits of those that acted at the state, shape (N,).
+        stamps: Of the states [ns], shape (N,).
+        answered: Whether the state was answered, shape (N,).
+        begins: Rows at which a controller begins that knows of none before.
+    """
+    told = np.zeros_like(acted)
+    if not acted.any():
+        return told
+    shown, last = 0, 0
+    for k in np.flatnonzero(answered).tolist():
+        shown = 0 if k in begins else shown
+        if acted[k]:
+            shown, last = shown | int(acted[k]), int(stamps[k])
+        elif stamps[k] - last >= safety.QUIET * NANOSECONDS:
+            shown = 0
+        told[k] = shown
+    return told
 
 
 def telemetry_messages(

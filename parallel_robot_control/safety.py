@@ -12,10 +12,22 @@ from parallel_robot_compiler import clip, inlined, kernel, select, some, vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 
-TORQUE, RATE, RAMP = 1, 2, 4  # bits of the limits that acted
-ACTED_TEXT = {TORQUE: 'torque limit', RATE: 'torque rate limit', RAMP: 'ramp after a take-over'}
-ACTED_CODE = {TORQUE: 'torque', RATE: 'rate', RAMP: 'ramp'}  # in bags: never changed
+TORQUE, RATE, RAMP, EFFORT = 1, 2, 4, 8  # bits of the limits that acted
+ACTED_TEXT = {
+    TORQUE: 'torque limit',
+    RATE: 'torque rate limit',
+    RAMP: 'ramp after a take-over',
+    EFFORT: 'motors that do not apply the torque',
+}
+ACTED_CODE = {
+    TORQUE: 'torque',
+    RATE: 'rate',
+    RAMP: 'ramp',
+    EFFORT: 'effort',
+}  # in bags: never changed
+QUIET = 1.0  # s without limits, after which they are told anew
 ZERO, DAMP, HOLD = 0, 1, 2
+LEAST = 3.5  # periods, of a gap
 ACTIONS = {'zero': ZERO, 'damp': DAMP, 'hold': HOLD}
 
 
@@ -42,6 +54,21 @@ class SafetyParameters(NamedTuple):
     reference_timeout: Annotated[
         float, Field('s', 'age of the reference at a state that is a fault', 1e-3)
     ]
+    state_age: Annotated[
+        float, Field('s', 'age from which on a state is not answered (wall time)', 1e-3)
+    ]
+    gap: Annotated[
+        float, Field('s', 'time between two states after which the law begins anew', 1e-3)
+    ]
+    effort_tolerance: Annotated[
+        PerJoint,
+        Field('N m', 'efforts so far from all late commands do not obey; 0: not looked at', 0.0),
+    ]
+    effort_timeout: Annotated[float, Field('s', 'time without obedience that is a fault', 1e-3)]
+    rate_tolerance: Annotated[
+        float,
+        Field('rad', 'by which ways may differ from integrals of rates; 0: not looked at', 0.0),
+    ]
 
 
 class SafeAction(NamedTuple):
@@ -63,6 +90,10 @@ class Limits(NamedTuple):
     rate: Array
     ramp: Array
     speed: Array
+    gap: float
+    effort_tolerance: Array
+    effort_timeout: float
+    rate_tolerance: float
     margins: Any
 
 
@@ -79,8 +110,18 @@ def limits_of(parameters: SafetyParameters, margins: Any, period: float) -> Limi
         vector(parameters.torque_rate),
         vector(np.asarray(parameters.ramp_rate) * period),
         vector(parameters.speed_limit),
+        max(parameters.gap, LEAST * period),
+        vector(_unless_off(parameters.effort_tolerance)),
+        parameters.effort_timeout,
+        float(_unless_off(parameters.rate_tolerance)),
         margins,
     )
+
+
+def _unless_off(tolerance: Any) -> Array:
+    """Tolerances, infinite where they are 0."""
+    given = np.asarray(tolerance)
+    return np.where(given > 0.0, given, np.inf)
 
 
 class Last(NamedTuple):
@@ -121,6 +162,7 @@ def find_fault(
     velocity: Array,
     last: Last,
     dt: float,
+    since: float,
 ) -> int:
     """The first fault in the motion of the joints, else NONE.
 
@@ -131,10 +173,12 @@ def find_fault(
         velocity: Measured rates [rad/s], shape (n,).
         last: The cycle before.
         dt: Time since the cycle before [s].
+        since: Time between the moments for which the two references are [s].
     """
     reach = limits.speed * dt
+    later = limits.speed * select(since > dt, since, dt)
     jumped = last.known & (np.abs(position - last.position) > reach)
-    led = last.known & (np.abs(reference.position - last.reference) > reach)
+    led = last.known & (np.abs(reference.position - last.reference) > later)
     fault = select(led, faults.REFERENCE_JUMP, faults.NONE)
     fault = select(jumped, faults.POSITION_JUMP, fault)
     fault = select(np.abs(velocity) > limits.speed, faults.SPEED, fault)

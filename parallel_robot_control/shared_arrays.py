@@ -22,9 +22,9 @@ AGES = 4096  # answers for which the age of the state is kept
 # Rows of Shared.vectors,
 (
     POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, TRACKED, RATE,  # of the cycle,
-    APART, APART_RATE, ELAPSED,  # of its approach,
+    APART, APART_RATE, ELAPSED, DURATION, BRAKING,  # of its approach,
     VELOCITY, EFFORT,  # and as measured
-) = range(13)  # fmt: skip
+) = range(15)  # fmt: skip
 MEASURED = [POSITION, VELOCITY, EFFORT]
 # of Shared.telemetry,
 ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
@@ -36,8 +36,10 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states not answered
     AGE,  # of the last state, from the measurement until the torque acts [ns]
     PHASE,  # of the identification of the delay, see lock_in.py
+    CAUSE,  # fault whose cause was there at the last state
+    ACTED_AT,  # stamp of the last state at which a limit acted
     UNTIL,  # stamp of the newest reference that counts
-) = range(15)  # fmt: skip
+) = range(17)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -45,9 +47,9 @@ class Shared(NamedTuple):
 
     Attributes:
         pose: Pose of the last cycle, shape (m,).
-        vectors: State of the cycle, one row a vector, shape (13, n).
+        vectors: State of the cycle, one row a vector, shape (15, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (15,).
+        numbers: Fault, stamps and counts, shape (17,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -71,9 +73,9 @@ def shared(state: CycleState) -> Shared:
     command = layouts.float64_multi_array(joints).draft()
     made = Shared(
         np.array(state.pose),
-        np.zeros((13, joints)),
+        np.zeros((15, joints)),
         np.zeros((4, joints)),
-        np.zeros(15, np.int64),
+        np.zeros(17, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
@@ -97,7 +99,8 @@ def stored(arrays: Shared) -> CycleState:
         bool(numbers[KNOWN]),
     )
     estimated = Estimated(v[TRACKED], v[RATE])
-    approach = Approach(v[APART], v[APART_RATE], float(arrays.vectors[ELAPSED, 0]))
+    times = arrays.vectors[[ELAPSED, DURATION, BRAKING], 0]
+    approach = Approach(v[APART], v[APART_RATE], *map(float, times))
     fault = int(numbers[FAULT])
     return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach)
 
@@ -117,5 +120,7 @@ def store(arrays: Shared, state: CycleState) -> None:
         state.approach.offset,
         state.approach.rate,
         np.full_like(state.held, state.approach.elapsed),
+        np.full_like(state.held, state.approach.duration),
+        np.full_like(state.held, state.approach.braking),
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known

@@ -16,6 +16,7 @@ from parallel_robot_compiler import (
     read_row,
     write_row,
 )
+from parallel_robot_control import faults
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite
@@ -50,6 +51,7 @@ class ClosedLoopRun(NamedTuple):
         memory: Memory of the law after the last row.
         waiting: What the motors know of the commands after the last row.
         sent: The last command [N m], shape (n,).
+        cause: Fault whose cause was there at the last state, see Cycle.
     """
 
     pose: Array
@@ -70,6 +72,7 @@ class ClosedLoopRun(NamedTuple):
     memory: Any
     waiting: Waiting
     sent: Array
+    cause: int
 
 
 class LoopState(NamedTuple):
@@ -80,6 +83,7 @@ class LoopState(NamedTuple):
     memory: Any
     waiting: Waiting
     sent: Array
+    cause: int
 
 
 def run(
@@ -96,7 +100,9 @@ def run(
             positions, efforts, faults and limits.
     """
     waiting = not_waiting(len(control.state.held))
-    state = LoopState(plant.state, control.state, control.law.memory, waiting, waiting.command)
+    state = LoopState(
+        plant.state, control.state, control.law.memory, waiting, waiting.command, faults.NONE
+    )
     course = course_of(plant, reference, period)
     loop = partial(
         compiled_loop,
@@ -110,12 +116,12 @@ def run(
     parts: list[ClosedLoopRun] = []
     for first, stop in itertools.pairwise([*course.cuts, len(reference.position)]):
         cycle, memory = course.befall(
-            first, control, state.cycle, state.memory, state.plant.torque
+            first, control, state.cycle, state.memory, state.plant.torque, state.cause
         )
         state = state._replace(cycle=cycle, memory=memory)
         part: ClosedLoopRun = loop(state, complete, period, first, stop)
         parts.append(part)
-        state = LoopState(part.plant, part.cycle, part.memory, part.waiting, part.sent)
+        state = LoopState(part.plant, part.cycle, part.memory, part.waiting, part.sent, part.cause)
         if part.steps < stop - first:
             break
     return parts[0] if len(parts) == 1 else _joined(parts)
@@ -145,7 +151,7 @@ def compiled_loop(
     stop: int,
 ) -> ClosedLoopRun:
     """The loop of :func:`run` over some samples, with the kernels that it calls as FirstClass."""
-    state, cycle_state, memory, waiting, torque = begin
+    state, cycle_state, memory, waiting, torque, cause = begin
     row = state.torque
     hazards = plant.hazards
     # 1. Arrays for all rows; the robot gives the number of passive joints.
@@ -200,7 +206,7 @@ def compiled_loop(
             )
             when = When(sample - late, plant.imperfections.age, dt)
             cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, memory, when)
-            torque = cycle.torque
+            torque, cause = cycle.torque, cycle.cause
             write_row(acted, k, cycle.acted)
             if complete:
                 write_row(command, k, torque)
@@ -242,4 +248,5 @@ def compiled_loop(
         memory,
         waiting,
         torque,
+        cause,
     )

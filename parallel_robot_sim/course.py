@@ -15,7 +15,7 @@ from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
-from parallel_robot_control.transitions import cleared, taking_over, tripped, without_torque
+from parallel_robot_control.transitions import cleared, joining, tripped, without_torque
 from parallel_robot_sim.assembly import Plant
 from trajectory_gen.trajectory import Reference
 
@@ -74,7 +74,13 @@ class Course(NamedTuple):
         return sorted(k for k in {*found, *rows[begun].tolist()} if not k or k < count)
 
     def befall(
-        self, sample: int, control: Control, cycle: CycleState, memory: Any, effort: Array
+        self,
+        sample: int,
+        control: Control,
+        cycle: CycleState,
+        memory: Any,
+        effort: Array,
+        cause: int,
     ) -> tuple[CycleState, Any]:
         """What happens to the controller before it answers the state of a sample.
 
@@ -84,13 +90,17 @@ class Course(NamedTuple):
             cycle: State of its cycle.
             memory: Memory of its law.
             effort: Torque of the motors before the sample [N m], shape (n,).
+            cause: Fault whose cause was there at the state before.
 
         Returns:
             State and memory from there on.
         """
         if sample in self.renewals:
-            cycle, memory = taking_over(control.state, effort), control.law.memory
-        if sample in self.clears and cycle.fault != faults.NONE:
+            cycle, memory = joining(control.state, effort), control.law.memory
+            cause = faults.NONE
+        before = np.flatnonzero(self.heard.answered[:sample])[-1:]
+        lasts = cause != faults.NONE or self.stale[before].any()
+        if sample in self.clears and cycle.fault != faults.NONE and not lasts:
             cycle, memory = cleared(cycle), control.law.memory
         if sample in self.late:
             cycle = without_torque(tripped(cycle, faults.STATES_STALE))

@@ -28,6 +28,9 @@ from parallel_robot_sim.plant_run import ENDLESS, REPEAT, PlantRun
 from parallel_robot_sim.ros_markers import RobotMarkers
 from trajectory_gen.messages import pose_fields
 
+STALLED = NANOSECONDS // 50  # ns, lateness of a state above which it is not sent
+FORGOTTEN = 10 * NANOSECONDS  # ns; more is no delay: the clock was set
+
 
 class PlantNode(SuiteNode):
     """Publishes ``joint_states`` every period, or in lockstep after every command.
@@ -122,9 +125,14 @@ class PlantNode(SuiteNode):
 
     def tick(self, stamp: int) -> None:
         """Publish the state of a stamp [ns] (wall time)."""
-        if self.run.tick(stamp):
-            self._publish()
-            self._delays.append(time.time_ns() - stamp)
+        if not self.run.tick(stamp):
+            return
+        delay = time.time_ns() - stamp
+        if STALLED < delay < FORGOTTEN:  # nobody would take a torque from it in time
+            self.counts['states that were not sent: the plant stood still'] += 1
+            return
+        self._publish()
+        self._delays.append(delay)
 
     def take_command(self, data: bytes) -> None:
         """Take a serialised command; in lockstep, publish the state that it leads to."""

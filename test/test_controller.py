@@ -30,7 +30,7 @@ def motion():
     rows = zip(samples.position, samples.velocity, samples.acceleration, strict=True)
     references = [JointReference(*row) for row in rows]
     return references, [
-        JointSample(row.position - OFFSET, row.velocity, np.zeros(3)) for row in references
+        JointSample(row.position - OFFSET, row.velocity, np.full(3, np.nan)) for row in references
     ]
 
 
@@ -165,7 +165,8 @@ def test_references_that_stop_are_extrapolated_for_a_moment_then_a_fault(motion)
     core = controller()
     core.add_reference(START, references[0])
     for k in range(0, 900, 10):
-        sample = core.add_state(START + k * MS, states[0])
+        moved = states[0].position + 1e-3 * k * states[0].velocity
+        sample = core.add_state(START + k * MS, states[0]._replace(position=moved))
         assert (sample.status.fault == FAULTS[REFERENCE_STALE]) == (k > 500)
     assert np.array_equal(sample.torque, -40.0 * states[0].velocity)
 

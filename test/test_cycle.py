@@ -117,6 +117,7 @@ def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
 
 def test_a_fault_stays_when_its_cause_is_gone(control, situation):
     failed = bad_velocity(situation).solve(control)
-    again = situation._replace(state=failed.state).solve(control, failed.memory)
+    moved = situation.position + 1e-3 * situation.velocity
+    again = situation._replace(position=moved, state=failed.state).solve(control, failed.memory)
     assert again.state.fault == SPEED
     assert np.allclose(again.torque, np.clip(-40.0 * situation.velocity, -200.0, 200.0))

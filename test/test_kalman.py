@@ -36,7 +36,7 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
         position, velocity = read_row(measured, 2 * k, like), read_row(measured, 2 * k + 1, like)
         zero = 0.0 * like
         found = kalman.predicted(
-            filter_, model, reference, position, velocity, zero, k > 0, k, lates[k], dts[k]
+            filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
         kalman_memory.remember(filter_, k, read_row(torques, k, like), True)
         write_row(answers, 3 * k, found.position)

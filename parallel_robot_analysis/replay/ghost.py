@@ -19,7 +19,7 @@ from parallel_robot_control.batch import States, answer
 from parallel_robot_control.configuration import ControlConfiguration, configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.reference_buffer import RESTART
-from parallel_robot_control.transitions import taking_over
+from parallel_robot_control.transitions import joining
 
 
 class Ghost:
@@ -43,7 +43,7 @@ class Ghost:
 
     def _begin(self, effort: Array) -> None:
         self._control = assemble(self._configuration)
-        self._state = taking_over(self._control.state, effort)
+        self._state = joining(self._control.state, effort)
         self._memory = self._control.law.memory
 
     def answer(

@@ -26,9 +26,9 @@ from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.reference_buffer import RESTART
 from parallel_robot_control.transitions import (
     cleared,
+    joining,
     restarted,
     switched,
-    taking_over,
     tripped,
     without_torque,
 )
@@ -180,7 +180,7 @@ class RecordedController:
     def first(self, common: bool) -> Moment:
         """Before the first state; without a common start, the controller takes over."""
         control = assemble(self._configuration)
-        state = control.state if common else taking_over(control.state, self._effort[0])
+        state = control.state if common else joining(control.state, self._effort[0])
         past = _filter_memory(control).copy()
         return Moment(self._configuration, control, state, control.law.memory, past)
 
@@ -207,7 +207,7 @@ class RecordedController:
                 state = state._replace(fault=faults.NONE)
             if begin in self._restarts or begin in self._renewals:
                 state = restarted(state, np.array(self._configuration.guess))
-                state, memory = taking_over(state, self._effort[begin]), control.law.memory
+                state, memory = joining(state, self._effort[begin]), control.law.memory
             elif begin in self._gaps:
                 state = without_torque(tripped(state, faults.STATES_STALE))
             if begin < stop and self._stale[begin]:

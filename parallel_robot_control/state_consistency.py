@@ -1,0 +1,64 @@
+"""Whether the states say what the robot does: the way of each joint beside the sum of its rates.
+
+Over the last hundredths of a second, the way that a joint went and the integral of its rate must
+agree. A position that does not change at all while the rate goes on, and a rate of exactly zero
+while the position changes, are seen even sooner.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_compiler import clip, inner, read_at, select, some, write_at
+from parallel_robot_control import faults, kalman_memory
+
+WINDOW = 0.06  # s, time constant with which ways are forgotten
+SHARE = 0.5  # of the tolerance, that a single state adds at most: one odd state is no proof
+LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
+
+
+@inner
+def inconsistent(
+    memory: int,
+    tolerance: float,
+    position: Array,
+    velocity: Array,
+    before: Array,
+    comparable: bool,
+    dt: float,
+) -> int:
+    """The fault of states whose positions and rates contradict each other, else NONE.
+
+    Args:
+        memory: Address of the memory of the cycle.
+        tolerance: Difference that does not count [rad].
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        before: Angles of the state before [rad], shape (n,).
+        comparable: Whether there was a state not long before, and rates are measured.
+        dt: Time since then [s].
+    """
+    row, zero = kalman_memory.WAYS, np.zeros_like(position)
+    if not comparable:
+        for k in range(5):
+            write_at(memory, row + k, zero)
+        return faults.NONE
+    left = WINDOW / (WINDOW + dt)
+    most = SHARE * tolerance
+    went, told = clip(position - before, -most, most), clip(dt * velocity, -most, most)
+    told = select(told - told == 0.0, told, went)  # what is not finite is another fault
+    apart = left * (read_at(memory, row, position) + went - told)
+    by_position = left * (read_at(memory, row + 1, position) + np.abs(went))
+    by_rate = left * (read_at(memory, row + 2, position) + np.abs(told))
+    still = select(went == 0.0, read_at(memory, row + 3, position) + told, zero)
+    unsaid = select(told == 0.0, read_at(memory, row + 4, position) + went, zero)
+    write_at(memory, row, apart)
+    write_at(memory, row + 1, by_position)
+    write_at(memory, row + 2, by_rate)
+    write_at(memory, row + 3, still)
+    write_at(memory, row + 4, unsaid)
+    wrong = np.abs(apart) > tolerance + LAG * (by_position + by_rate)
+    wrong = wrong | (np.abs(unsaid) > tolerance)
+    fault = select(some(wrong), faults.VELOCITIES_WRONG, faults.NONE)
+    return select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
