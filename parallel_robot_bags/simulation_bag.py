@@ -14,6 +14,7 @@ from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.experiment import SIMULATION, describe
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base import layouts, topics
+from parallel_robot_base.hazard_times import HazardTimes
 from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
@@ -28,7 +29,6 @@ from parallel_robot_control.messages import (
     telemetry_messages,
     told_limits,
 )
-from parallel_robot_sim.course import Course, Heard
 from parallel_robot_sim.messages import state_layout, state_messages
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.messages import pose_messages, reference_messages
@@ -55,7 +55,10 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     age = experiment.plant.setup.imperfections.age  # s, which the stamps tell
     acts = stamps - heard.late * loop.period_ns  # as the controller knows it
     measured = acts - round(age * NANOSECONDS)
-    slow, due = samples[:: topics.SLOW], _due(course, heard, samples)
+    slow = due = samples[:: topics.SLOW]
+    if loop.hazards:
+        times = HazardTimes(experiment.plant.hazards, loop.period)
+        due = np.array(times.due(count, topics.SLOW), np.int64)
     passive = run.passive_position.shape[1] if values['plant.publish_passive'] else 0
     late = age + simulation.delay[due]
     desired = course.reference
@@ -123,12 +126,3 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
 def _bytes_of(messages: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """The bytes of some messages, one row each: choosing records would lose what is between."""
     return np.frombuffer(messages.tobytes(), np.uint8).reshape(len(messages), -1)[chosen]
-
-
-def _due(course: Course, heard: Heard, samples: np.ndarray) -> np.ndarray:
-    """Rows of the states with which slow topics are published: the first one of each interval."""
-    rows = samples[heard.answered]
-    index = rows - heard.late[rows]
-    begins = np.diff(index // topics.SLOW, prepend=index[:1] // topics.SLOW) > 0
-    begins &= ~np.isin(rows, [*course.renewals])  # a new controller knows of none before
-    return rows[begins | (index % topics.SLOW == 0)]

@@ -51,6 +51,28 @@ class HazardTimes:
         """Samples since that which is told at a sample."""
         return sum(late for begin, end, late in self._late if begin <= sample < end)
 
+    def last_told(self, last: int) -> int:
+        """Sample that the last state message tells, up to a sample; 0 if there is none."""
+        told = next(filter(self.is_told, range(last, 0, -1)), 0)
+        return told - self.late(told)
+
+    def due(self, count: int, every: int) -> list[int]:
+        """Samples at which what is told every few states is due: the first one of each interval.
+
+        Args:
+            count: Number of samples.
+            every: Samples from one interval to the next.
+        """
+        found, before = [], None
+        for sample in filter(self.is_answered, range(count)):
+            index = sample - self.late(sample)
+            if before is not None and any(before < each <= index for each in self.renewals):
+                before = None  # a new controller knows of no interval before
+            if index % every == 0 or (before is not None and index // every != before // every):
+                found.append(sample)
+            before = index
+        return found
+
     def newest_reference(self, sample: int) -> int:
         """Sample of the newest reference up to a sample that the controller knows."""
         newest, before = sample, sample + 1

@@ -279,3 +279,25 @@ def test_a_second_run_on_the_same_domain_leaves_the_first_alone(begin, start, tm
     assert second.wait() == 1 and 'ROS_DOMAIN_ID' in second.stderr
     assert first.end(signal.SIGINT) == 130
     check_end(tmp_path / 'first', nodes)
+
+
+def test_hazards_leave_the_bag_that_the_simulation_has(start, tmp_path):
+    said = [
+        'states_lost at 0.2 for 0.6', 'clear_fault at 0.9', 'commands_lost at 1.0 for 0.1',
+        'states_late delay 0.02 at 1.2 for 0.1', 'velocity_nan joint joint1 at 1.4 for 0.05',
+    ]  # fmt: skip
+    words = ['--set', f'hazards={said}']
+    process = start('bag', 1.6, '--time-mode', 'lockstep', *words)
+    assert process.wait() == 0, process.stderr
+    simulated = ['simulate', 'paper_circle', '--duration', '1.6', *words]
+    assert main([*simulated, '--out', str(tmp_path / 'simulated')]) == 0
+    of_nodes, without = (
+        {
+            topic: [data for _, data in messages]
+            for topic, messages in content(tmp_path / name / f'{name}_0.mcap').items()
+        }
+        for name in ('bag', 'simulated')
+    )
+    assert of_nodes == without
+    assert len(of_nodes['joint_states']) == 1601 - 600 - 20
+    assert main(['replay', str(tmp_path / 'bag')]) == 0
