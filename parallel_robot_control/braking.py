@@ -78,8 +78,6 @@ def too_fast(
         late: Age of the state [s].
     """
     momentum = multiply(found.model.M, velocity)
-    if not way_to_rest(limits, momentum) > SHORT:
-        return False
     if limits.safe.action == ZERO or not every((limits.safe.damping > 0.0) & (limits.torque > 0)):
         return False
     # 1. The motion goes on until the torque has turned round.

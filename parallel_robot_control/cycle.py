@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import FirstClass, every, inner, kernel, select, vector
-from parallel_robot_control import faults, kalman, kalman_memory, lock_in
+from parallel_robot_compiler import FirstClass, every, inner, kernel, multiply, select, vector
+from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in
 from parallel_robot_control.approach import (
     BACK,
     Approach,
@@ -16,7 +16,7 @@ from parallel_robot_control.approach import (
     approached,
     not_begun,
 )
-from parallel_robot_control.braking import too_fast
+from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
 from parallel_robot_control.safety import (
@@ -231,10 +231,9 @@ def sense(
     cause = find_fault(limits, reference, position, velocity, last, dt, since)
     cause = select(cause == faults.NONE, doubt, cause)
     cause = select(cause == faults.NONE, found.fault, cause)
-    if cause == faults.NONE and too_fast(
-        estimate, robot, limits, position, velocity, found, last, late
-    ):
-        cause = faults.TOO_FAST
+    if cause == faults.NONE and way_to_rest(limits, multiply(found.model.M, velocity)) > SHORT:
+        fast = too_fast(estimate, robot, limits, position, velocity, found, last, late)
+        cause = select(fast, faults.TOO_FAST, faults.NONE)
     fault = select(latched == faults.NONE, cause, latched)
     lost = lost | ((losing >> found.fault) & 1 != 0)
     return Sensed(cause, fault, found.pose, found.model, lost)
@@ -348,7 +347,8 @@ def run_cycle(
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
     gap, last, begun = known and dt > limits.gap, state.last, state.approach
     told = arrival(
-        filter_,
+        filter_.memory,
+        filter_.period,
         limits.effort_tolerance,
         effort,
         when.sample,
@@ -362,8 +362,10 @@ def run_cycle(
         begun = Approach(begun.offset, begun.rate, BACK, begun.duration, begun.braking)
         excess = np.zeros_like(excess)
     if begun.elapsed == BACK:
-        kalman_memory.forget(filter_)
-    since = kalman_memory.between(filter_, when.age, known, dt)
+        kalman_memory.forget(filter_.memory)
+    since = dt
+    if tracks:
+        since = cycle_memory.between(filter_.memory, when.age, known, dt)
     # 2. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
     if estimator.kind == FILTER or estimator.kind == LEVANT:
@@ -451,7 +453,7 @@ def run_cycle(
         dt,
     )
     # Also without a filter: a law that comes next may have one.
-    kalman_memory.remember(filter_, when.sample, done.torque, tracks)
+    cycle_memory.remember(filter_.memory, when.sample, done.torque, tracks)
     if identified.on:
         lock_in.observe(
             identified,

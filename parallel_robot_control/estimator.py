@@ -11,7 +11,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import Space, clip, kernel, select, vector
-from parallel_robot_control import kalman_memory
+from parallel_robot_control import cycle_memory
 from parallel_robot_control.contract import Law
 from parallel_robot_control.delay_identification import LockInParameters, lock_in_of, result, text
 from parallel_robot_control.kalman_equations import Kalman
@@ -137,7 +137,7 @@ def estimator_of(
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
             key,
         )
-    memory = memory or kalman_memory.memory(vector(np.zeros(len(parameters.acceleration))))
+    memory = memory or cycle_memory.made_for(vector(np.zeros(len(parameters.acceleration))))
     found = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
 
     def variance(values: PerJoint) -> Array:
@@ -160,7 +160,7 @@ def estimator_of(
             variance(parameters.coulomb),
             memory,
         ),
-        found._replace(memory=kalman_memory.of_lock_in(memory)),
+        found._replace(memory=cycle_memory.of_lock_in(memory)),
     )
 
 

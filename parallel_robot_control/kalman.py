@@ -12,7 +12,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import inner, kernel, multiply, select
-from parallel_robot_control import kalman_memory
+from parallel_robot_control import cycle_memory
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.kalman_equations import Kalman, Mean, corrected, moved, sign, spread
 from parallel_robot_control.kalman_memory import MOST, begin, read, running, write
@@ -76,7 +76,7 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(kalman, reference, high)
-            torque = kalman_memory.torque(kalman, sample - j, position) - missing
+            torque = cycle_memory.torque_at(kalman.memory, sample - j, position) - missing
             x = moved(kalman, model, x, s, torque, h)
             p = spread(kalman, mobility, p, s, h)
             j -= 1
@@ -94,7 +94,7 @@ def predicted(
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = kalman_memory.torque(kalman, sample - j, position) - missing
+        torque = cycle_memory.torque_at(kalman.memory, sample - j, position) - missing
         x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
     unknown = x.disturbance + x.offset + x.coulomb * sign(kalman, reference, 0.0)

@@ -1,36 +1,19 @@
-"""Memory of the Kalman filter: what it knows, and the torques that were asked for."""
+"""What the Kalman filter keeps from state to state, in the memory of the cycle."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import Space, inner, read_at, select, vector, write_at
-from parallel_robot_control import lock_in
+from parallel_robot_compiler import inner, read_at, select, vector, write_at
+from parallel_robot_control import cycle_memory
+from parallel_robot_control.cycle_memory import MEAN, RUNNING, SAMPLE, SIZE, VARIANCE
 from parallel_robot_control.kalman_equations import Kalman, Mean, Variance
 
 MOST = 50  # samples, largest age from which is predicted
 AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest
 MOVING = 1.0  # (rad/s)^2, of one that moves
-
-SIZE = 128  # torques that are remembered
 MEANS = 5
-SAMPLE, RUNNING = 0, 1  # floats in the first rows: newest sample; whether the filter ran at it
-MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where these begin
-WAYS = TORQUE + SIZE  # row where that of state_consistency.py begins
-ROWS = WAYS + 5
-AGE = 4  # float in the first rows: age of the last state [s]
-
-
-def memory(like: Array) -> Space:
-    """Memory of filter, checks and lock-in for vectors as `like`, shape (n,)."""
-    return Space((ROWS + lock_in.ROWS) * like.size)
-
-
-def of_lock_in(memory: Space) -> Space:
-    """The part of the memory that is the lock-in's."""
-    rows = memory.floats.reshape(ROWS + lock_in.ROWS, -1)
-    return Space.within(rows[-lock_in.ROWS :].reshape(-1))
 
 
 @inner
@@ -48,63 +31,9 @@ def known_velocity(kalman: Kalman, like: Array) -> Array:
 
 
 @inner
-def newest(kalman: Kalman) -> int:
-    """Index of the last sample of which a torque is remembered."""
-    return int(read_at(kalman.memory, SAMPLE, 0.0))
-
-
-@inner
-def torque(kalman: Kalman, sample: int, like: Array) -> Array:
-    """Torque that was asked for at one of the last SIZE samples [N m], shape (n,), as `like`."""
-    return read_at(kalman.memory, TORQUE + sample % SIZE, like)
-
-
-@inner
-def forget(kalman: Kalman) -> None:
+def forget(memory: int) -> None:
     """Let the filter begin anew at the next state."""
-    write_at(kalman.memory, RUNNING, 0.0)
-
-
-@inner
-def between(kalman: Kalman, age: float, known: bool, dt: float) -> float:
-    """Time between the moments at which the last torque and the next one act [s].
-
-    Args:
-        kalman: The filter.
-        age: From the measurement of a state to the moment at which its torque acts [s].
-        known: Whether there was a state before.
-        dt: Time between the measurements [s].
-    """
-    before = read_at(kalman.memory, AGE, 0.0)
-    write_at(kalman.memory, AGE, age)
-    return select(known, dt + age - before, dt)
-
-
-@inner
-def fill(kalman: Kalman, torque: Array) -> None:
-    """Take a torque for the one that has acted for long [N m], shape (n,)."""
-    for k in range(SIZE):
-        write_at(kalman.memory, TORQUE + k, torque)
-
-
-@inner
-def remember(kalman: Kalman, sample: int, torque: Array, tracking: bool) -> None:
-    """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
-
-    Args:
-        kalman: The filter.
-        sample: Index of the sample.
-        torque: [N m], shape (n,).
-        tracking: Whether the filter ran at this sample.
-    """
-    last = newest(kalman)
-    if sample > last + 1:
-        held = read_at(kalman.memory, TORQUE + last % SIZE, torque)
-        for missed in range(max(last + 1, sample - SIZE), sample):
-            write_at(kalman.memory, TORQUE + missed % SIZE, held)
-    write_at(kalman.memory, TORQUE + sample % SIZE, torque)
-    write_at(kalman.memory, SAMPLE, float(sample))
-    write_at(kalman.memory, RUNNING, 1.0 if tracking else 0.0)
+    write_at(memory, RUNNING, 0.0)
 
 
 @inner
@@ -139,7 +68,7 @@ def begin(
 ) -> tuple[Mean, Variance]:
     """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
     z = np.zeros_like(position)
-    fill(kalman, torque)
+    cycle_memory.fill(kalman.memory, torque)
     v = z + select(moving, MOVING, AT_REST)
     q, w, c, f = (
         z + kalman.position,

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_base import cache_directory
 from parallel_robot_compiler import vector
-from parallel_robot_control import kalman_memory
+from parallel_robot_control import cycle_memory
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.law_core import LawCore
@@ -37,7 +37,7 @@ class LawCores:
         """
         self._configuration = configuration
         self._common, self._wire = common, wire
-        self._memory = kalman_memory.memory(vector(np.zeros(configuration.joints)))
+        self._memory = cycle_memory.made_for(vector(np.zeros(configuration.joints)))
         self._lock = threading.Lock()
         self._made: dict[str, LawCore] = {}  # the newest core of each law
         mark = f'{cache_directory.COMPLETE}_{configuration.robot.name}'

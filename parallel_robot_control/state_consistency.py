@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import clip, inner, read_at, select, some, write_at
-from parallel_robot_control import faults, kalman_memory
+from parallel_robot_compiler import clip, every, inner, read_at, select, some, write_at
+from parallel_robot_control import cycle_memory, faults
 
 WINDOW = 0.06  # s, time constant with which ways are forgotten
+ALIKE = 0.01  # of the tolerance, within which a way and a rate of one state agree
 SHARE = 0.5  # of the tolerance, that a single state adds at most: one odd state is no proof
 LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
 
@@ -39,26 +40,34 @@ def inconsistent(
         comparable: Whether there was a state not long before, and rates are measured.
         dt: Time since then [s].
     """
-    row, zero = kalman_memory.WAYS, np.zeros_like(position)
-    if not comparable:
-        for k in range(5):
-            write_at(memory, row + k, zero)
+    row, zero = cycle_memory.WAYS, np.zeros_like(position)
+    went, told = position - before, dt * velocity
+    in_doubt = read_at(memory, row, position)  # 0 while nothing is apart
+    if comparable and in_doubt[0] == 0.0 and every(np.abs(went - told) <= ALIKE * tolerance):
         return faults.NONE
-    left = WINDOW / (WINDOW + dt)
-    most = SHARE * tolerance
-    went, told = clip(position - before, -most, most), clip(dt * velocity, -most, most)
+    if not comparable or in_doubt[0] == 0.0:
+        for k in range(1, cycle_memory.OF_WAYS):
+            write_at(memory, row + k, zero)
+    write_at(memory, row, zero + select(comparable, 1.0, 0.0))
+    if not comparable:
+        return faults.NONE
+    left, most = WINDOW / (WINDOW + dt), SHARE * tolerance
+    went, told = clip(went, -most, most), clip(told, -most, most)
     told = select(told - told == 0.0, told, went)  # what is not finite is another fault
-    apart = left * (read_at(memory, row, position) + went - told)
-    by_position = left * (read_at(memory, row + 1, position) + np.abs(went))
-    by_rate = left * (read_at(memory, row + 2, position) + np.abs(told))
-    still = select(went == 0.0, read_at(memory, row + 3, position) + told, zero)
-    unsaid = select(told == 0.0, read_at(memory, row + 4, position) + went, zero)
-    write_at(memory, row, apart)
-    write_at(memory, row + 1, by_position)
-    write_at(memory, row + 2, by_rate)
-    write_at(memory, row + 3, still)
-    write_at(memory, row + 4, unsaid)
+    apart = left * (read_at(memory, row + 1, position) + went - told)
+    by_position = left * (read_at(memory, row + 2, position) + np.abs(went))
+    by_rate = left * (read_at(memory, row + 3, position) + np.abs(told))
+    still = select(went == 0.0, read_at(memory, row + 4, position) + told, zero)
+    unsaid = select(told == 0.0, read_at(memory, row + 5, position) + went, zero)
+    write_at(memory, row + 1, apart)
+    write_at(memory, row + 2, by_position)
+    write_at(memory, row + 3, by_rate)
+    write_at(memory, row + 4, still)
+    write_at(memory, row + 5, unsaid)
     wrong = np.abs(apart) > tolerance + LAG * (by_position + by_rate)
     wrong = wrong | (np.abs(unsaid) > tolerance)
     fault = select(some(wrong), faults.VELOCITIES_WRONG, faults.NONE)
-    return select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
+    fault = select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
+    if every(np.abs(apart) + np.abs(still) + np.abs(unsaid) <= ALIKE * tolerance):
+        write_at(memory, row, zero)
+    return fault

@@ -13,13 +13,12 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import clip, inner, read_at, select, some, write_at
-from parallel_robot_control import kalman_memory
-from parallel_robot_control.kalman_equations import Kalman
+from parallel_robot_control import cycle_memory
+from parallel_robot_control.cycle_memory import LOST, SPELL
 
 LATELY = 32  # samples within which a command acts
 TOLD = 0.02  # s of a spell after which it is told, and its end is a way back
 FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers may alternate
-SPELL, LOST = 2, 3  # floats in the first rows of the memory: its length [s]; whether it goes on
 
 
 class Arrival(NamedTuple):
@@ -38,7 +37,8 @@ class Arrival(NamedTuple):
 
 @inner
 def arrival(
-    kalman: Kalman,
+    memory: int,
+    period: float,
     tolerance: Array,
     effort: Array,
     sample: int,
@@ -49,7 +49,8 @@ def arrival(
     """Compare the effort that a state tells with the commands of the last samples.
 
     Args:
-        kalman: Its memory has the commands.
+        memory: Address of the memory of the cycle, which has the commands.
+        period: Of the samples [s].
         tolerance: Difference that does not count [N m], shape (n,).
         effort: Torque of the period that ended at the measurement [N m], shape (n,); NaN where it
             is not known.
@@ -58,32 +59,36 @@ def arrival(
         comparable: Whether there was a state not long before; if not, what acts is what is told.
         dt: Time since the state before [s].
     """
-    nothing, newest = np.zeros_like(effort), kalman_memory.newest(kalman)
+    nothing, newest = np.zeros_like(effort), cycle_memory.newest(memory)
     if not comparable or sample < newest:  # nothing was commanded lately
-        kalman_memory.fill(kalman, select(effort - effort == 0.0, effort, nothing))
-        write_at(kalman.memory, SPELL, 0.0)
-        write_at(kalman.memory, LOST, 0.0)
+        cycle_memory.fill(memory, select(effort - effort == 0.0, effort, nothing))
+        write_at(memory, SPELL, 0.0)
+        write_at(memory, LOST, 0.0)
         return Arrival(nothing, 0.0, False)
-    last = sample - 1 - int(age / kalman.period + 0.5)
+    # 1. The usual case: the last command acted.
+    last = sample - 1
+    if age > 0.0:
+        last -= int(age / period + 0.5)
     last = select(last > newest, newest, last)
-    asked = kalman_memory.torque(kalman, last, effort)
-    spell, before = read_at(kalman.memory, SPELL, 0.0), read_at(kalman.memory, LOST, 0.0)
-    step = select(dt < kalman.period * LATELY, dt, kalman.period)
+    asked, spell = cycle_memory.torque_at(memory, last, effort), read_at(memory, SPELL, 0.0)
+    apart = some(np.abs(asked - effort) > tolerance)
+    if not apart and spell == 0.0:
+        return Arrival(nothing, 0.0, False)
+    # 2. A late command, or one behind a lag, is none that is missing.
     missing, lost = nothing, 0.0
-    if some(np.abs(asked - effort) > tolerance):
+    if apart:
         low, high = asked, asked
         for k in range(last - LATELY, newest + 1):
-            torque = kalman_memory.torque(kalman, k, effort)
+            torque = cycle_memory.torque_at(memory, k, effort)
             low, high = select(torque < low, torque, low), select(torque > high, torque, high)
         outside = np.abs(clip(effort, low, high) - effort) > tolerance
         missing = select(outside, asked - effort, nothing)
         lost = select(some(outside), 1.0, 0.0)
-    if lost != 0.0:
-        spell += step
-    elif spell > 0.0:
-        left = spell - FORGETS * step
-        spell = select(left > 0.0, left, 0.0)
-    write_at(kalman.memory, SPELL, spell)
-    write_at(kalman.memory, LOST, lost)
-    long = lost == 0.0 and before != 0.0 and spell >= TOLD
-    return Arrival(missing, select(lost != 0.0, spell, 0.0), long)
+    # 3. How long torque has been missing.
+    step = select(dt < period * LATELY, dt, period)
+    spell = select(lost != 0.0, spell + step, spell - FORGETS * step)
+    spell = select(spell > 0.0, spell, 0.0)
+    back = lost == 0.0 and read_at(memory, LOST, 0.0) != 0.0 and spell >= TOLD
+    write_at(memory, SPELL, spell)
+    write_at(memory, LOST, lost)
+    return Arrival(missing, select(lost != 0.0, spell, 0.0), back)

@@ -7,7 +7,7 @@ from assembly import simulate
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
 from parallel_robot_compiler import kernel, read_row, vector, write_row
-from parallel_robot_control import kalman, kalman_memory
+from parallel_robot_control import cycle_memory, kalman
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
@@ -38,7 +38,7 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
         found = kalman.predicted(
             filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
-        kalman_memory.remember(filter_, k, read_row(torques, k, like), True)
+        cycle_memory.remember(filter_.memory, k, read_row(torques, k, like), True)
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
         write_row(answers, 3 * k + 2, found.disturbance)
@@ -100,7 +100,7 @@ def filter_of(velocities=True, command_delay=0.0):
         BANDWIDTH,
         vector(OFFSET**2),
         vector(COULOMB**2),
-        kalman_memory.memory(vector(np.zeros(N))),
+        cycle_memory.made_for(vector(np.zeros(N))),
     )
 
 

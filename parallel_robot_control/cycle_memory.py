@@ -1,0 +1,84 @@
+"""Memory of a control cycle, by its address: commands, Kalman filter, checks, lock-in.
+
+What the compiled cycle keeps besides its state lies here, so that little is handed over at a call.
+"""
+
+from __future__ import annotations
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_compiler import Space, inner, read_at, select, write_at
+from parallel_robot_control import lock_in
+
+SIZE = 128  # torques that are remembered
+# Floats in the first rows: newest sample; whether the filter ran at it; how long torque has been
+# missing [s]; whether it is; age of the last state [s].
+SAMPLE, RUNNING, SPELL, LOST, AGE = range(5)
+MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the torques, begin
+WAYS = TORQUE + SIZE  # row where those of state_consistency.py begin
+OF_WAYS = 6
+ROWS = WAYS + OF_WAYS
+
+
+def made_for(like: Array) -> Space:
+    """Memory of filter, checks and lock-in for vectors as `like`, shape (n,)."""
+    return Space((ROWS + lock_in.ROWS) * like.size)
+
+
+def of_lock_in(memory: Space) -> Space:
+    """The part of the memory that is the lock-in's."""
+    rows = memory.floats.reshape(ROWS + lock_in.ROWS, -1)
+    return Space.within(rows[-lock_in.ROWS :].reshape(-1))
+
+
+@inner
+def newest(memory: int) -> int:
+    """Index of the last sample of which a torque is remembered."""
+    return int(read_at(memory, SAMPLE, 0.0))
+
+
+@inner
+def torque_at(memory: int, sample: int, like: Array) -> Array:
+    """Torque that was asked for at one of the last SIZE samples [N m], shape (n,), as `like`."""
+    return read_at(memory, TORQUE + sample % SIZE, like)
+
+
+@inner
+def fill(memory: int, torque: Array) -> None:
+    """Take a torque for the one that has acted for long [N m], shape (n,)."""
+    for k in range(SIZE):
+        write_at(memory, TORQUE + k, torque)
+
+
+@inner
+def remember(memory: int, sample: int, torque: Array, tracking: bool) -> None:
+    """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
+
+    Args:
+        memory: The memory.
+        sample: Index of the sample.
+        torque: [N m], shape (n,).
+        tracking: Whether the filter ran at this sample.
+    """
+    last = newest(memory)
+    if sample > last + 1:
+        held = read_at(memory, TORQUE + last % SIZE, torque)
+        for missed in range(max(last + 1, sample - SIZE), sample):
+            write_at(memory, TORQUE + missed % SIZE, held)
+    write_at(memory, TORQUE + sample % SIZE, torque)
+    write_at(memory, SAMPLE, float(sample))
+    write_at(memory, RUNNING, 1.0 if tracking else 0.0)
+
+
+@inner
+def between(memory: int, age: float, known: bool, dt: float) -> float:
+    """Time between the moments at which the last torque and the next one act [s].
+
+    Args:
+        memory: The memory.
+        age: From the measurement of a state to the moment at which its torque acts [s].
+        known: Whether there was a state before.
+        dt: Time between the measurements [s].
+    """
+    before = read_at(memory, AGE, 0.0)
+    write_at(memory, AGE, age)
+    return select(known, dt + age - before, dt)
