@@ -7,9 +7,12 @@ from parallel_robot_compiler import kernel, select
 from parallel_robot_model.contract import FOUND, Estimate, Location, no_model
 from parallel_robot_model.planar_3rrr.constants import Constants
 from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
-from parallel_robot_model.planar_3rrr.forward_kinematics import forward_kinematics
+from parallel_robot_model.planar_3rrr.forward_kinematics import NOT_CONVERGED, forward_kinematics
 from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2, SafetyMargins
-from parallel_robot_model.planar_3rrr.singularity import measures
+from parallel_robot_model.planar_3rrr.posture import posture_at
+from parallel_robot_model.planar_3rrr.singularity import measures, type_2_measure
+
+FAST = 1.5  # states until the singularity, below which the assembly mode is not trusted
 
 
 @kernel
@@ -41,5 +44,8 @@ def estimate(
     near_type_2 = select(margin.type_2 < margins.min_determinant, TYPE_2, FOUND)
     near = select(margin.type_1 < margins.min_sin_psi, TYPE_1, near_type_2)
     fault = select(status == FOUND, near, status)
+    if fault == TYPE_2:  # at this rate it may be beyond the singularity before the next state
+        before = abs(type_2_measure(robot, posture_at(robot, guess)))
+        fault = select(margin.type_2 < FAST * (before - margin.type_2), NOT_CONVERGED, fault)
     model = actuated_dynamics(robot, posture, velocity)
     return Estimate(fault, pose, select(fault == FOUND, model, no_model(model)))
