@@ -35,7 +35,6 @@ DEFAULTS = {  # of everything else that depends on the robot
     'friction': {'viscous': 1e-3, 'coulomb': 0.0},
     'disturbance': {'amplitude': 0.0, 'phase': 0.0},
     'circle': {'center': [0.2, 0.2], 'radius': 0.04},
-    'hold': {'pose': [0.2, 0.2]},
     'move': {'start': [0.1, 0.1], 'end': [0.3, 0.25]},
 }  # fmt: skip
 

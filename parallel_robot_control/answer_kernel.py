@@ -56,6 +56,7 @@ from parallel_robot_control.shared_arrays import (
     NEVER,
     OFFSET,
     PHASE,
+    POSE_LOST,
     POSITION,
     RATE,
     REFERENCE,
@@ -283,6 +284,7 @@ def _open(
             vectors[DURATION, 0],
             vectors[BRAKING, 0],
         ),
+        numbers[POSE_LOST] != 0,
     )
     age = (acts - stamp) / NANOSECONDS
     return Question(
@@ -363,5 +365,8 @@ def _close(
         code |= LOG
     if numbers[FAULT] != question.fault or numbers[ACTED] != acted or numbers[PHASE] != phase:
         code |= STATUS
+    if numbers[POSE_LOST] != after.lost:
+        code |= STATUS
+    numbers[POSE_LOST] = after.lost
     numbers[PHASE] = phase
     return code

@@ -30,7 +30,7 @@ from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.law_cores import LawCores
 from parallel_robot_control.message_kernels import wire_of
-from parallel_robot_control.messages import Status
+from parallel_robot_control.messages import LOST, Status
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
     BACK,
@@ -49,11 +49,12 @@ from parallel_robot_control.shared_arrays import (
     MEASURED,
     NEVER,
     PHASE,
+    POSE_LOST,
     START,
     UNTIL,
 )
 
-LOST = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
+REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 
 
 class Controller(ControllerState):
@@ -132,11 +133,12 @@ class Controller(ControllerState):
         """What the controller is doing."""
         delay = told_delay(self._core.estimator, int(self._numbers[PHASE]))
         fault = self._faults.get(self.fault)
-        return Status(self.law.name, fault, int(self._numbers[ACTED]), delay)
+        pose = LOST if self._numbers[POSE_LOST] else self._told
+        return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
 
     def waits(self) -> str:
         """Which reference is missing for long (lockstep); empty for none."""
-        if self._pending is None or time.monotonic_ns() - self._answered_at < LOST:
+        if self._pending is None or time.monotonic_ns() - self._answered_at < REPEATED:
             return ''
         stamp = (cdr_reader.header_stamp(self._pending) or 0) / NANOSECONDS
         newest = f'{self._references.newest / NANOSECONDS} s' if len(self._references) else 'none'
@@ -184,6 +186,9 @@ class Controller(ControllerState):
         cause = self.cause()
         if cause != faults.NONE and self.fault != faults.NONE:
             return self._faults[cause].text
+        unknown = self.find_pose()
+        if unknown:
+            return unknown
         if self.fault != faults.NONE:
             self._store(transitions.cleared(self.state))
             self._fault_seen = faults.NONE
@@ -236,6 +241,7 @@ class Controller(ControllerState):
         if code > 0:
             self.command = self._arrays.command.tobytes()
             self._pending, self._lost, self._answered_at = None, False, monotonic
+            self._heard = data
             if code != ANSWERED or self._changed:
                 code |= STATUS if self._changed else 0
                 self._changed = False
@@ -260,7 +266,7 @@ class Controller(ControllerState):
             ):
                 self.trip(faults.STATES_DISAGREE)
             if self._loop.lockstep and stamp == last:  # the plant asks again
-                lost = time.monotonic_ns() - self._answered_at > LOST
+                lost = time.monotonic_ns() - self._answered_at > REPEATED
                 self.code = ANSWERED if lost else OUT_OF_ORDER
             elif not self._loop.lockstep and abs(stamp - last) < RESTART:
                 self.counts['state stamps that repeat or go back'] += 1

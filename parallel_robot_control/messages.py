@@ -18,6 +18,8 @@ LAW = 'law'  # keys of a status: codes are for programs, texts for people
 FAULT, FAULT_CODE = 'fault', 'fault code'
 LIMITS, LIMIT_CODES = 'limits that acted', 'limit codes'
 DELAY = 'delay of the states'
+POSE = 'pose'  # only of a robot that has lost it, and that was told it
+LOST = 'not known'
 NO_FAULT = 'none'  # the code
 
 
@@ -45,12 +47,14 @@ class Status(NamedTuple):
         fault: The present fault, if there is one.
         acted: Bits of the limits that acted, until none has done so for a while.
         delay: What is known of the age of the states; empty where it is not identified.
+        pose: The pose that the controller was told, numbers with commas; LOST where it must be.
     """
 
     law: str
     fault: Fault | None
     acted: int
     delay: str = ''
+    pose: str = ''
 
 
 def told_limits(
@@ -150,6 +154,8 @@ def status_message(stamp: int, status: Status) -> bytes:
     }
     if status.delay:
         values[DELAY] = status.delay
+    if status.pose:
+        values[POSE] = status.pose
     name, frame = 'controller: status', topics.FRAME
     layout = layouts.diagnostic_array(name, level, text, values, frame=frame)
     return layouts.padded(layout.encode(stamp))

@@ -12,7 +12,7 @@ from numba import types
 
 from parallel_robot_base import config, custom_module
 from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.fields import defaults
+from parallel_robot_base.fields import Field, check, defaults
 from parallel_robot_base.groups import group
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.trial_process import LIMIT, step
@@ -68,6 +68,18 @@ class RobotModel(NamedTuple):
     def pose_size(self) -> int:
         """Number of the coordinates of its pose, m."""
         return len(self.module.coordinates(self.parameters))
+
+    def pose_of(self, key: str, numbers: Any) -> tuple[float, ...]:
+        """A pose of the robot, by the parameter in which it stands.
+
+        Raises:
+            InputError: it is none.
+        """
+        pose: tuple[float, ...] = check(key, tuple[float, ...], Field('', ''), numbers)
+        if len(pose) != self.pose_size:
+            names = ', '.join(axis.name for axis in self.module.coordinates(self.parameters))
+            raise InputError(f'{key} must be [{names}], not {list(pose)}', key)
+        return pose
 
     def kernel(self, name: str, *example: Any) -> FirstClass:
         """A kernel of the robot as a value.

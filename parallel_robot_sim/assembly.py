@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.custom_module import blaming
-from parallel_robot_base.errors import InputError
 from parallel_robot_base.hazards import Hazard, parse
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_compiler import Boxed, vector
@@ -76,11 +75,8 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     robot, loop = configuration.robot, configuration.loop
     hazards = parse(loop.hazards)
     module, parameters = robot.module, robot.parameters
-    load, pose = Boxed(configuration.load), np.array(configuration.parameters.initial_pose)
-    if len(pose) != robot.pose_size:
-        names = ', '.join(axis.name for axis in module.coordinates(parameters))
-        key = 'plant.initial_pose'
-        raise InputError(f'{key} must be [{names}], not {pose.tolist()}', key)
+    load = Boxed(configuration.load)
+    pose = np.array(robot.pose_of('plant.initial_pose', configuration.parameters.initial_pose))
     with blaming(robot.name):
         start = vector(module.start(parameters, pose))
     still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(loop.joints)))

@@ -104,7 +104,8 @@ def configure(values: Mapping[str, Any]) -> Configuration:
             ],
         )
         nominal = robot_with(loop, groups.at('robot', robot.Parameters))
-        trajectory = motion.trajectory_from(groups, nominal, known)
+        start = groups[PlantParameters].initial_pose
+        trajectory = motion.trajectory_from(groups, nominal, known, start)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
         controller = control.control_from(loop, groups, nominal, laws, guess)
         return Configuration(values, loop, trajectory, controller, _plant_from(loop, groups))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base import cdr, layouts
+from parallel_robot_base.joint_layouts import passive_names
 from parallel_robot_sim.closed_loop import ClosedLoopRun
 
 
@@ -15,7 +16,7 @@ def state_layout(joints: tuple[str, ...], passive: int) -> cdr.Layout:
     """sensor_msgs/JointState: the actuated joints first, then some passive ones."""
     names = joints
     if passive:
-        names += tuple(f'{joint}_passive' for joint in joints[:passive])
+        names += passive_names(joints[:passive])
     return layouts.joint_state(names)
 
 

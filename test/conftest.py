@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 
 import pytest
@@ -24,8 +25,16 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 PROCESSES = (  # tests that start processes
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
-    *('custom_trajectories', 'docs', 'empty_graph', 'forked_process', 'foxglove', 'hostile_bags'),
-    *('hostile_loop', 'hostile_wire', 'interpreted', 'joins', 'kernel_cache', 'life_cycle'),
+    *('custom_trajectories', 'docs', 'empty_graph', 'forked_process', 'foxglove', 'hold_node'),
+    *(
+        'hostile_bags',
+        'hostile_loop',
+        'hostile_wire',
+        'interpreted',
+        'joins',
+        'kernel_cache',
+        'life_cycle',
+    ),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
     *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
@@ -87,6 +96,14 @@ def _no_process(pytestconfig):
 
 
 @pytest.fixture(scope='session', autouse=True)
+def _own_state(tmp_path_factory):
+    """An emergency stop that a test leaves behind is not found by others, nor by users."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_STATE_HOME', str(tmp_path_factory.mktemp('state')))
+        yield
+
+
+@pytest.fixture(scope='session', autouse=True)
 def _no_nicer():
     """`live` and `top` take less of the processor: in a worker, all tests after them would."""
     with pytest.MonkeyPatch.context() as patch:
@@ -103,6 +120,7 @@ settings.register_profile(
 )
 settings.load_profile('suite')
 pytest.register_assert_rewrite('browser', 'ros_fixtures', 'sweeping', 'warm_trials')
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # where `nohup` starts the tests, too
 gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looked through
 
 

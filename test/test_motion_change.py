@@ -70,7 +70,8 @@ def test_the_difference_fades_by_a_quintic_polynomial():
     """Between two motions at rest, that is the polynomial of the shape `move`."""
     here, there = [0.5, 0.36, 1.4], [0.47, 0.38, 1.6]
     course = Course(planned(trajectory__shape='hold', hold__pose=here), 1e-3)
-    found = motion_change.led_into(course, 5, planned(trajectory__shape='hold', hold__pose=there))
+    wanted = {'trajectory.shape': 'hold', 'hold.pose': there}
+    found = motion_change.led_into(course, 5, motions_of(resolve('paper_circle', wanted)))
     move = planned(trajectory__shape='move', move__start=here, move__end=there, move__duration=2.0)
     times = np.arange(1, 2500)
     for got, wanted in zip(found.sample(times + 5), move.sample(times * 1e-3), strict=True):
@@ -148,7 +149,7 @@ REFUSED = {
     'unknown shape': ({'trajectory__shape': 'cirlce'}, "unknown trajectory.shape 'cirlce'; did"),
     'unknown key': ({'circle__radios': 0.02}, "did you mean 'circle.radius'?"),
     'no points': ({'trajectory__shape': 'waypoints'}, 'waypoints.times must hold from 2 to'),
-    'empty': ({'trajectory__shape': 'hold', 'hold__pose': []}, 'hold has 0 coordinates; the pose'),
+    'short': ({'trajectory__shape': 'hold', 'hold__pose': [0.5]}, 'hold has 1 coordinates; the'),
     'long': ({'trajectory__shape': 'hold', 'hold__pose': [0.5] * 900}, 'has 900 coordinates'),
     'odd': (
         {
@@ -255,3 +256,22 @@ def test_lists_of_a_custom_trajectory_keep_their_lengths():
     assert made.trajectory.span == 12.0
     with pytest.raises(InputError, match='lists of example_trajectory keep their lengths'):
         changed(motions, {**values, **shape, 'example_trajectory.size': [0.01, 0.02]})
+
+
+def test_a_motion_changed_to_hold_comes_to_rest_where_it_was(node):
+    run = Run(node)
+    run.go(700)
+    assert not run.set(trajectory__shape='hold')
+    run.go(TRANSITION + 1000)
+    _, position, *_ = heard = run.heard()
+    smooth(*heard)
+    _, begin = run.told
+    there, rest = planned().sample(begin * 1e-3).position[0], position[begin + TRANSITION :]
+    np.testing.assert_allclose(rest, np.tile(there, (len(rest), 1)), atol=1e-9)
+    assert not run.set(trajectory__shape='circle')
+    run.go(TRANSITION + 1000)
+    assert not run.set(trajectory__shape='hold')  # anew, and elsewhere
+    run.go(TRANSITION + 1000)
+    _, position, *_ = heard = run.heard()
+    smooth(*heard)
+    assert np.abs(position[-1] - there).max() > 1e-3

@@ -226,16 +226,14 @@ def test_the_file_of_a_robot_is_complete(file):
     for key, limit in limits._asdict().items():
         if hasattr(margins, key):
             assert limit > getattr(margins, key)  # a reference keeps clear of the faults
-    for pose in (values['plant']['initial_pose'], values['hold']['pose']):
-        assert len(pose) == m
-        coordinates = robot.start(own, np.array(pose))
-        measured = robot.measure(own, coordinates, np.zeros_like(coordinates))
-        found = robot.estimate(
-            own, margins, measured.position, measured.velocity, np.array(pose, dtype=float)
-        )
-        assert found.fault == FOUND
-        limit = np.array(values['plant']['torque_limit'])
-        assert (np.abs(found.model.gravity) < 0.5 * limit).all()
+    pose = np.array(values['plant']['initial_pose'], dtype=float)
+    assert len(pose) == m
+    coordinates = robot.start(own, pose)
+    measured = robot.measure(own, coordinates, np.zeros_like(coordinates))
+    found = robot.estimate(own, margins, measured.position, measured.velocity, pose)
+    assert found.fault == FOUND
+    limit = np.array(values['plant']['torque_limit'])
+    assert (np.abs(found.model.gravity) < 0.5 * limit).all()
     for group in ('torque_limit', 'torque_rate', 'ramp_rate', 'damping', 'stiffness'):
         assert np.shape(values['safety'][group]) in ((), (n,)), group
     for group in ('start', 'end'):

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from rich.console import Console
+from sensor_msgs.msg import JointState
 
 from parallel_robot_cli.command_line import main
 from parallel_robot_cli.commands import top
-from parallel_robot_cli.top import view
+from parallel_robot_cli.top import joint_angles, view
 from parallel_robot_cli.top.app import Top
+from parallel_robot_cli.top.joint_angles import JointAngle
 from parallel_robot_cli.top.robots import ERROR, GONE, OK, SILENT, Robots
 
 pytest_plugins = ['ros_fixtures']
@@ -204,10 +207,43 @@ def test_a_robot_without_poses_has_no_panel_for_them(robots):
     assert titled()
 
 
+def state(names, position, velocity=()):
+    """A serialised joint state."""
+    return serialize_message(JointState(name=names, position=position, velocity=velocity))
+
+
+def test_the_joints_are_shown_as_they_turn(robots):
+    """Those of the controller, in its order; without one, all that a message has."""
+    names = ['wrist', 'joint2', 'gripper', 'joint1']
+    joints = joint_angles.read(state(names, [0.5, -1.25, 2.0, 3.14159], [0.0, 0.1, 0.0, -0.02]))
+    robots[''].take_joints(5.0, joints)
+    frame = drawn(robots, '', 5.5)
+    start = next(k for k, line in enumerate(frame) if 'joints (rad, rad/s)' in line)
+    assert frame[start + 1].strip('│ ').split() == [
+        'wrist', '0.5000', '0.000', 'joint2', '-1.2500', '0.100',
+    ]  # fmt: skip
+    report(robots, '/controller', joints='joint1, joint2, joint9')
+    lines = drawn(robots, '', 5.5)
+    assert row(lines, 'joint1') == ['joint1', '3.1416', '-0.020', 'joint2', '-1.2500', '0.100']
+    assert not any('gripper' in line for line in lines) and {len(line) for line in lines} == {80}
+    assert 'joints' not in ' '.join(drawn(robots, '', 5.0 + SILENT))  # nothing is heard any more
+
+
+def test_joints_that_are_not_told_are_no_numbers():
+    (joint,) = joint_angles.read(state(['a'], [1.0], [2.0, 3.0]))
+    assert joint[:2] == ('a', 1.0) and math.isnan(joint.rate)
+    data = state(['a', 'b'], [1.0, 2.0])
+    assert len(joint_angles.read(data)) == 2
+    assert not any(joint_angles.read(data[:k]) for k in range(len(data) - 12))
+    assert joint_angles.read(state(['a'] * 9000, [])) == ()
+
+
 def test_nothing_hostile_reaches_the_terminal(robots):
     nasty = '\x1b[2J[bold]\r\n' + 'x' * 5000
     report(robots, '/left/plant', text=nasty, **{'rate [Hz]': nasty, 'state': nasty})
     robots['/left'].status({'law': nasty, 'fault': nasty, 'limits that acted': nasty})
+    huge = [JointAngle(nasty, 1e300, math.inf), JointAngle('a' * 500, math.nan, -1e300)]
+    robots['/left'].take_joints(0.0, tuple(huge * 500))
     for name in (nasty, f'{nasty}/{nasty}', '/left/' + nasty):
         robots.report(0.0, f'{name.rpartition("/")[2]}: loop', name, 7, nasty, {nasty: nasty})
     for namespace in robots.names():

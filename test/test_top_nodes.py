@@ -1,5 +1,7 @@
 """The command `top` beside real nodes."""
 
+import time
+
 from ros_fixtures import PATIENCE, SLOW_LOOP, until
 
 from parallel_robot_base.processes import MODULES
@@ -10,6 +12,8 @@ from parallel_robot_cli.top.robots import Robots
 from parallel_robot_cli.top.ros_graph import RosGraph
 
 pytest_plugins = ['ros_fixtures']
+
+JOINTS = ['joint1', 'joint2', 'joint3']  # of the controller; the plant tells more
 
 
 def test_a_running_loop_is_shown_and_obeys(launch, peer, capsys, monkeypatch):
@@ -43,10 +47,12 @@ def test_a_running_loop_is_shown_and_obeys(launch, peer, capsys, monkeypatch):
 
         shows(moves)
         shows(lambda robot: robot.error and robot.error.largest < 0.1)
+        shows(lambda robot: [one.name for one in robot.joints(time.monotonic())] == JOINTS)
         shows(lambda robot: robot.law == 'computed_torque' and {'smc', 'pid'} < set(robot.laws))
         done, reason = asked(graph.switch_law, 'nonsense')
         assert not done and reason.startswith("refused: unknown law 'nonsense'")
         assert asked(graph.switch_law, 'pid') == (True, '')
+        shows(lambda robot: [one.name for one in robot.joints(time.monotonic())] == JOINTS)
         shows(lambda robot: robot.law == 'pid')
         assert asked(graph.emergency_stop)[0]
         shows(lambda robot: robot.fault == 'emergency stop')

@@ -241,3 +241,13 @@ def test_a_number_and_a_row_of_times_agree(motion):
     for k in range(7):
         for whole, one in zip(row, motion.sample(t[k]), strict=True):
             assert np.array_equal(whole[k], one[0])
+
+
+def test_without_a_pose_hold_takes_that_in_which_the_robot_is():
+    overrides = {'trajectory.shape': 'hold', 'plant.initial_pose': [0.5, 0.3, 0.2]}
+    reference = trajectory(overrides=overrides).sample([0.0, 1.0])
+    assert (reference.pose == [0.5, 0.3, 0.2]).all() and not reference.velocity.any()
+    reason = r'plant\.initial_pose must be \[x, y, phi\], not \[0\.5, 0\.3\]'
+    with pytest.raises(InputError, match=reason):
+        trajectory(overrides={**overrides, 'plant.initial_pose': [0.5, 0.3]})
+    trajectory(overrides={'plant.initial_pose': [0.5, 0.3]})  # of no concern to other motions

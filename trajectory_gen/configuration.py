@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +17,12 @@ from parallel_robot_base.placed import locating
 from parallel_robot_model.configuration import robot_defaults
 from parallel_robot_model.contract import Robot
 from parallel_robot_model.robots import RobotModel, module_of, robot_with
-from trajectory_gen import waypoints
+from trajectory_gen import hold, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 
 FIXED = ('trajectory.lookahead', points_file.FILE)  # at the start
+INITIAL = 'plant.initial_pose'
 
 
 class Motions(NamedTuple):
@@ -31,16 +32,22 @@ class Motions(NamedTuple):
         robot: The robot.
         shapes: All shapes by name.
         groups: Their parameters, and those of the motion.
+        here: Pose in which the robot is, for `hold`; at first the initial one of the plant.
     """
 
     robot: RobotModel
     shapes: Mapping[str, Shape]
     groups: Groups
+    here: Sequence[Any]
 
     @property
     def trajectory(self) -> Trajectory:
         """The desired motion, see :func:`trajectory_from`."""
-        return trajectory_from(self.groups, self.robot, self.shapes)
+        return trajectory_from(self.groups, self.robot, self.shapes, self.here)
+
+    def from_pose(self, here: tuple[float, ...]) -> Trajectory:
+        """The desired motion of a robot that is in some pose."""
+        return self._replace(here=here).trajectory
 
     def given(self, name: str) -> Any:
         """Parameters of a shape."""
@@ -65,7 +72,8 @@ class Motions(NamedTuple):
         for name, shape in self.shapes.items():
             parameters = own.parameters._replace(shape=name)
             with contextlib.suppress(InputError):
-                Trajectory(self.robot, parameters, own.limits, shape, self.given(name)).sample(0.0)
+                given = _placed(self.groups, name, shape, self.robot, own.first_pose)
+                Trajectory(self.robot, parameters, own.limits, shape, given).sample(0.0)
 
 
 def of_shapes(shapes: Mapping[str, Shape]) -> Declared:
@@ -102,7 +110,7 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
         robot, known = module_of(loop), shapes(loop.custom_trajectories)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, known)])
         nominal = robot_with(loop, groups.at('robot', robot.Parameters))
-        return Motions(nominal, known, groups)
+        return Motions(nominal, known, groups, values.get(INITIAL, ()))
 
 
 def changed(motions: Motions, values: Mapping[str, Any]) -> Motions:
@@ -142,8 +150,16 @@ def _lengths(given: Any) -> list[int]:
     return [len(value) if isinstance(value, tuple) else 0 for value in given]
 
 
-def trajectory_from(groups: Groups, robot: RobotModel, shapes: Mapping[str, Shape]) -> Trajectory:
+def trajectory_from(
+    groups: Groups, robot: RobotModel, shapes: Mapping[str, Shape], here: Sequence[Any]
+) -> Trajectory:
     """The desired motion of a robot.
+
+    Args:
+        groups: Parameters of the motion and of all shapes.
+        robot: The robot.
+        shapes: All shapes by name.
+        here: Pose in which the robot is, m numbers; only looked at if the shape needs it.
 
     Raises:
         UnknownNameError: no such shape.
@@ -155,7 +171,17 @@ def trajectory_from(groups: Groups, robot: RobotModel, shapes: Mapping[str, Shap
         raise UnknownNameError('trajectory.shape', name, shapes, 'trajectory.shape')
     limits, shape = groups[robot.module.MotionLimits], shapes[name]
     known: Any = shape  # a module, which is hashable
-    return _trajectory(robot, parameters, limits, known, groups.at(name, shape.Parameters))
+    return _trajectory(robot, parameters, limits, known, _placed(groups, name, shape, robot, here))
+
+
+def _placed(
+    groups: Groups, name: str, shape: Shape, robot: RobotModel, here: Sequence[Any]
+) -> Any:
+    """Parameters of a shape of a robot that is in the pose `here`."""
+    given = groups.at(name, shape.Parameters)
+    if name == 'hold' and not given.pose:
+        given = hold.Parameters(robot.pose_of(INITIAL, here))
+    return given
 
 
 @functools.lru_cache(maxsize=4)  # the runs of a study share them

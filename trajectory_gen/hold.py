@@ -13,9 +13,12 @@ from parallel_robot_model.contract import PoseMotion
 
 
 class Parameters(NamedTuple):
-    """The pose to hold."""
+    """The pose to hold; if there is none, that in which the robot is: see `configuration.py`."""
 
-    pose: Annotated[tuple[float, ...], Field('', 'pose, in the units of the robot')]
+    pose: Annotated[
+        tuple[float, ...],
+        Field('', 'pose, in the units of the robot; []: the one in which the robot is'),
+    ]
 
 
 @kernel

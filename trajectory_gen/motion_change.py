@@ -7,26 +7,30 @@ import numpy as np
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from trajectory_gen import preflight, waypoints
+from trajectory_gen.configuration import Motions
 from trajectory_gen.course import Course, Part
 from trajectory_gen.motion_message import Points
-from trajectory_gen.trajectory import Reference, Trajectory
+from trajectory_gen.trajectory import Reference
 from trajectory_gen.transition import Entry, Poses, fading
 
 POINTS = 'points of a message'  # name of such a motion
 
 
-def led_into(course: Course, index: int, trajectory: Trajectory) -> Course:
+def led_into(course: Course, index: int, motions: Motions) -> Course:
     """A course until a sample, then led into another motion.
 
     Both go on during ``trajectory.transition``, in which one fades into the other. A motion of
     the same shape is entered at the same share of its way. One of another shape is performed from
     its beginning, and so is any after one that has come to rest; if it begins at rest, it waits
-    there until the transition is over.
+    there until the transition is over. Where it holds the pose in which the robot is, that is the
+    one of the sample.
 
     Raises:
         MotionError: the robot cannot perform it.
     """
-    last, duration = course.until(index).parts[-1], trajectory.parameters.transition
+    before = course.until(index)
+    trajectory = motions.from_pose(tuple(before.sample(index).pose[0].tolist()))
+    last, duration = before.parts[-1], trajectory.parameters.transition
     time = (index - last.begin) * course.period
     entry, bare = last.trajectory.entry, last.trajectory.entered(None)
     own_time = float(entry.own_times(time)) if entry else time
@@ -39,14 +43,14 @@ def led_into(course: Course, index: int, trajectory: Trajectory) -> Course:
     pairs = zip(last.trajectory.poses(time), bare.poses(own_time), strict=True)
     left = [here[0] - there[0] for here, there in pairs]
 
-    def before(times: Array) -> Poses:
+    def faded(times: Array) -> Poses:
         found = bare.poses(own_time + times)
         if not np.any(left):
             return found
         rest = fading((left[0], left[1], left[2]), duration, times)
         return Poses(*(a + b for a, b in zip(found, rest, strict=True)))
 
-    entered = trajectory.entered(Entry(before, duration, start, delay))
+    entered = trajectory.entered(Entry(faded, duration, start, delay))
     return _checked(course, Part(index, trajectory.parameters.shape, entered))
 
 

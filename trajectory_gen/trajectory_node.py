@@ -2,6 +2,8 @@
 
 Before the start it publishes the first sample of the motion, at rest. The motion starts at the
 common `start_stamp`, or else with the first command of a controller or a call of ``~/start``.
+Without a common start, `hold` without a pose waits for the joint states, and holds the pose in
+which the robot is then.
 A change of its parameters leads it into another motion, a message on ``~/motion`` through points.
 """
 
@@ -19,7 +21,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from parallel_robot_base import cdr_reader, realtime, topics
-from parallel_robot_base.errors import InputError, ParallelRobotError
+from parallel_robot_base.errors import InputError, MotionError, ParallelRobotError
 from parallel_robot_base.loop import OLDEST, STEP_START, WAIT
 from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.units import NANOSECONDS
@@ -31,11 +33,16 @@ from trajectory_gen import motion_change, motion_message, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.course import Course
 from trajectory_gen.messages import pose_messages, reference_messages
+from trajectory_gen.ros_present_pose import PresentPose
+from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
 
 BATCH = 200  # samples computed at once
 SOON = 0.1  # s, until a new motion begins; doubled where the computer takes longer
 LATEST = 10.0  # s, after which it is given up
 SHAPE = 'trajectory.shape'
+GUESS = 'controller.guess'
+REMINDER = 5 * NANOSECONDS  # from one word that it still waits to the next
+WAITS = 'waits for the pose in which the robot is'
 
 
 class TrajectoryNode(SuiteNode):
@@ -48,11 +55,13 @@ class TrajectoryNode(SuiteNode):
         """Check the whole motion, then start to publish."""
         super().__init__('trajectory', resolve)
         self._motions = motions_of(self.values)
+        self._present = self._present_pose()
         trajectory, robot = self._motions.trajectory, self._motions.robot.module
         self._settable = frozenset(key for key, _ in settings(self._motions))
         groups = declared(robot, self._motions.shapes)
         self.declare_groups(('robot', robot.Parameters), *groups)
-        preflight.check(trajectory, self.loop.period)
+        if self._present is None:
+            preflight.check(trajectory, self.loop.period)
         self._motions.load()
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._course = Course(trajectory, self.loop.period)
@@ -73,10 +82,9 @@ class TrajectoryNode(SuiteNode):
             return
         if self.loop.start_stamp == 0:
             self.subscribe(topics.COMMANDS, self._on_command)
-        first = trajectory.sample(0.0)
-        self._rest = first._replace(
-            velocity=np.zeros_like(first.velocity), acceleration=np.zeros_like(first.acceleration)
-        )
+        self._rest = _at_rest(trajectory)
+        if self._present is not None:
+            self.subscribe(topics.JOINT_STATES, self._on_joints, complete=False)
         ahead = round(trajectory.parameters.lookahead * NANOSECONDS)
         self.keep_time(self._tick, ahead)
 
@@ -95,7 +103,7 @@ class TrajectoryNode(SuiteNode):
         trajectory, text = made.trajectory, ''
         shape, performed = trajectory.parameters.shape, self._course.parts[-1].name
         if made.asked != self._motions.asked or (SHAPE in changes and shape != performed):
-            stamp = self._follow(partial(motion_change.led_into, trajectory=trajectory))
+            stamp = self._follow(partial(motion_change.led_into, motions=made))
             text = f'{shape} from stamp {stamp} on, in {trajectory.parameters.transition:g} s'
         stored = {key: value for key, value in settings(made) if key in changes}
 
@@ -105,6 +113,14 @@ class TrajectoryNode(SuiteNode):
                 self._tell(text)
 
         return stored, apply
+
+    def missing(self) -> str:
+        """What the node still waits for; empty when it is ready."""
+        return self.alarm() or super().missing()
+
+    def alarm(self) -> str:
+        """Why there is no reference yet; empty when there is one."""
+        return f'{WAITS}: {self._present.problem}' if self._present else ''
 
     def set_start(self, stamp: int) -> None:
         """Start the motion with its first sample at `stamp` [ns]."""
@@ -116,6 +132,11 @@ class TrajectoryNode(SuiteNode):
 
     def _tick(self, stamp: int) -> None:
         """Publish the sample of one stamp (wall time)."""
+        waits = self.alarm()
+        if waits:
+            if stamp % REMINDER < self.period_ns:
+                self.get_logger().warning(waits)
+            return
         if not self._start and self._start_requested:
             self._start = stamp
         if self._start and stamp >= self._start:
@@ -124,6 +145,37 @@ class TrajectoryNode(SuiteNode):
             rest = reference_messages(self.loop.joints, stamp, self._rest)
             self._reference.publish(rest.tobytes())
             self._published += 1
+
+    def _present_pose(self) -> PresentPose | None:
+        """What finds the pose in which the robot is; None where it is known, or not needed."""
+        own, robot = self._motions.groups[TrajectoryParameters], self._motions.robot
+        held = own.shape == 'hold' and not self._motions.given('hold').pose
+        if self.lockstep or self.loop.start_stamp or not held:
+            return None
+        guess = self.values[GUESS]
+        if guess:
+            self._motions = self._motions._replace(here=robot.pose_of(GUESS, guess))
+        return PresentPose(self._motions.trajectory, self.loop.joints)
+
+    def _on_joints(self, data: bytes) -> None:
+        """Hold the pose of the first joint state that tells one."""
+        present = self._present
+        pose = present.read(data) if present else None
+        if present is None or pose is None:
+            return
+        trajectory = self._motions.from_pose(pose)
+        try:
+            preflight.check(trajectory, self.loop.period)
+        except MotionError as error:
+            present.problem = str(error)
+            return
+        axes = self._motions.robot.module.coordinates(self._motions.robot.parameters)
+        numbers = zip(axes, pose, strict=True)
+        text = ', '.join(f'{axis.name} = {number:.6g} {axis.unit}' for axis, number in numbers)
+        self.get_logger().info(f'holds the pose in which the robot is: {text}')
+        self._motions = self._motions._replace(here=pose)
+        self._course, self._rest = Course(trajectory, self.loop.period), _at_rest(trajectory)
+        self._present = None  # at last: samples are published from here on
 
     def _on_command(self, _: bytes) -> None:
         self._start_requested = True
@@ -237,6 +289,13 @@ class TrajectoryNode(SuiteNode):
         if k % topics.SLOW == 0 and self._motions.robot.module.PLANAR:
             self._pose.publish(poses[k - first].tobytes())
         self._sent = k
+
+
+def _at_rest(trajectory: Trajectory) -> Reference:
+    """The first sample of a motion, without derivatives."""
+    first = trajectory.sample(0.0)
+    still = np.zeros_like(first.velocity)
+    return first._replace(velocity=still, acceleration=still)
 
 
 def main() -> int:

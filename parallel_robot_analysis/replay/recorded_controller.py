@@ -27,6 +27,7 @@ from parallel_robot_control.reference_buffer import RESTART
 from parallel_robot_control.transitions import (
     cleared,
     joining,
+    placed,
     restarted,
     switched,
     tripped,
@@ -41,6 +42,7 @@ OUTSIDE = {  # faults that states and references do not show
     faults.STATES_DISAGREE,
     faults.REFERENCES_DISAGREE,
     faults.EMERGENCY_STOP,
+    faults.COMMANDS_DISAGREE,
 }
 
 
@@ -51,11 +53,13 @@ class Event(NamedTuple):
         stamp: When, roughly [ns].
         values: New law or gains.
         fault: Fault that it was brought into, NONE when the fault was cleared, else None.
+        pose: Pose that it was told; empty when it was not.
     """
 
     stamp: int
     values: dict[str, Any]
     fault: int | None = None
+    pose: tuple[float, ...] = ()
 
 
 class Moment(NamedTuple):
@@ -298,6 +302,8 @@ def after(moment: Moment, event: Event) -> Moment:
         before, configuration = control.law, changed(configuration, event.values)
         control = assemble(configuration, memory=control.setup.estimator.kalman.memory)
         state, memory = switched(state, memory, before, control.law)
+    if len(event.pose) == len(configuration.guess):
+        state = placed(state, np.array(event.pose))
     if event.fault == faults.NONE and state.fault != faults.NONE:
         state, memory = cleared(state), control.law.memory
     elif event.fault and state.fault == faults.NONE:
@@ -319,9 +325,13 @@ def events(history: History, configuration: ControlConfiguration) -> list[Event]
         if changed and change.node.endswith('/controller'):
             found.append(Event(change.stamp, changed))
     law, fault = None, NO_FAULT
+    pose: tuple[float, ...] = ()
     for status in history.statuses:
         if law not in (None, status.law) and status.law in laws:
             found.append(Event(status.stamp, {'law': status.law}))
+        if status.pose not in ((), pose):
+            found.append(Event(status.stamp, {}, None, status.pose))
+            pose = status.pose
         if status.fault != fault:
             if fault != NO_FAULT:
                 found.append(Event(status.stamp, {}, faults.NONE))

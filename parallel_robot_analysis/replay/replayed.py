@@ -69,7 +69,9 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
     torque = np.empty_like(expected)
     slack = SLACK
     while k < len(torque):
-        due = pending[0].stamp + slack if pending else loop.stamps[-1] + 1
+        due = loop.stamps[-1] + 1
+        if pending:  # a pose that was told is seen in no command: at its recorded time
+            due = pending[0].stamp + (0 if pending[0].pose else slack)
         stop = max(k, int(np.searchsorted(loop.stamps, due)))
         before, batch = (k, moment), loop.answer(moment, k, stop, expected)
         torque[k : k + batch.answered] = batch.torque

@@ -132,7 +132,7 @@ def base_of(scenario: str, changed: Mapping[str, Any]) -> dict[str, Any]:
 def steps_of(scenario: str, base: Mapping[str, Any]) -> dict[str, Step]:
     """The steps, in their order, by name."""
     values = resolve(scenario, base)
-    still = {'trajectory.shape': 'hold', 'hold.pose': list(values['plant.initial_pose'])}
+    still = {'trajectory.shape': 'hold', 'hold.pose': []}  # where it is
     exciting = {
         'law': 'adaptive_s_fotsmc',
         'trajectory.shape': 'excitation',

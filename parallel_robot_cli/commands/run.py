@@ -19,6 +19,7 @@ from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
 from parallel_robot_base import assignments, cache_directory, hazards
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.module_process import command, die_with_parent
@@ -236,7 +237,7 @@ def _supervise(
     caught: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: caught.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in ending_signals()
     }
     try:
         with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:

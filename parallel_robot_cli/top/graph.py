@@ -12,7 +12,7 @@ class Graph(Protocol):
     """Listens to all robots; sends requests to the controller of the one that is watched."""
 
     def watch(self, namespace: str) -> None:
-        """Subscribe to status and poses of one robot, by its namespace, instead of another."""
+        """Subscribe to what one robot tells, by its namespace, instead of another."""
 
     def look(self) -> None:
         """Take all messages since the last look."""

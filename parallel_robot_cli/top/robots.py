@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.printable import printable
+from parallel_robot_cli.top.joint_angles import JointAngle
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
 SILENT = 3.0  # s without a report, of one a second, after which a node seems to have stopped
@@ -72,6 +73,8 @@ class Robot:
         self.planar = False
         self.error: EffectorError | None = None
         self.history: deque[float] = deque(maxlen=HISTORY)
+        self._joints: tuple[JointAngle, ...] = ()
+        self._joints_heard = -math.inf  # s
         self._poses: deque[Point] = deque(maxlen=UNPAIRED)
         self._references: deque[Point] = deque(maxlen=UNPAIRED)
 
@@ -80,6 +83,16 @@ class Robot:
         """The laws that the controller has."""
         laws = self.value('controller', 'laws')
         return laws.split(', ') if laws else []
+
+    def joints(self, now: float) -> list[JointAngle]:
+        """The newest joints at a time [s]: those of the controller, or all without one."""
+        if now - self._joints_heard >= SILENT:
+            return []
+        known = {joint.name: joint for joint in self._joints}
+        own = [
+            known[name] for name in self.value('controller', 'joints').split(', ') if name in known
+        ]
+        return own or [*self._joints]
 
     def value(self, node: str, *keys: str) -> str:
         """Value of the first of some keys that a node reports; empty when it reports none."""
@@ -107,6 +120,11 @@ class Robot:
     def pose_reference(self, stamp: int, x: float, y: float) -> None:
         """Take the desired position of the end effector [m] at a stamp [ns]."""
         _append(self._references, Point(stamp, x, y))
+
+    def take_joints(self, now: float, joints: tuple[JointAngle, ...]) -> None:
+        """Take the joints that a message tells; time in s."""
+        self._joints = tuple(joint._replace(name=printable(joint.name)) for joint in joints)
+        self._joints_heard = now
 
     def look(self, now: float) -> None:
         """Evaluate the poses since the last look and forget nodes that are gone; time in s."""

@@ -25,6 +25,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_base import cdr, layouts, topics
 from parallel_robot_base.topics import Topic
+from parallel_robot_cli.top import joint_angles
 from parallel_robot_cli.top.graph import Tell
 from parallel_robot_cli.top.robots import Robot, Robots
 from parallel_robot_ros.message_types import message_class
@@ -64,6 +65,7 @@ class RosGraph:
         self._asked: dict[Future, tuple[float, Tell]] = {}
         self._clients: dict[str, Client] = {}  # by service of the watched robot
         self._pose = layouts.pose_stamped(topics.FRAME)
+        self._state = b''  # the newest joint state since the last look
 
     def __enter__(self) -> RosGraph:
         """Join the domain."""
@@ -79,7 +81,7 @@ class RosGraph:
         self._exit.close()
 
     def watch(self, namespace: str) -> None:
-        """Read status and poses of one robot, by its namespace, and no longer those of another."""
+        """Read what one robot tells, by its namespace, and no longer what another does."""
         while len(self._subscriptions) > 1:
             self._node.destroy_subscription(self._subscriptions.pop()[0])
         for client in self._clients.values():
@@ -88,7 +90,7 @@ class RosGraph:
             name: self._node.create_client(kind, f'{namespace}/{name}')
             for name, kind in self.SERVICES.items()
         }
-        self._namespace = namespace
+        self._namespace, self._state = namespace, b''
         for topic, take in self.takers().items():
             self._listen(topic._replace(name=f'{namespace}/{topic.name}'), take)
 
@@ -96,6 +98,7 @@ class RosGraph:
         """Topics of the watched robot that are read, each with what takes its messages."""
         return {
             topics.STATUS: self._on_status,
+            topics.JOINT_STATES: self._keep_state,
             topics.POSE: partial(self._on_pose, Robot.pose),
             topics.POSE_REFERENCE: partial(self._on_pose, Robot.pose_reference),
         }
@@ -109,6 +112,9 @@ class RosGraph:
                     if taken is None:
                         break
                     take(taken[0])
+        if self._state:
+            joints, self._state = joint_angles.read(self._state), b''
+            self._robots[self._namespace].take_joints(time.monotonic(), joints)
         self._robots.look(time.monotonic())
         self.answers()
 
@@ -175,6 +181,9 @@ class RosGraph:
     def _on_status(self, data: bytes) -> None:
         for status in _statuses(data):
             self._robots[self._namespace].status({item.key: item.value for item in status.values})
+
+    def _keep_state(self, data: bytes) -> None:
+        self._state = data
 
     def _on_pose(self, take: Callable[[Robot, int, float, float], None], data: bytes) -> None:
         records = self._pose.decode(data)

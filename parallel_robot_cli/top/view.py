@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rich.columns import Columns
 from rich.console import Group, RenderableType
 from rich.panel import Panel
 from rich.table import Table
@@ -11,6 +12,7 @@ from rich.text import Text
 
 from parallel_robot_base.printable import printable
 from parallel_robot_base.realtime import LOCKED
+from parallel_robot_cli.top.joint_angles import JointAngle
 from parallel_robot_cli.top.robots import (
     ERROR,
     NODES,
@@ -24,6 +26,9 @@ from parallel_robot_cli.top.robots import (
 
 UNKNOWN = '-'
 SAYS = 90  # characters of a node's message, four lines of 80 columns
+MOST_JOINTS = 12
+LONGEST_NAME = 30  # columns
+HUGE = 1e4  # rad
 CALM = ('none', '')  # no fault, no limit
 PRIORITY = ('real-time priority', 'real time', 'realtime', 'priority')  # keys of a node
 TIMES = (('lag', 'controller'), ('round trip', 'plant'), ('delay', 'plant'))  # who reports them
@@ -63,6 +68,9 @@ def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> G
     middle.add_column(width=36)
     middle.add_row(framed('loop', loop(robot), 7), framed('times', times(robot), 7))
     parts: list[RenderableType] = [title, framed('nodes', nodes(robot, now)), middle]
+    angles = robot.joints(now)
+    if angles:
+        parts.append(framed('joints (rad, rad/s)', joints(angles)))
     if robot.planar:
         parts.append(framed('end-effector error', error(robot, width - 4)))
     return Group(*parts)
@@ -127,6 +135,21 @@ def times(robot: Robot) -> Group:
     return Group(table, states)
 
 
+def joints(known: list[JointAngle]) -> Columns:
+    """Name, angle and rate of each joint, several in a row where there is room."""
+    shown = known[:MOST_JOINTS]
+    width = min(LONGEST_NAME, max(len(joint.name) for joint in shown))
+    cells = [
+        Text.assemble(
+            f'{joint.name[:width]:<{width}}',
+            (f'{fixed(joint.angle, 4):>10}', 'bold'),
+            (f'{fixed(joint.rate, 3):>9}', 'dim'),
+        )
+        for joint in shown
+    ]
+    return Columns(cells, padding=(0, 3))
+
+
 def error(robot: Robot, width: int) -> Text:
     """End-effector error of the last look; bars of the earlier ones on a logarithmic scale."""
     found, columns = robot.error, width - len(SCALE[0])
@@ -153,6 +176,11 @@ def number(word: str) -> str:
     except ValueError:
         return word
     return f'{value:#.3g}' if abs(value) < 100.0 else f'{value:.0f}'
+
+
+def fixed(value: float, digits: int) -> str:
+    """A number with some digits after the point, or a short one where it is huge or none."""
+    return f'{value:.{digits}f}' if abs(value) < HUGE else f'{value:.3g}'
 
 
 def rounded(word: str, digits: int, unit: str) -> str:
