@@ -55,7 +55,7 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
         rows = (motion.position, motion.velocity, motion.acceleration)
         controller.add_reference(stamp, JointReference(*(row[k] for row in rows)))
         if first <= k < last:
-            simulator.wait(command)
+            simulator.advance(command, arrived=False)
         else:
             measured = JointSample(joints.position, joints.velocity, simulator.state.torque)
             sample = controller.add_state(stamp, measured)
