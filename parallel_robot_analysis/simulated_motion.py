@@ -28,7 +28,12 @@ class SimulatedMotion(NamedTuple):
     @classmethod
     def of(cls, made: Simulation) -> SimulatedMotion:
         """The joints of a simulation as their messages tell them: as old as their stamps say."""
-        run, period = made.run, made.experiment.loop.period
-        late, count = round(made.age / period), len(run.position)
-        time, effort = period * (np.arange(count) - late), told_effort(run.effort, late)
-        return cls(time, run.position, made.desired.position, effort)
+        run, period, heard = made.run, made.experiment.loop.period, made.course.heard
+        late, rows = round(made.age / period), np.flatnonzero(heard.told)
+        measured = rows - heard.late[rows]
+        return cls(
+            period * (measured - late),
+            run.position[rows],
+            made.desired.position[measured],
+            told_effort(run.effort, late)[measured],
+        )

@@ -21,6 +21,7 @@ from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.channels import Channel, channel_of, profiles_of
 from parallel_robot_bags.record_file import RecordFile
 from parallel_robot_bags.record_names import MESSAGES, METADATA, ROSBAG2
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.topics import Topic
 
 ROS_DISTRO = 'jazzy'
@@ -215,7 +216,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         """Return the writer; in the block, signals take effect between two messages."""
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in ending_signals():
                 handler = signal.signal(number, lambda number, _: self._caught.append(number))
                 self._handlers[number] = handler or signal.SIG_DFL
         return self

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -97,7 +97,7 @@ def parameters_in(notes: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[s
 
 
 def remarks(history: History, start: int) -> list[str]:
-    """What a user should know of a run: limits that acted, a fault.
+    """What a user should know of a run: limits that acted, faults.
 
     Args:
         history: History of the run.
@@ -105,9 +105,14 @@ def remarks(history: History, start: int) -> list[str]:
     """
     codes = {code for status in history.statuses for code in status.limits}
     names = sorted(LIMIT_TEXT.get(code, code) for code in codes)
-    first = next((status for status in history.statuses if status.fault != NO_FAULT), None)
-    fault = ((first.stamp - start) / NANOSECONDS, first.fault_text) if first else None
-    return remark_lines(', '.join(names), fault)
+    changes: list[tuple[float, str]] = []
+    before = NO_FAULT
+    for status in history.statuses:
+        if status.fault != before:
+            text = status.fault_text if status.fault != NO_FAULT else ''
+            changes.append(((status.stamp - start) / NANOSECONDS, text))
+        before = status.fault
+    return remark_lines(', '.join(names), changes)
 
 
 def new_motions(history: History, start: int) -> list[str]:
@@ -144,12 +149,12 @@ def losses(history: History) -> list[str]:
     return [f'messages were lost on their way to the bag: {topics}']
 
 
-def remark_lines(limits: str, fault: tuple[float, str] | None) -> list[str]:
-    """Lines about limits that acted and a fault: its time [s] and its text."""
+def remark_lines(limits: str, faults: Iterable[tuple[float, str]]) -> list[str]:
+    """Lines about limits that acted and faults: times [s] and texts, empty for a cleared one."""
     lines = [f'limits acted: {limits}'] if limits else []
-    if fault is not None:
-        time, text = fault
-        lines.append(f'fault at t = {time:.3f} s, safe action from there on: {text}')
+    for time, text in faults:
+        what = f'fault at t = {time:.3f} s, safe action from there on: {text}'
+        lines.append(what if text else f'fault cleared at t = {time:.3f} s')
     return lines
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import queue
 import threading
 import time
@@ -21,11 +22,15 @@ from parallel_robot_bags.switch_times import SwitchTimes
 from parallel_robot_bags.topic_stream import TopicStream
 from parallel_robot_base import plain_data
 from parallel_robot_base.errors import InputError, RunError
+from parallel_robot_base.hazard_times import HazardTimes
+from parallel_robot_base.hazards import parse
 from parallel_robot_base.loop import STEP_START, LoopParameters
 from parallel_robot_base.topics import (
     ACTIVE_LAW,
     ANSWERED,
     COMMANDS,
+    JOINT_STATES,
+    POSE,
     RECORDED,
     STATUS,
     TELEMETRY,
@@ -73,10 +78,14 @@ class Recorder:
         self._failed = failed
         self._start = 0
         self._end: int | None = None
+        self._last_state: int | None = None  # ns, its stamp, where the motion has an end
         self._over = False  # whether the last state of the motion has arrived
         self._last_heard = time.monotonic()
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
         self._lockstep = loop.lockstep
+        self._times = HazardTimes(parse(loop.hazards), loop.period)
+        self._answered = filter(self._times.is_answered, itertools.count())  # samples
+        self._expected: dict[Topic, int] = {}  # messages of the whole motion
         self._suite = suite
         self._streams = {topic: TopicStream(topic, channel_of(topic)) for topic in self._suite}
         self._sources: dict[str, bytes] = {}  # attachments, made or to be made, by name
@@ -102,6 +111,8 @@ class Recorder:
         self._switches = SwitchTimes(self._start)
         if self._loop.last_index is not None and start_stamp:
             self._end = start_stamp + self._loop.last_index * self._loop.period_ns
+            last = self._times.last_told(self._loop.last_index)
+            self._last_state = start_stamp + last * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
         try:
             self._writer = BagWriter(self._directory, self._suite, metadata)
@@ -197,13 +208,14 @@ class Recorder:
             if stamp < start or late:  # a latched message may be from a controller that lags
                 return
         elif stream.of_suite and not stream.is_law:
-            stamp = start + stream.received * self._loop.period_ns
+            of_state = next(self._answered) if self._lockstep else stream.received
+            stamp = start + of_state * self._loop.period_ns
         else:
             stamp = max(newest, start)
         if stamp > newest and stream.of_suite:
             self._newest = stamp
         stream.count(number)
-        if stream.is_state and stamp == self._end:
+        if stream.is_state and stamp == self._last_state:
             self._over = True
         log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
@@ -238,7 +250,21 @@ class Recorder:
         """How many messages of a topic the whole motion has; None when that is not known."""
         if self._loop.last_index is None or topic not in self._suite:
             return None
-        return self._loop.last_index // topic.every + 1 if topic.every else 1
+        if topic not in self._expected:
+            self._expected[topic] = self._count(topic, self._loop.last_index + 1)
+        return self._expected[topic]
+
+    def _count(self, topic: Topic, samples: int) -> int:
+        """How many messages of a topic some samples have, less those that hazards leave out."""
+        every, times = topic.every, self._times
+        if not every:
+            return 1
+        if self._loop.hazards and topic in (*TELEMETRY, ANSWERED):
+            return len(times.due(samples, every))
+        left = {JOINT_STATES: times.is_told, COMMANDS: times.is_answered, POSE: times.is_shown}
+        if self._loop.hazards and topic in left:
+            return sum(map(left[topic], range(0, samples, every)))
+        return (samples - 1) // every + 1
 
     def complete(self) -> bool:
         """Whether the motion is over and all its messages arrived, or will not come any more."""

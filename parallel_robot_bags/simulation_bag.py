@@ -14,6 +14,7 @@ from parallel_robot_bags.certificate import Certificate
 from parallel_robot_bags.experiment import SIMULATION, describe
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base import layouts, topics
+from parallel_robot_base.hazard_times import HazardTimes
 from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
@@ -48,35 +49,45 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     experiment, reference, run = simulation.experiment, simulation.reference, simulation.run
     loop, law, robot = experiment.loop, experiment.control.law, experiment.trajectory.robot.module
     count = run.steps
-    stamps = STEP_START + np.arange(count) * loop.period_ns
+    course, samples = simulation.course, np.arange(count)
+    heard = course.heard.head(count)
+    stamps = STEP_START + samples * loop.period_ns
     age = experiment.plant.setup.imperfections.age  # s, which the stamps tell
-    measured = stamps - round(age * NANOSECONDS)
-    rows = slice(count)
-    slow = slice(0, count, topics.SLOW)
+    acts = stamps - heard.late * loop.period_ns  # as the controller knows it
+    measured = acts - round(age * NANOSECONDS)
+    slow = due = samples[:: topics.SLOW]
+    if loop.hazards:
+        times = HazardTimes(experiment.plant.hazards, loop.period)
+        due = np.array(times.due(count, topics.SLOW), np.int64)
     passive = run.passive_position.shape[1] if values['plant.publish_passive'] else 0
-    late = age + simulation.delay[rows][slow]
-    desired_motion = (reference.position, reference.velocity, reference.acceleration)
+    late = age + simulation.delay[due]
+    desired = course.reference
+    desired_motion = (desired.position, desired.velocity, desired.acceleration)
     then = at_measurement.py_func(  # type: ignore[attr-defined]
-        JointReference(*(row[rows][slow] for row in desired_motion)), late
+        JointReference(*(row[due - heard.late[due]] for row in desired_motion)), late
     )
     telemetry = Telemetry(
-        then.position - run.position[slow],
-        then.velocity - run.velocity[slow],
-        run.coupled_error[slow],
-        run.sliding_variable[slow],
+        then.position - run.position[due],
+        then.velocity - run.velocity[due],
+        run.coupled_error[due],
+        run.sliding_variable[due],
     )
-    commands = layouts.float64_multi_array(len(loop.joints)).records(count, data=run.command[rows])
-    layout, samples = state_layout(loop.joints, passive), round(age / loop.period)
+    commands = layouts.float64_multi_array(len(loop.joints)).records(
+        count, data=run.command[:count]
+    )
+    layout = state_layout(loop.joints, passive)
+    states = state_messages(layout, measured, run, round(age / loop.period), heard.late)
     records = {
-        topics.JOINT_STATES: state_messages(layout, measured, run, samples),
-        topics.REFERENCE: reference_messages(loop.joints, stamps, reference),
-        topics.COMMANDS: commands,
-        **telemetry_messages(loop.joints, measured[slow], telemetry),
+        topics.JOINT_STATES: (samples[heard.told], _bytes_of(states, heard.told)),
+        topics.REFERENCE: (samples, reference_messages(loop.joints, stamps, reference)),
+        topics.COMMANDS: (samples[heard.answered], _bytes_of(commands, heard.answered)),
     }
+    for topic, messages in telemetry_messages(loop.joints, measured[due], telemetry).items():
+        records[topic] = due, messages
     if robot.PLANAR:
-        poses, desired = run.pose[slow], reference.pose[rows][slow]
-        records[topics.POSE] = pose_messages(stamps[slow], poses)
-        records[topics.POSE_REFERENCE] = pose_messages(stamps[slow], desired)
+        shown = slow[course.shown[slow]]
+        records[topics.POSE] = shown, pose_messages(stamps[shown], run.pose[shown])
+        records[topics.POSE_REFERENCE] = slow, pose_messages(stamps[slow], reference.pose[slow])
     known, suite = faults.of(robot), topics.recorded(robot.PLANAR)
     facts = describe(loop, values, STEP_START, SIMULATION)
     sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
@@ -85,25 +96,33 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
             writer.attach(name, source)
         writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
         status, phases = None, simulation.phases
+        known_stamps = STEP_START + course.known * loop.period_ns
+        answers, written = [], dict.fromkeys(records, 0)
         estimator = experiment.control.setup.estimator
-        acted = told_limits(run.acted[rows], loop.period)
+        acted = told_limits(run.acted[:count], measured, heard.answered, course.renewals)
+        logged = {*due.tolist(), count - 1}
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
             delay = told_delay(estimator, int(phases[k]))
             now = Status(law.name, known.get(int(run.fault[k])), int(acted[k]), delay)
-            if now != status:
+            if now != status and heard.answered[k]:
                 status = now
-                writer.write(topics.STATUS.name, log_time, status_message(log_time, status))
-            if k % topics.SLOW == 0 or k == count - 1:
-                answered = slice(max(0, (k - 1) // topics.SLOW * topics.SLOW + 1), k + 1)
-                acts = stamps[answered]
-                whole = np.stack([measured[answered], acts, acts], axis=1)
-                message = answers_message(whole)
-                writer.write(topics.ANSWERED.name, log_time, message)
-            for topic, messages in records.items():
-                index, rest = divmod(k, topic.every)
-                if rest == 0:
+                writer.write(topics.STATUS.name, log_time, status_message(int(acts[k]), status))
+            if heard.answered[k]:
+                answers.append((measured[k], known_stamps[k - heard.late[k]], acts[k]))
+            if k in logged and answers:
+                writer.write(topics.ANSWERED.name, log_time, answers_message(np.array(answers)))
+                answers.clear()
+            for topic, (rows, messages) in records.items():
+                index = written[topic]
+                if index < len(rows) and rows[index] == k:
                     writer.write(topic.name, log_time, messages[index].tobytes())
+                    written[topic] += 1
         writer.certificates = {
             topic.name: Certificate(writer.written[topic.name], 0) for topic in suite
         }
+
+
+def _bytes_of(messages: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """The bytes of some messages, one row each: choosing records would lose what is between."""
+    return np.frombuffer(messages.tobytes(), np.uint8).reshape(len(messages), -1)[chosen]

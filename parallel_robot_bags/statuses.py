@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ class ControllerStatus(NamedTuple):
         fault: Code of the fault, NO_FAULT without one.
         fault_text: The fault for people.
         limits: Codes of the limits that acted, until none had done so for a while.
+        pose: The pose that the controller was told; empty when it was not.
     """
 
     stamp: int
@@ -33,6 +35,7 @@ class ControllerStatus(NamedTuple):
     fault: str
     fault_text: str
     limits: tuple[str, ...]
+    pose: tuple[float, ...] = ()
 
 
 def decoder(bag: Path) -> Callable[[Topic, Messages], list[tuple[int, ControllerStatus]]]:
@@ -64,10 +67,20 @@ def decoded(message: bytes) -> ControllerStatus | None:
         values = {item.key: item.value for item in array.status[0].values}
         law, text = values[messages.LAW], values[messages.FAULT]
         fault, codes = values[messages.FAULT_CODE], values[messages.LIMIT_CODES].split(',')
+        pose = _numbers(values.get(messages.POSE, ''))
         stamp = array.header.stamp.sec * NANOSECONDS + array.header.stamp.nanosec
     except Exception:  # broken, or a topic of that name that is not the suite's
         return None
     names = (law, fault, *codes)
     if not (text.isprintable() and all(map(is_name, names))):
         return None
-    return ControllerStatus(stamp, law, fault, text, tuple(filter(None, codes)))
+    return ControllerStatus(stamp, law, fault, text, tuple(filter(None, codes)), pose)
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers with commas between them; none where there are others."""
+    try:
+        found = tuple(map(float, text.split(',')))
+    except ValueError:
+        return ()
+    return found if all(map(math.isfinite, found)) else ()

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_base import points_file, scenario_file
+from parallel_robot_base import hazards, points_file, scenario_file
 from parallel_robot_base.config_files import DEFAULTS as DEFAULTS
 from parallel_robot_base.config_files import PACKAGE as PACKAGE
 from parallel_robot_base.config_files import Layer as Layer
@@ -104,6 +104,8 @@ def resolve_with_sources(
     sources = {key: source for source, values in layers for key in values}
     for key in CUSTOM:
         config[key] = [_absolute(key, path) for path in config[key]]
+    with locating(config):
+        config[hazards.KEY] = hazards.texts(config[hazards.KEY])
     for key in [key for key in config if key.startswith('robot.')]:
         if f'true_{key}' not in config:
             config[f'true_{key}'], sources[f'true_{key}'] = config[key], key
@@ -175,6 +177,8 @@ def changed(
     found = merged((known, changes))
     for key in CUSTOM:
         found[key] = [_absolute(key, path) for path in found[key]]
+    with locating(found):
+        found[hazards.KEY] = hazards.texts(found[hazards.KEY])
     same = all(found[key] == value for key, value in gains.items())
     return found | {'preset': PRESET if same else 'custom'}
 

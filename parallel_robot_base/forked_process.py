@@ -24,9 +24,9 @@ from importlib import import_module
 from typing import IO
 
 from parallel_robot_base.cache_directory import PREFIX
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.module_process import die_with_parent, set_name
 
-SIGNALS = signal.SIGINT, signal.SIGTERM
 PAUSE = 0.01  # s, between two looks whether it has ended
 
 
@@ -65,7 +65,8 @@ class ForkedProcess:
         inspect.stack()  # looks at all modules once: the first line of a node's log does so, too
         for stream in (sys.stdout, sys.stderr):
             stream.flush()  # else both would write what waits
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # none is lost in between
+        # None is lost in between.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())
         try:
             self.pid = os.fork()
             if not self.pid:
@@ -117,7 +118,7 @@ def _settle(name: str, output: int, mask: set[int]) -> None:
     os.setsid()
     die_with_parent()
     set_name(name)
-    for number in SIGNALS:
+    for number in ending_signals():
         signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)

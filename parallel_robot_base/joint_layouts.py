@@ -46,6 +46,11 @@ def joint_message(type_name: str, data: bytes) -> JointMessage:
     )
 
 
+def passive_names(joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the passive joints, one beside each of the actuated `joints`."""
+    return tuple(f'{joint}_passive' for joint in joints)
+
+
 OWN: dict[str, Callable[[tuple[str, ...]], cdr.Layout]] = {  # as the suite publishes them
     'sensor_msgs/msg/JointState': layouts.joint_state,
     'trajectory_msgs/msg/JointTrajectory': layouts.joint_trajectory,

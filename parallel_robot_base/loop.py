@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
+from parallel_robot_base import hazards
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.fields import Field
 from parallel_robot_base.groups import group
@@ -38,6 +39,7 @@ class LoopParameters(NamedTuple):
     period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
     duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]
     seed: Annotated[int, Field('', 'of all that is random in the plant', 0, 2**53)]
+    hazards: Annotated[tuple[str, ...], Field('', 'what happens to the loop, and when')]
     time_mode: Annotated[
         Literal['wall', 'lockstep'],
         Field('', 'wall: real time; lockstep: the plant waits for each command'),
@@ -94,6 +96,7 @@ def loop_of(values: Mapping[str, Any]) -> LoopParameters:
 def _check(loop: LoopParameters) -> None:
     if not loop.joints or len(set(loop.joints)) != len(loop.joints):
         raise InputError(f'joints must be different names, not {list(loop.joints)}', 'joints')
+    hazards.checked(loop.hazards, loop.joints, loop.period)
     if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
         raise InputError(
             f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}',

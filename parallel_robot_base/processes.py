@@ -8,7 +8,6 @@ import json
 import os
 import re
 import signal
-import stat
 import subprocess
 import sys
 import tempfile
@@ -23,7 +22,7 @@ from parallel_robot_base.forked_process import ForkedProcess
 from parallel_robot_base.module_process import command, die_with_parent
 from parallel_robot_base.parameter_file import MARK
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_base.user_directory import user_directories
+from parallel_robot_base.user_directory import CACHE, open_own, user_directories
 
 MODULES = {
     'trajectory': 'trajectory_gen.trajectory_node',
@@ -229,7 +228,7 @@ def domain_lock(namespace: str = '') -> Iterator[None]:
     """
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     space = namespace.replace('/', '.')  # which no name of ROS has in it
-    with _own_file(f'domain_{domain}{space}.lock') as file:
+    with open_own(f'domain_{domain}{space}.lock', user_directories(), CACHE) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -238,28 +237,6 @@ def domain_lock(namespace: str = '') -> Iterator[None]:
                 f'{domain}; set ROS_DOMAIN_ID to another number or choose another --namespace'
             ) from None
         yield
-
-
-def _own_file(name: str) -> IO[bytes]:
-    """Open a regular file in a directory of the user's own; nothing else of that name is opened.
-
-    Raises:
-        RunError: no directory has place for it.
-    """
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    reason = 'no directory of your own to keep a lock in; set XDG_CACHE_HOME to one'
-    for root in user_directories():
-        try:
-            descriptor = os.open(root / name, flags, 0o600)
-        except OSError as error:
-            reason = f'cannot open {root / name}: {error.strerror}'
-            continue
-        status = os.fstat(descriptor)
-        if stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid():
-            return os.fdopen(descriptor, 'r+b')
-        os.close(descriptor)
-        reason = f'{root / name} is not a file of yours; remove it'
-    raise RunError(reason)
 
 
 def as_yaml(value: Any) -> str:

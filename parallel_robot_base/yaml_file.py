@@ -13,6 +13,7 @@ import yaml
 
 from parallel_robot_base import plain_data
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.hazards import KEY as HAZARDS
 from parallel_robot_base.placed import Place, Placed
 from parallel_robot_base.plain_data import LOADER
 from parallel_robot_base.printable import printable
@@ -52,7 +53,8 @@ def read(path: Path) -> Placed:
         path: Its place.
 
     Returns:
-        Key to a number, a text, a truth value, None, or a list of those.
+        Key to a number, a text, a truth value, None, or a list of those; hazards may be a list of
+        mappings.
 
     Raises:
         InputError: there is no such file, it cannot be read, is too large or is not YAML; a key
@@ -144,6 +146,8 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: Placed) -> 
             continue
         value = loader.construct_object(value_node, deep=True)
         for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, dict) and key_node.value == HAZARDS and isinstance(value, list):
+                continue
             if not (item is None or isinstance(item, (bool, int, float, str))):
                 scalar = isinstance(value_node, yaml.ScalarNode)
                 shown = printable(value_node.value, STRING) if scalar else 'a list'

@@ -5,19 +5,23 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from functools import partial
+
+from parallel_robot_base.ending_signals import ending_signals
 
 
 def main() -> int:
     """Run the command line; returns its exit code."""
     try:
         if sys.argv[1:2] == ['node']:
-            for number in (signal.SIGINT, signal.SIGTERM):  # until the node has its own handlers
+            for number in ending_signals():  # until the node has its own handlers
                 signal.signal(number, lambda *_: os._exit(0))
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGINT, signal.SIGTERM))
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
         else:
-            signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))  # cleans up
-            default = signal.SIGTERM, signal.SIG_DFL
-            os.register_at_fork(after_in_child=lambda: signal.signal(*default))
+            for number in ending_signals()[1:]:  # Python raises KeyboardInterrupt for the first
+                signal.signal(number, lambda number, _: sys.exit(128 + number))  # cleans up
+                default = partial(signal.signal, number, signal.SIG_DFL)
+                os.register_at_fork(after_in_child=default)
         from parallel_robot_cli import command_line
 
         return command_line.main()

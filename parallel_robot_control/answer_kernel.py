@@ -56,6 +56,7 @@ from parallel_robot_control.shared_arrays import (
     NEVER,
     OFFSET,
     PHASE,
+    POSE_LOST,
     POSITION,
     RATE,
     REFERENCE,
@@ -65,6 +66,7 @@ from parallel_robot_control.shared_arrays import (
     TAKES_OVER,
     TORQUE,
     TRACKED,
+    UNTIL,
     VELOCITY,
 )
 
@@ -198,7 +200,7 @@ def _open(
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
     before, fault = numbers[LAST], numbers[FAULT]
-    code, known, stale, dt = ANSWERED, 0, False, timing.period / NANOSECONDS
+    code, found, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
     if timing.lockstep:
@@ -224,19 +226,28 @@ def _open(
         code = OLD
     elif not timing.lockstep and now != 0 and now < stamp - timing.state_age:
         code = AHEAD
-    elif before != NEVER and not 0 < stamp - before < RESTART:
+    elif before != NEVER and (
+        stamp <= before or (stamp - before >= RESTART and not timing.lockstep)
+    ):
         code = OUT_OF_ORDER
     else:
         found, known, reference = reference_at(
-            common.references, acts, timing.reference_timeout, timing.lockstep, row
+            common.references,
+            acts,
+            numbers[UNTIL],
+            timing.reference_timeout,
+            timing.lockstep,
+            row,
         )
         if found == MISSING:
             code = NO_REFERENCE
-        stale = found == TOO_OLD
-        if stale and fault == faults.NONE:
-            numbers[FAULT] = faults.REFERENCE_STALE
-            write_row(vectors, HELD, read_row(vectors, POSITION, row))
     if code == ANSWERED:
+        gap = timing.lockstep and before != NEVER and stamp - before > timing.state_timeout
+        if fault == faults.NONE and (gap or found == TOO_OLD):
+            numbers[FAULT] = select(gap, faults.STATES_STALE, faults.REFERENCE_STALE)
+            write_row(vectors, HELD, read_row(vectors, POSITION, row))
+        if gap:
+            write_row(vectors, TORQUE, np.zeros_like(row))
         write_row(vectors, VELOCITY, velocity)
         write_row(vectors, EFFORT, applied)
         then = at_measurement(reference, (acts - stamp) / NANOSECONDS + delay)
@@ -273,6 +284,7 @@ def _open(
             vectors[DURATION, 0],
             vectors[BRAKING, 0],
         ),
+        numbers[POSE_LOST] != 0,
     )
     age = (acts - stamp) / NANOSECONDS
     return Question(
@@ -283,7 +295,7 @@ def _open(
         known,
         before,
         fault,
-        stale,
+        found == TOO_OLD,
         reference,
         position,
         velocity,
@@ -353,5 +365,8 @@ def _close(
         code |= LOG
     if numbers[FAULT] != question.fault or numbers[ACTED] != acted or numbers[PHASE] != phase:
         code |= STATUS
+    if numbers[POSE_LOST] != after.lost:
+        code |= STATUS
+    numbers[POSE_LOST] = after.lost
     numbers[PHASE] = phase
     return code

@@ -10,6 +10,7 @@ import numpy as np
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
 from parallel_robot_compiler import inner, select, vector
+from parallel_robot_control.braking import largest
 from parallel_robot_control.contract import JointReference
 
 
@@ -58,15 +59,6 @@ def not_begun(joints: int, elapsed: float = START) -> Approach:
 
 
 @inner
-def largest(x: Array) -> float:
-    """The largest element of a vector."""
-    found = x[0]
-    for i in range(1, len(x)):
-        found = select(x[i] > found, x[i], found)
-    return found
-
-
-@inner
 def approached(
     parameters: ApproachParameters,
     before: Approach,
@@ -104,9 +96,9 @@ def approached(
         if before.elapsed == BACK:
             fast = parameters.acceleration
             least = select(duration > parameters.way_back, duration, parameters.way_back)
-            duration = math.sqrt(BENT * largest(np.abs(e)) / fast)
+            duration = math.sqrt(BENT * largest(e) / fast)
             duration = select(duration > least, duration, least)
-            braking = BRAKED * largest(np.abs(v)) / fast
+            braking = BRAKED * largest(v) / fast
             braking = select(braking > SHORTEST, braking, SHORTEST)
     after = Approach(e, v, t, duration, braking)
     if not (t < duration or t < braking):

@@ -9,7 +9,8 @@ import numpy as np
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.tuple_classes import distinguish
 from parallel_robot_compiler import Boxed, Space, vector
-from parallel_robot_control import delay_identification
+from parallel_robot_control import delay_identification, faults
+from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import Begin, ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
@@ -68,6 +69,7 @@ def assemble(
     )
     if estimator.lock_in.on:
         delay_identification.check(estimator.lock_in, limits.value, _inertia(configuration))
+    fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
     return Control(
         prepared,
         ControlSetup(
@@ -79,8 +81,9 @@ def assemble(
             estimator,
             configuration.approach,
             Boxed(Begin(prepared.memory)),
+            losing(robot, configuration.margins, row, guess),
         ),
-        initial_state(guess, configuration.joints),
+        initial_state(guess, configuration.joints)._replace(fault=fault),
     )
 
 

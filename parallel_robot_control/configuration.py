@@ -38,6 +38,7 @@ class ControllerParameters(NamedTuple):
         tuple[float, ...],
         Field('', 'pose from which the first forward kinematics starts, as of the robot'),
     ]
+    stopped: Annotated[bool, Field('', 'true: it begins in emergency stop, until ~/clear_fault')]
 
 
 class ControlConfiguration(NamedTuple):
@@ -49,6 +50,7 @@ class ControlConfiguration(NamedTuple):
         safety: Limits and the safe action.
         margins: SafetyMargins of the robot.
         guess: Pose from which the first forward kinematics starts, m numbers.
+        stopped: Whether the controller begins in emergency stop.
         estimator: Where the motion of the joints is known from.
         lock_in: How the age of the states is identified, if it is.
         approach: How the robot joins the desired motion.
@@ -61,6 +63,7 @@ class ControlConfiguration(NamedTuple):
     safety: SafetyParameters
     margins: Any
     guess: tuple[float, ...]
+    stopped: bool
     estimator: EstimatorParameters
     lock_in: LockInParameters
     approach: ApproachParameters
@@ -164,7 +167,8 @@ def control_from(
         robot,
         groups[SafetyParameters],
         groups[robot.module.SafetyMargins],
-        _checked(guess, robot),
+        checked(guess, robot),
+        groups[ControllerParameters].stopped,
         groups[EstimatorParameters],
         groups[LockInParameters],
         groups[ApproachParameters],
@@ -185,10 +189,10 @@ def nominal_of(values: Mapping[str, Any]) -> tuple[RobotModel, Array]:
     """
     robot, given = robot_of(values), group(values, ControllerParameters, 'controller').guess
     with locating(values):
-        return robot, np.array(_checked(given or _first_pose(values), robot))
+        return robot, np.array(checked(given or _first_pose(values), robot))
 
 
-def _checked(guess: tuple[float, ...], robot: RobotModel) -> tuple[float, ...]:
+def checked(guess: Sequence[float], robot: RobotModel) -> tuple[float, ...]:
     """A first guess that is a pose of the robot.
 
     Raises:
@@ -200,7 +204,7 @@ def _checked(guess: tuple[float, ...], robot: RobotModel) -> tuple[float, ...]:
             f'controller.guess must be empty or [{", ".join(names)}], not {list(guess)}',
             'controller.guess',
         )
-    return guess
+    return tuple(guess)
 
 
 def _first_pose(values: Mapping[str, Any]) -> tuple[float, ...]:

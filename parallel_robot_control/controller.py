@@ -10,6 +10,9 @@ import numpy as np
 
 from parallel_robot_base import cdr, cdr_reader, layouts
 from parallel_robot_base.arrays import Array
+from parallel_robot_base.hazard_times import HazardTimes
+from parallel_robot_base.hazards import parse
+from parallel_robot_base.loop import OLDEST
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import need_compiler
 from parallel_robot_control import configuration, faults, law_core, transitions
@@ -27,7 +30,7 @@ from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.law_cores import LawCores
 from parallel_robot_control.message_kernels import wire_of
-from parallel_robot_control.messages import Status
+from parallel_robot_control.messages import LOST, Status
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
     BACK,
@@ -37,9 +40,21 @@ from parallel_robot_control.reference_buffer import (
     ReferenceBuffer,
 )
 from parallel_robot_control.safety import Limits
-from parallel_robot_control.shared_arrays import ACTED, CAUSE, HEARD, LAST, MEASURED, NEVER, PHASE
+from parallel_robot_control.shared_arrays import (
+    ACTED,
+    AGE,
+    CAUSE,
+    HEARD,
+    LAST,
+    MEASURED,
+    NEVER,
+    PHASE,
+    POSE_LOST,
+    START,
+    UNTIL,
+)
 
-LOST = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
+REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 
 
 class Controller(ControllerState):
@@ -84,6 +99,9 @@ class Controller(ControllerState):
         self.log = AnswerLog(self._arrays)
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
+        hazards = parse(loop.hazards)
+        self._times = HazardTimes(hazards, loop.period) if hazards else None
+        self._sample = -1  # of the last state that was heard, for hazards
         self.command = b''
         self.code = 0
         self._cores = LawCores(configuration, common, self._own, lazy)
@@ -115,11 +133,12 @@ class Controller(ControllerState):
         """What the controller is doing."""
         delay = told_delay(self._core.estimator, int(self._numbers[PHASE]))
         fault = self._faults.get(self.fault)
-        return Status(self.law.name, fault, int(self._numbers[ACTED]), delay)
+        pose = LOST if self._numbers[POSE_LOST] else self._told
+        return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
 
     def waits(self) -> str:
         """Which reference is missing for long (lockstep); empty for none."""
-        if self._pending is None or time.monotonic_ns() - self._answered_at < LOST:
+        if self._pending is None or time.monotonic_ns() - self._answered_at < REPEATED:
             return ''
         stamp = (cdr_reader.header_stamp(self._pending) or 0) / NANOSECONDS
         newest = f'{self._references.newest / NANOSECONDS} s' if len(self._references) else 'none'
@@ -167,6 +186,9 @@ class Controller(ControllerState):
         cause = self.cause()
         if cause != faults.NONE and self.fault != faults.NONE:
             return self._faults[cause].text
+        unknown = self.find_pose()
+        if unknown:
+            return unknown
         if self.fault != faults.NONE:
             self._store(transitions.cleared(self.state))
             self._fault_seen = faults.NONE
@@ -212,11 +234,14 @@ class Controller(ControllerState):
             The code of :func:`answer_kernel.answer`; with ANSWERED, `command` is the answer.
         """
         states = self._states if wire is None else wire
+        if self._times is not None:
+            self._befall(self._times, data)
         monotonic = time.monotonic_ns()
         code = self._core.answer(states, data, now, monotonic)
         if code > 0:
             self.command = self._arrays.command.tobytes()
             self._pending, self._lost, self._answered_at = None, False, monotonic
+            self._heard = data
             if code != ANSWERED or self._changed:
                 code |= STATUS if self._changed else 0
                 self._changed = False
@@ -241,7 +266,7 @@ class Controller(ControllerState):
             ):
                 self.trip(faults.STATES_DISAGREE)
             if self._loop.lockstep and stamp == last:  # the plant asks again
-                lost = time.monotonic_ns() - self._answered_at > LOST
+                lost = time.monotonic_ns() - self._answered_at > REPEATED
                 self.code = ANSWERED if lost else OUT_OF_ORDER
             elif not self._loop.lockstep and abs(stamp - last) < RESTART:
                 self.counts['state stamps that repeat or go back'] += 1
@@ -254,6 +279,24 @@ class Controller(ControllerState):
         if self.code <= 0:
             numbers[HEARD] = heard
         return self._answer() if self.code > 0 else None
+
+    def _befall(self, times: HazardTimes, data: bytes) -> None:
+        """Let happen what hazards do to a controller before it answers a state."""
+        numbers = self._numbers
+        stamp, start = cdr_reader.header_stamp(data), int(numbers[START])
+        if stamp is None or start == NEVER:
+            return
+        age = start - stamp if numbers[LAST] == NEVER else int(numbers[AGE])
+        sample = (stamp + (age if 0 < age <= OLDEST else 0) - start) // self._loop.period_ns
+        before = self._sample if sample >= self._sample else -1  # else the plant was reset
+        self._sample = sample
+        if any(before < renewal <= sample for renewal in times.renewals):
+            self._store(self.state._replace(fault=faults.NONE))
+            self._reset()
+            self._fault_seen, self._changed = faults.NONE, True
+        if any(before < clear <= sample for clear in times.clears):
+            self._changed |= self.fault != faults.NONE and not self.clear_fault()
+        numbers[UNTIL] = start + times.newest_reference(sample) * self._loop.period_ns
 
     def _answer(self) -> Answer:
         return Answer(self._arrays.torques.copy(), self.telemetry, self.status)

@@ -16,6 +16,9 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import realtime, topics
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.kept_stop import KeptStop
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults
 from parallel_robot_control.answer_kernel import (
@@ -49,7 +52,9 @@ DOUBTS = {
     faults.STATES_LATE: 'joint states that are too old',
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
 }
+GUESS = 'controller.guess'
 LOOKS = 4  # checks of the joint states within the time after which they are stale
+RIVALS = 0.1  # s, from one look whether others publish commands to the next
 
 
 class ControllerNode(SuiteNode):
@@ -83,8 +88,9 @@ class ControllerNode(SuiteNode):
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts
         )
         self._topics = ControllerTopics(self, self._controller)
-        self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
-        self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
+        stop = self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
+        clear = self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
+        self.create_service(Trigger, '~/confirm_pose', self._answer_confirm_pose)
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
@@ -92,6 +98,14 @@ class ControllerNode(SuiteNode):
         self._state_age = round(configured.safety.state_age * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
+            self.create_timer(RIVALS, self._watch_rivals)
+        if not self.lockstep and not self.loop.start_stamp:  # `run` ends with its controller
+            self._kept_stop = KeptStop(self.get_fully_qualified_name())
+            self.background.finish(stop, self._keep_stop)
+            self.background.finish(clear, self._forget_stop)
+            self._stop_again()
+        if self._controller.fault and not self.lockstep:
+            self._tell_now()
 
     def begin(self) -> None:
         """Load the remaining laws in the background, before the motion begins."""
@@ -103,11 +117,18 @@ class ControllerNode(SuiteNode):
         """Whether a parameter can change while the node runs: law, preset and gains."""
         laws = self.configuration.laws if self.configuration else {}
         return (
-            super().is_settable(key) or key in ('law', 'preset') or key.partition('.')[0] in laws
+            super().is_settable(key)
+            or key in ('law', 'preset', GUESS)
+            or key.partition('.')[0] in laws
         )
 
     def prepare_change(self, changes: dict[str, Any]) -> tuple[dict[str, Any], Callable[[], None]]:
-        """Let the controller prepare a change of law, preset and gains."""
+        """Let the controller prepare a change of law, preset and gains, or take a pose."""
+        if set(changes) == {GUESS}:
+            pose = self._controller.pose_near(changes[GUESS])
+            return changes, lambda: self._place(pose, changes)
+        if GUESS in changes and changes.pop(GUESS) != self.values[GUESS]:
+            raise InputError(f'{GUESS} is set in a request of its own')
         if START in changes or not all(map(self.is_settable, changes)):
             return super().prepare_change(changes)
         before, change = self._controller.configuration, self._controller.prepare_change(changes)
@@ -124,6 +145,11 @@ class ControllerNode(SuiteNode):
             if key in changes or value != self.values[key]
         }
         return stored, apply
+
+    def _place(self, pose: Array, changes: dict[str, Any]) -> None:
+        self._controller.place(pose)
+        self.values = {**self.values, **changes}
+        self._tell_now()
 
     def set_start(self, stamp: int) -> None:
         """Answer no state before the common start [ns]."""
@@ -155,11 +181,9 @@ class ControllerNode(SuiteNode):
         return f'fault: {fault.text}' if fault else self._controller.waits()
 
     def leave_out(self, topic: topics.Topic) -> None:
-        """Change to the safe action: with two robots or two motions, neither can be trusted."""
-        if topic == topics.JOINT_STATES:
-            self._lose_torque(self._controller.lose(faults.STATES_DISAGREE))
-        else:
-            self._controller.trip(faults.REFERENCES_DISAGREE)
+        """Change to the safe action: of two robots or two motions, one is not meant."""
+        states = topic == topics.JOINT_STATES
+        self._trip(faults.STATES_DISAGREE if states else faults.REFERENCES_DISAGREE)
 
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
@@ -240,10 +264,41 @@ class ControllerNode(SuiteNode):
         """Send zero torque when the joint states become stale."""
         self._lose_torque(self._controller.watch())
 
+    def _watch_rivals(self) -> None:
+        """Enter a fault when another node publishes commands, too."""
+        if self._controller.fault == faults.NONE and self.shared_outputs():
+            self._trip(faults.COMMANDS_DISAGREE)
+
+    def _stop_again(self) -> None:
+        """Begin in the emergency stop that was told to a controller of this name before."""
+        told = self._kept_stop.told_at()
+        if told is not None:
+            self._controller.trip(faults.EMERGENCY_STOP)
+            since = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(told))
+            self.get_logger().warning(f'emergency stop since {since}; ~/clear_fault ends it')
+
+    def _keep_stop(self, response: Trigger.Response) -> None:
+        """Let an emergency stop outlive this controller."""
+        reason = self._kept_stop.keep()
+        if reason:
+            response.message += f'; a controller that is started anew will not know it: {reason}'
+
+    def _forget_stop(self, response: Trigger.Response) -> None:
+        """Let a stop that was cleared not come back."""
+        reason = self._kept_stop.forget() if response.success else ''
+        if reason:
+            response.message = f'cleared; it comes back with the next start: {reason}'
+
     def _lose_torque(self, lost: bool) -> None:
         """Send zero torque if the joint states are lost."""
         if lost:
             self._topics.publish_zero()
+            self._tell_now()
+
+    def _trip(self, fault: int) -> None:
+        """Enter a fault that no state shows, unless the controller already is in one."""
+        if self._controller.fault == faults.NONE:
+            self._controller.trip(fault)
             self._tell_now()
 
     def _tell_now(self) -> None:
@@ -253,8 +308,7 @@ class ControllerNode(SuiteNode):
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
-        self._controller.trip(faults.EMERGENCY_STOP)
-        self._tell_now()
+        self._trip(faults.EMERGENCY_STOP)
         response.success = True
         response.message = f'{self.alarm()}; ~/clear_fault ends it'
         return response
@@ -263,9 +317,21 @@ class ControllerNode(SuiteNode):
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
         before = self._controller.fault
-        response.message = self._controller.clear_fault()
+        dispute = self.disputes()
+        response.message = (
+            f'{dispute}; stop all but one' if dispute else self._controller.clear_fault()
+        )
         response.success = not response.message
         if self._controller.fault != before:
+            self._tell_now()
+        return response
+
+    def _answer_confirm_pose(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.message = self._controller.confirm_pose()
+        response.success = not response.message
+        if response.success:
             self._tell_now()
         return response
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.errors import InputError
 from parallel_robot_base.loop import STEP_START, WAIT
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults, transitions
-from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.assembly_mode import AssemblyModes
+from parallel_robot_control.configuration import ControlConfiguration, checked
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.messages import Telemetry
 from parallel_robot_control.shared_arrays import (
@@ -19,6 +23,7 @@ from parallel_robot_control.shared_arrays import (
     CAUSE,
     END,
     FAULT,
+    FOREVER,
     FROM,
     HEARD,
     LAST,
@@ -28,7 +33,6 @@ from parallel_robot_control.shared_arrays import (
     stored,
 )
 
-FOREVER = 2**63 - 1  # ns
 PATIENCE = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 
 
@@ -47,18 +51,24 @@ class ControllerState:
         self._loop = loop = configuration.loop
         self._faults = faults.of(configuration.robot.module)
         self._state_timeout = round(configuration.safety.state_timeout * NANOSECONDS)
+        self._heard = b''  # the last state
         self._arrays = shared(initial_state(np.array(configuration.guess), len(loop.joints)))
         self._numbers = self._arrays.numbers
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted
         self._refused = faults.NONE, 0, 0  # why, at which count of answers, since when [ns]
         self._changed = False  # whether law or fault changed since the last answer
+        self._modes = AssemblyModes(configuration)
+        self._offered: Array | None = None  # the pose that the user may confirm
+        self._told = ''  # the last pose that was told
         if loop.start_stamp == WAIT:
             self._numbers[FROM] = FOREVER
         elif loop.start_stamp > 0:
             self.begin(loop.start_stamp)
         elif loop.lockstep:
             self.begin(STEP_START)
+        if configuration.stopped:
+            self.trip(faults.EMERGENCY_STOP)
 
     @property
     def fault(self) -> int:
@@ -119,6 +129,61 @@ class ControllerState:
         if refused != faults.NONE and answers == self._numbers[ANSWERS]:
             return refused
         return faults.STATES_STALE if self.stale() else int(self._numbers[CAUSE])
+
+    def place(self, pose: Array) -> None:
+        """Know the pose again, shape (m,): the estimate follows it from there."""
+        self._store(transitions.placed(self.state, pose))
+        self._offered, self._told = None, ', '.join(map(repr, pose.tolist()))
+        self._changed = True
+
+    def confirm_pose(self) -> str:
+        """Take the pose that :meth:`find_pose` named first.
+
+        Returns:
+            The reason why not; empty if the pose is known now.
+        """
+        if not self.state.lost:
+            return 'the pose is known'
+        if self._offered is None:
+            return 'no pose was named; ~/clear_fault names those that fit the joint angles'
+        self.place(self._offered)
+        return ''
+
+    def pose_near(self, guess: Sequence[float]) -> Array:
+        """The pose nearest to one that the user tells, shape (m,).
+
+        Raises:
+            InputError: the controller is not in a fault, or no pose there fits the joint angles.
+        """
+        key, near = 'controller.guess', np.array(checked(guess, self.configuration.robot))
+        if self.fault == faults.NONE:
+            raise InputError(f'{key} can be set in a fault alone', key)
+        found = self._modes.all(np.array(self.state.last.position), near)
+        if not found:
+            raise InputError(f'{key}: no pose there fits the joint angles', key)
+        return found[0]
+
+    def find_pose(self) -> str:
+        """Find a pose that is lost by the passive joints.
+
+        Returns:
+            What the user has to do if they do not tell it; empty if the pose is known.
+        """
+        state = self.state
+        if not state.lost:
+            return ''
+        pose = self._modes.by_passive_joints(self._heard)
+        if pose is not None:
+            self.place(pose)
+            return ''
+        poses = self._modes.all(np.array(state.last.position), np.array(state.pose))
+        if not poses:
+            return 'no pose fits the joint angles: move the robot away from the singularity'
+        self._offered = poses[0]
+        return (
+            f'the pose is not known: the joint angles fit {self._modes.told(poses)}; '
+            f'~/confirm_pose takes the first, controller.guess another'
+        )
 
     def stale(self) -> bool:
         """Whether joint states were received but have stopped coming (wall time)."""

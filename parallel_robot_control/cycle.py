@@ -16,6 +16,7 @@ from parallel_robot_control.approach import (
     approached,
     not_begun,
 )
+from parallel_robot_control.braking import too_fast
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
 from parallel_robot_control.safety import (
@@ -42,6 +43,8 @@ class CycleState(NamedTuple):
         fault: NONE or the number of the fault, see faults.py; it is latched.
         estimated: Estimates of filter and differentiator; not used without one.
         approach: How the robot joins the desired motion.
+        lost: Whether the pose may be that of another assembly mode, see assembly_mode.py; it is
+            latched.
     """
 
     pose: Array
@@ -51,6 +54,7 @@ class CycleState(NamedTuple):
     fault: int
     estimated: Estimated
     approach: Approach
+    lost: bool
 
 
 class When(NamedTuple):
@@ -85,6 +89,7 @@ class ControlSetup(NamedTuple):
         estimator: Estimator, boxed.
         approach: Times over which an offset is faded.
         begin: Begin, boxed.
+        losing: Faults of the robot at which it has no pose, as bits.
     """
 
     update: Any
@@ -95,6 +100,7 @@ class ControlSetup(NamedTuple):
     estimator: Any
     approach: ApproachParameters
     begin: Any
+    losing: int
 
 
 class Asked(NamedTuple):
@@ -159,12 +165,14 @@ class Sensed(NamedTuple):
         fault: The latched fault, else the cause.
         pose: Pose, shape (m,).
         model: Equations of motion; zero where the robot has none.
+        lost: Whether the pose is lost: the robot may be in another assembly mode.
     """
 
     cause: int
     fault: int
     pose: Array
     model: Model
+    lost: bool
 
 
 def initial_state(pose: Array, joints: int) -> CycleState:
@@ -177,7 +185,14 @@ def initial_state(pose: Array, joints: int) -> CycleState:
     zero = vector(np.zeros(joints))
     last = Last(zero, zero, zero, zero, False, False)
     return CycleState(
-        vector(pose), last, zero, zero, faults.NONE, Estimated(zero, zero), not_begun(joints)
+        vector(pose),
+        last,
+        zero,
+        zero,
+        faults.NONE,
+        Estimated(zero, zero),
+        not_begun(joints),
+        False,
     )
 
 
@@ -201,20 +216,28 @@ def sense(
     doubt: int,
     dt: float,
     since: float,
+    late: float,
+    lost: bool,
+    losing: int,
 ) -> Sensed:
     """Find the pose, look for faults, compute the model.
 
     Arguments as of :func:`run_cycle`, and of the state only what counts: a whole one takes long to
     hand over. `doubt` is a fault that torques and states show, `since` the time between the
     moments of the two references [s]. A fault in the motion of the joints comes before that, one
-    of the robot after it.
+    of the robot after it, one ahead of the robot last.
     """
     found = estimate(robot, limits.margins, position, velocity, pose)
     cause = find_fault(limits, reference, position, velocity, last, dt, since)
     cause = select(cause == faults.NONE, doubt, cause)
     cause = select(cause == faults.NONE, found.fault, cause)
+    if cause == faults.NONE and too_fast(
+        estimate, robot, limits, position, velocity, found, last, late
+    ):
+        cause = faults.TOO_FAST
     fault = select(latched == faults.NONE, cause, latched)
-    return Sensed(cause, fault, found.pose, found.model)
+    lost = lost | ((losing >> found.fault) & 1 != 0)
+    return Sensed(cause, fault, found.pose, found.model, lost)
 
 
 @inner
@@ -377,6 +400,9 @@ def run_cycle(
         doubt,
         dt,
         since,
+        late,
+        state.lost,
+        setup.losing,
     )
     feedback = Feedback(position, velocity, excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
@@ -444,7 +470,16 @@ def run_cycle(
         done.coupled_error,
         done.acted + select(told.spell >= TOLD, EFFORT, 0),
         sensed.cause,
-        CycleState(sensed.pose, done.last, done.excess, done.held, done.fault, found, approach),
+        CycleState(
+            sensed.pose,
+            done.last,
+            done.excess,
+            done.held,
+            done.fault,
+            found,
+            approach,
+            sensed.lost,
+        ),
         select(done.fault == faults.NONE, advanced, memory),
     )
 

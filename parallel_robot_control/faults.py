@@ -22,6 +22,8 @@ TORQUE_LOST = 21
 STATES_LATE = 22
 STATES_AHEAD = 23
 STATES_INVALID = 24
+COMMANDS_DISAGREE = 25
+TOO_FAST = 27
 
 FAULTS = {
     TORQUE_NOT_FINITE: Fault('torque_not_finite', 'the law gave a torque that is not finite'),
@@ -51,6 +53,13 @@ FAULTS = {
     STATES_LATE: Fault('states_late', 'joint states come too late'),
     STATES_AHEAD: Fault('states_ahead', 'joint states are stamped ahead of the clock'),
     STATES_INVALID: Fault('states_invalid', 'joint states have no usable numbers'),
+    TOO_FAST: Fault(
+        'too_fast',
+        'the robot was about to be too fast to be stopped before a limit, e.g. a singularity',
+    ),
+    COMMANDS_DISAGREE: Fault(
+        'commands_disagree', 'another node publishes on the topic of the commands'
+    ),
 }
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
 
 from parallel_robot_base import cdr, layouts, topics
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import safety
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.contract import Fault
@@ -16,6 +18,8 @@ LAW = 'law'  # keys of a status: codes are for programs, texts for people
 FAULT, FAULT_CODE = 'fault', 'fault code'
 LIMITS, LIMIT_CODES = 'limits that acted', 'limit codes'
 DELAY = 'delay of the states'
+POSE = 'pose'  # only of a robot that has lost it, and that was told it
+LOST = 'not known'
 NO_FAULT = 'none'  # the code
 
 
@@ -43,27 +47,36 @@ class Status(NamedTuple):
         fault: The present fault, if there is one.
         acted: Bits of the limits that acted, until none has done so for a while.
         delay: What is known of the age of the states; empty where it is not identified.
+        pose: The pose that the controller was told, numbers with commas; LOST where it must be.
     """
 
     law: str
     fault: Fault | None
     acted: int
     delay: str = ''
+    pose: str = ''
 
 
-def told_limits(acted: np.ndarray, period: float) -> np.ndarray:
-    """Bits of the limits in the status of each sample, shape (N,).
+def told_limits(
+    acted: np.ndarray, stamps: np.ndarray, answered: np.ndarray, begins: Collection[int]
+) -> np.ndarray:
+    """Bits of the limits in the status after each state, shape (N,).
 
     Args:
-        acted: Bits of those that acted at the sample, shape (N,).
-        period: Time between two samples [s].
+        acted: Bits of those that acted at the state, shape (N,).
+        stamps: Of the states [ns], shape (N,).
+        answered: Whether the state was answered, shape (N,).
+        begins: Rows at which a controller begins that knows of none before.
     """
-    told, quiet = np.zeros_like(acted), round(safety.QUIET / period)
+    told = np.zeros_like(acted)
+    if not acted.any():
+        return told
     shown, last = 0, 0
-    for k in range(int(np.flatnonzero(acted)[0]) if acted.any() else len(acted), len(acted)):
+    for k in np.flatnonzero(answered).tolist():
+        shown = 0 if k in begins else shown
         if acted[k]:
-            shown, last = shown | int(acted[k]), k
-        elif k - last >= quiet:
+            shown, last = shown | int(acted[k]), int(stamps[k])
+        elif stamps[k] - last >= safety.QUIET * NANOSECONDS:
             shown = 0
         told[k] = shown
     return told
@@ -141,6 +154,8 @@ def status_message(stamp: int, status: Status) -> bytes:
     }
     if status.delay:
         values[DELAY] = status.delay
+    if status.pose:
+        values[POSE] = status.pose
     name, frame = 'controller: status', topics.FRAME
     layout = layouts.diagnostic_array(name, level, text, values, frame=frame)
     return layouts.padded(layout.encode(stamp))

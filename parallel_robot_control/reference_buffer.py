@@ -146,7 +146,7 @@ def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
 
 @inner
 def reference_at(
-    buffer: Any, stamp: int, timeout: int, needs_newer: bool, row: Array
+    buffer: Any, stamp: int, until: int, timeout: int, needs_newer: bool, row: Array
 ) -> tuple[int, int, JointReference]:
     """Newest reference not after `stamp`, extrapolated to it with its own derivatives.
 
@@ -155,6 +155,7 @@ def reference_at(
     Args:
         buffer: See ReferenceBuffer.compiled.
         stamp: Stamp of the state [ns].
+        until: Stamp of the newest reference that counts [ns]; later ones are lost.
         timeout: Age above which it is not extrapolated but held at rest [ns].
         needs_newer: Whether the answer is MISSING until one with this stamp or a later one is here
             (lockstep), so that it does not depend on which message arrives first.
@@ -169,7 +170,7 @@ def reference_at(
     first, count = window[FIRST], window[COUNT]
     if count == 0 or (needs_newer and stamps[(first + count - 1) % SIZE] < stamp):
         return MISSING, 0, nothing
-    while count > 1 and stamps[(first + 1) % SIZE] <= stamp:
+    while count > 1 and stamps[(first + 1) % SIZE] <= min(stamp, until):
         first = (first + 1) % SIZE
         count -= 1
     window[FIRST], window[COUNT] = first, count

@@ -16,6 +16,7 @@ from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
 
 NEVER = -1  # a stamp that no message has
+FOREVER = 2**63 - 1  # ns
 AGES = 4096  # answers for which the age of the state is kept
 
 # Rows of Shared.vectors,
@@ -37,7 +38,9 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     PHASE,  # of the identification of the delay, see lock_in.py
     CAUSE,  # fault whose cause was there at the last state
     ACTED_AT,  # stamp of the last state at which a limit acted
-) = range(16)  # fmt: skip
+    UNTIL,  # stamp of the newest reference that counts
+    POSE_LOST,  # of the cycle
+) = range(18)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -47,7 +50,7 @@ class Shared(NamedTuple):
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (15, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (16,).
+        numbers: Fault, stamps and counts, shape (18,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -73,13 +76,14 @@ def shared(state: CycleState) -> Shared:
         np.array(state.pose),
         np.zeros((15, joints)),
         np.zeros((4, joints)),
-        np.zeros(16, np.int64),
+        np.zeros(18, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
         np.zeros(AGES, np.int64),
     )
     made.numbers[[LAST, START, END]] = NEVER
+    made.numbers[UNTIL] = FOREVER
     store(made, state)
     return made
 
@@ -99,7 +103,10 @@ def stored(arrays: Shared) -> CycleState:
     times = arrays.vectors[[ELAPSED, DURATION, BRAKING], 0]
     approach = Approach(v[APART], v[APART_RATE], *map(float, times))
     fault = int(numbers[FAULT])
-    return CycleState(vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach)
+    lost = bool(numbers[POSE_LOST])
+    return CycleState(
+        vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach, lost
+    )
 
 
 def store(arrays: Shared, state: CycleState) -> None:
@@ -121,3 +128,4 @@ def store(arrays: Shared, state: CycleState) -> None:
         np.full_like(state.held, state.approach.braking),
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known
+    arrays.numbers[POSE_LOST] = state.lost

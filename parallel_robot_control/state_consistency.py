@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, read_at, select, some, write_at
+from parallel_robot_compiler import clip, inner, read_at, select, some, write_at
 from parallel_robot_control import faults, kalman_memory
 
 WINDOW = 0.06  # s, time constant with which ways are forgotten
+SHARE = 0.5  # of the tolerance, that a single state adds at most: one odd state is no proof
 LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
 
 
@@ -44,7 +45,8 @@ def inconsistent(
             write_at(memory, row + k, zero)
         return faults.NONE
     left = WINDOW / (WINDOW + dt)
-    went, told = position - before, dt * velocity
+    most = SHARE * tolerance
+    went, told = clip(position - before, -most, most), clip(dt * velocity, -most, most)
     told = select(told - told == 0.0, told, went)  # what is not finite is another fault
     apart = left * (read_at(memory, row, position) + went - told)
     by_position = left * (read_at(memory, row + 1, position) + np.abs(went))

@@ -49,6 +49,11 @@ def cleared(state: CycleState) -> CycleState:
     return joining(state, state.last.torque)._replace(fault=faults.NONE)
 
 
+def placed(state: CycleState, pose: Array) -> CycleState:
+    """Know the pose, shape (m,), or one near it on the same assembly mode."""
+    return state._replace(pose=vector(pose), lost=False)
+
+
 def same(before: PreparedLaw, after: PreparedLaw) -> bool:
     """Whether a change of law and gains changes nothing."""
     return bool((after.name, after.gains) == (before.name, before.gains))
@@ -79,5 +84,9 @@ def switched(
 
 
 def restarted(state: CycleState, guess: Array) -> CycleState:
-    """The state before a new run of the plant; a fault stays. `guess`: its pose, shape (m,)."""
-    return initial_state(guess, len(state.held))._replace(fault=state.fault)
+    """The state before a new run of the plant; a fault, and a pose that is lost, stay so.
+
+    `guess`: its pose, shape (m,).
+    """
+    begun = initial_state(guess, len(state.held))
+    return begun._replace(fault=state.fault, lost=state.lost)

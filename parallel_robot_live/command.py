@@ -13,6 +13,7 @@ from typing import Any
 
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.trust import add_trust_argument
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError, StoppedError
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_cli.commands.simulate import add_set_argument, given
@@ -86,7 +87,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError("aiohttp is not installed; pip install 'parallel_robot[live]'") from None
     from parallel_robot_live.serving import listening
 
-    handler = signal.signal(signal.SIGTERM, _stop)
+    handlers = {number: signal.signal(number, _stop) for number in ending_signals()[1:]}
     try:
         with ExitStack() as stack:
             listen = stack.enter_context(listening(arguments.host, arguments.port, PORT))
@@ -101,7 +102,8 @@ def execute(arguments: argparse.Namespace) -> int:
     except (KeyboardInterrupt, StoppedError):
         print('ended', file=sys.stderr)
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     return 0
 
 

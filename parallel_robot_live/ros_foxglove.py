@@ -18,6 +18,7 @@ from typing import Any
 from parallel_robot_analysis.posture import Posture, posture_of
 from parallel_robot_bags.message_types import message_type
 from parallel_robot_base import layouts, topics
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError, ParallelRobotError
 from parallel_robot_base.optional_library import optional
 from parallel_robot_base.topics import Topic
@@ -136,7 +137,7 @@ class FoxgloveGraph(LiveGraph):
 
 
 def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] | None) -> None:
-    """Serve until SIGINT or SIGTERM.
+    """Serve until a signal ends it.
 
     Args:
         host: Address to listen on.
@@ -151,7 +152,7 @@ def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] 
     ended: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: ended.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in ending_signals()
     }
     print(f'foxglove  ws://{host}:{server.port}', flush=True)
     if not is_loopback(str(socket.getaddrinfo(host, server.port)[0][4][0])):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
@@ -11,6 +10,7 @@ from contextlib import contextmanager
 
 from aiohttp import web
 
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError
 from parallel_robot_live.guard import OPEN, is_loopback
 from parallel_robot_live.server import LiveServer
@@ -29,7 +29,7 @@ def listening(host: str, port: int | None, usual: int) -> Iterator[Callable[[Sou
         usual: Number of the usual one.
 
     Yields:
-        What serves a source, if need be read-only, until SIGINT or SIGTERM.
+        What serves a source, if need be read-only, until a signal ends it.
 
     Raises:
         InputError: the port or the address cannot be had.
@@ -79,7 +79,7 @@ async def _serve(listening: socket.socket, host: str, source: Source, read_only:
         print(OPEN, file=sys.stderr)
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         loop.add_signal_handler(number, ended.set)
     await ended.wait()
     await runner.cleanup()

@@ -42,6 +42,7 @@ PARTS = ('axis', 'machine')
 PLANAR = False
 END_OF_TRAVEL = 1
 FAULTS = {END_OF_TRAVEL: Fault('end_of_travel', 'an axis is close to an end of its travel')}
+NO_POSE = ()  # joints have one pose
 
 
 class Parameters(NamedTuple):

@@ -133,7 +133,10 @@ class Robot(Protocol):
     """A robot module.
 
     It may have ``constants(parameters)``: what its kernels take in place of the parameters, i.e.
-    all that follows from these alone.
+    all that follows from these alone; ``NO_POSE``: those of its FAULTS at which `estimate` has no
+    trustworthy pose, without it all of them, or none where the pose does not depend on the guess;
+    ``pose_with(parameters, position, passive)``: the pose at all measured joints, shape (m,), NaN
+    where they contradict each other.
 
     Attributes:
         Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.

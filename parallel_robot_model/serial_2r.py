@@ -53,6 +53,7 @@ FAULTS = {
     WRONG_WORKING_MODE: Fault('wrong_working_mode', 'the elbow has folded to the other side'),
     SINGULARITY: Fault('singularity', 'the arm is close to being stretched or folded'),
 }
+NO_POSE = ()  # joints have one pose
 
 
 class Parameters(NamedTuple):

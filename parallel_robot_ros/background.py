@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -17,7 +18,7 @@ LOOK = 0.1  # s, between two looks whether the loop has ended
 
 
 class Background:
-    """One thread that does what it is given, in order.
+    """One thread that does what it is given, in order, and one for the rest of services.
 
     The loop takes its turn at any time, within :data:`SWITCH`. Before :meth:`start`, the caller
     does all at once.
@@ -32,6 +33,7 @@ class Background:
         """
         self._node, self._survive = node, survive
         self._pool: ThreadPoolExecutor | None = None
+        self._rest = ThreadPoolExecutor(1, 'rest', realtime.give_way)  # starts when it is needed
         self._thread = 0  # identity of the thread
         self._closed = threading.Event()
 
@@ -73,6 +75,25 @@ class Background:
         service.callback = lambda request, response: (request, response)
         service.send_response = send_later
 
+    def finish(self, service: Service, work: Callable[[Any], None]) -> None:
+        """Do the rest of a service's work outside the loop, at once, whatever else is to be done.
+
+        Args:
+            service: The service.
+            work: Is given each answer before it is sent.
+        """
+        send = service.send_response
+
+        def rest(response: Any, header: Any) -> None:
+            work(response)
+            send(response, header)
+
+        def send_later(response: Any, header: Any) -> None:
+            if not self._closed.is_set():
+                self._rest.submit(self._guarded, partial(rest, response, header))
+
+        service.send_response = send_later
+
     def is_current(self) -> bool:
         """Whether the caller is the thread."""
         return threading.get_ident() == self._thread
@@ -80,8 +101,9 @@ class Background:
     def close(self) -> None:
         """Finish what has begun, and do nothing more."""
         self._closed.set()
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+        for pool in (self._rest, self._pool):
+            if pool is not None:
+                pool.shutdown(cancel_futures=True)
 
     def _begin(self) -> None:
         realtime.give_way()

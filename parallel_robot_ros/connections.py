@@ -10,6 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from parallel_robot_base.loop import LoopParameters
+from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import QUEUE, Topic
 from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.single_publisher import SinglePublisher
@@ -20,22 +21,23 @@ class Connections:
     """Publishers and subscriptions of one node."""
 
     def __init__(
-        self, node: Node, loop: LoopParameters, on_two_publishers: Callable[[Topic], None]
+        self, node: Node, loop: LoopParameters, on_stranger: Callable[[Topic, bool], None]
     ) -> None:
         """Prepare; nothing is connected yet.
 
         Args:
             node: The node.
             loop: Time mode, and how many subscribers each essential output has.
-            on_two_publishers: Called for each message that is dropped because its topic has
-                several publishers.
+            on_stranger: Called for each message that is dropped because it may be of another
+                publisher than those before; with its topic, and whether publishers take turns.
         """
         self._node = node
         self._lockstep = loop.lockstep
         self._subscribers = loop.subscribers
-        self._on_two_publishers = on_two_publishers
+        self._on_stranger = on_stranger
         self._outputs: list[Publisher] = []  # the essential ones
         self._inputs: dict[Topic, Subscription] = {}
+        self._watched: dict[Topic, SinglePublisher] = {}  # inputs in wall time
         self._complete = False  # whether the essential outputs have had all their subscribers
 
     def publisher(self, topic: Topic, essential: bool) -> Publisher:
@@ -51,11 +53,12 @@ class Connections:
         if self._lockstep:
             self._inputs[topic] = self._subscribe_in_lockstep(topic, callback)
             return
-        mixed = SinglePublisher().mixed
+        watched = SinglePublisher(lambda: self._inputs[topic].get_publisher_count() <= 1)
+        self._watched[topic] = watched
 
         def take(data: bytes, _: int, number: int) -> None:
-            if mixed(number):
-                self._on_two_publishers(topic)
+            if watched.strange(number):
+                self._on_stranger(topic, watched.several())
             else:
                 callback(data)
 
@@ -98,3 +101,19 @@ class Connections:
         for name in (publisher.topic_name for publisher in self._outputs):
             counts[name] = self._node.count_publishers(name)
         return {name: count for name, count in counts.items() if count > 1}
+
+    def shared_outputs(self) -> list[str]:
+        """Full names of the essential outputs on which other nodes publish, too."""
+        names = [publisher.topic_name for publisher in self._outputs]
+        return [name for name in names if self._node.count_publishers(name) > 1]
+
+    def disputes(self) -> list[str]:
+        """Topics of which another publisher acts, or would act, just now, with their nodes."""
+        turns = [topic for topic, one in self._watched.items() if one.several()]
+        names = [self._inputs[topic].topic_name for topic in turns] + self.shared_outputs()
+        return [self._publishers_of(name) for name in names]
+
+    def _publishers_of(self, name: str) -> str:
+        found = self._node.get_publishers_info_by_topic(name)
+        nodes = sorted(f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found)
+        return printable(f'{name} has {len(nodes)} publishers: {", ".join(nodes)}')

@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from parallel_robot_base import realtime
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError, ParallelRobotError
 from parallel_robot_ros import arguments, middleware
 from parallel_robot_ros.background import SWITCH
@@ -32,7 +33,7 @@ STOP_LATENCY = 0.1  # s, longest time from a signal, or the parent's end, to tha
 def run_node(
     make: Callable[..., SuiteNode], add_arguments: arguments.AddArguments | None = None
 ) -> int:
-    """Run a node until it finishes, until Ctrl-C or SIGTERM, or if asked, until its parent ends.
+    """Run a node until it finishes, until a signal ends it, or if asked, until its parent ends.
 
     Args:
         make: Its class.
@@ -52,7 +53,7 @@ def run_node(
             os._exit(0)  # nothing has begun yet
         node.end_time()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, on_signal)
     log_to_ros()
     sys.setswitchinterval(SWITCH)
@@ -120,7 +121,7 @@ def _end(executor: Executor, node: SuiteNode) -> None:
     executor.remove_node(node)
     node.destroy_node()
     rclpy.try_shutdown()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         # Python takes its handlers back as it exits: a second Ctrl-C would end that with an error.
         signal.signal(number, signal.SIG_IGN)
     faulthandler.cancel_dump_traceback_later()

@@ -87,7 +87,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.lockstep = self.loop.lockstep
         self.period_ns, self.last_index = self.loop.period_ns, self.loop.last_index
         self._common_start = CommonStart(self.loop)
-        self._connections = Connections(self, self.loop, self._on_two_publishers)
+        self._connections = Connections(self, self.loop, self._on_stranger)
         self.declare_groups(('', loop.LoopParameters))
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._on_second)
@@ -100,7 +100,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         """React to the common start stamp [ns]; nodes without a start of their own ignore it."""
 
     def leave_out(self, topic: Topic) -> None:
-        """React to a message that is dropped because its topic has several publishers."""
+        """React to a message that is dropped because its topic has publishers that take turns."""
 
     def diagnose(self) -> dict[str, Any]:
         """Entries of the diagnostics, of the last second."""
@@ -150,6 +150,14 @@ class SuiteNode(Node):  # type: ignore[misc]
         counts = self._connections.several_publishers()
         return [f'{topic} has {count} publishers' for topic, count in counts.items()]
 
+    def shared_outputs(self) -> list[str]:
+        """Essential outputs on which other nodes publish, too."""
+        return self._connections.shared_outputs()
+
+    def disputes(self) -> str:
+        """Which topics have another publisher, and the nodes; empty for none (wall time)."""
+        return '' if self.lockstep else '; '.join(self._connections.disputes())
+
     def begin(self) -> None:
         """Start what keeps time; called when all that takes long is done."""
         if not self.lockstep:  # where nothing is late
@@ -171,10 +179,10 @@ class SuiteNode(Node):  # type: ignore[misc]
     ) -> None:
         """Subscribe to the serialised messages of a topic.
 
-        In wall time, messages of two publishers that alternate are dropped. In lockstep, where
-        the loop would stop without a message and stamps reveal a second publisher, none is
-        dropped once this node's essential outputs have their subscribers; before that, all are,
-        and the plant sends its state again.
+        In wall time, the publisher that is heard first is trusted, and messages of another one
+        are dropped, see :class:`SinglePublisher`. In lockstep, where the loop would stop without
+        a message and stamps reveal a second publisher, none is dropped once this node's essential
+        outputs have their subscribers; before that, all are, and the plant sends its state again.
 
         Args:
             topic: Name and type.
@@ -304,9 +312,10 @@ class SuiteNode(Node):  # type: ignore[misc]
             except ParallelRobotError as error:
                 self.fail(error)
 
-    def _on_two_publishers(self, topic: Topic) -> None:
+    def _on_stranger(self, topic: Topic, several: bool) -> None:
         self.counts[f'{topic.name}: messages of two publishers'] += 1
-        self.leave_out(topic)
+        if several:
+            self.leave_out(topic)
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()

@@ -7,21 +7,34 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.custom_module import blaming
+from parallel_robot_base.hazards import Hazard, parse
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
+from parallel_robot_control.safety import SafetyParameters, safe_action
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.hazards import table_of
+from parallel_robot_sim.motor_timeout import Patience
 from parallel_robot_sim.plant import PlantSetup, PlantState, stepping
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Trajectory
 
 
 class Plant(NamedTuple):
-    """The plant at rest at its initial pose: what it is made of, and its state."""
+    """The plant at rest at its initial pose.
+
+    Attributes:
+        setup: What it is made of.
+        state: Its state.
+        hazards: What happens to it.
+        safety: Time-outs of the loop.
+    """
 
     setup: PlantSetup
     state: PlantState
+    hazards: tuple[Hazard, ...]
+    safety: SafetyParameters
 
 
 class Experiment(NamedTuple):
@@ -59,13 +72,14 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     Raises:
         InputError: the robot does not reach that pose.
     """
-    robot = configuration.robot
+    robot, loop = configuration.robot, configuration.loop
+    hazards = parse(loop.hazards)
     module, parameters = robot.module, robot.parameters
     load = Boxed(configuration.load)
     pose = np.array(robot.pose_of('plant.initial_pose', configuration.parameters.initial_pose))
     with blaming(robot.name):
         start = vector(module.start(parameters, pose))
-    still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(configuration.loop.joints)))
+    still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(loop.joints)))
     setup = PlantSetup(
         robot.kernel('acceleration', load, start, still, torque, 0.0),
         robot.kernel('measure', start, still),
@@ -73,5 +87,12 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         robot.constants,
         load,
         Boxed(configuration.imperfections.with_memory(torque)),
+        Boxed(
+            Patience(
+                max(1, round(configuration.parameters.command_timeout / loop.period)),
+                safe_action(configuration.parameters.timeout_action, configuration.safety),
+            )
+        ),
+        Boxed(table_of(hazards, loop.joints, loop.period)),
     )
-    return Plant(setup, PlantState(start, still, torque, 0.0))
+    return Plant(setup, PlantState(start, still, torque, 0.0), hazards, configuration.safety)

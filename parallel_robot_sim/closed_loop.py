@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +16,14 @@ from parallel_robot_compiler import (
     read_row,
     write_row,
 )
+from parallel_robot_control import faults
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite
 from parallel_robot_sim.assembly import Plant
+from parallel_robot_sim.course import Heard, course_of
+from parallel_robot_sim.hazards import commanded, told
+from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors import effort_at_stamp, sensed
 from trajectory_gen.trajectory import Reference
@@ -34,7 +40,7 @@ class ClosedLoopRun(NamedTuple):
         passive_position: Passive joints [rad], shape (N, p).
         passive_velocity: Their rates [rad/s], shape (N, p).
         effort: Torque applied during the step that ended at the state [N m].
-        command: Torque computed from the state [N m].
+        command: Torque computed from the state [N m]; NaN, as the next two, without an answer.
         sliding_variable: Sliding variable in the law's unit.
         coupled_error: e_c of the law [rad].
         fault: Fault of the controller at the state, see faults.py, shape (N,).
@@ -43,6 +49,9 @@ class ClosedLoopRun(NamedTuple):
         plant: State of the plant after the last command.
         cycle: State of the controller after the last row.
         memory: Memory of the law after the last row.
+        waiting: What the motors know of the commands after the last row.
+        sent: The last command [N m], shape (n,).
+        cause: Fault whose cause was there at the last state, see Cycle.
     """
 
     pose: Array
@@ -61,14 +70,20 @@ class ClosedLoopRun(NamedTuple):
     plant: PlantState
     cycle: CycleState
     memory: Any
+    waiting: Waiting
+    sent: Array
+    cause: int
 
 
 class LoopState(NamedTuple):
-    """State of the plant, state of the controller and memory of the law at one sample."""
+    """What one sample hands to the next; attributes as the last ones of a ClosedLoopRun."""
 
     plant: PlantState
     cycle: CycleState
     memory: Any
+    waiting: Waiting
+    sent: Array
+    cause: int
 
 
 def run(
@@ -84,18 +99,41 @@ def run(
         complete: Whether the record is to be complete; else it has what metrics are computed from:
             positions, efforts, faults and limits.
     """
-    begin = LoopState(plant.state, control.state, control.law.memory)
-    result: ClosedLoopRun = compiled_loop(
-        cycle_of(control.setup, begin.cycle, begin.memory),
-        FirstClass(step, plant.setup, begin.plant, begin.plant.torque, period),
+    waiting = not_waiting(len(control.state.held))
+    state = LoopState(
+        plant.state, control.state, control.law.memory, waiting, waiting.command, faults.NONE
+    )
+    course = course_of(plant, reference, period)
+    loop = partial(
+        compiled_loop,
+        cycle_of(control.setup, state.cycle, state.memory),
+        FirstClass(step, plant.setup, state.plant, state.plant.torque, period),
         control.setup,
         plant.setup,
-        reference,
-        begin,
-        complete,
-        period,
+        course.reference,
+        course.heard,
     )
-    return result
+    parts: list[ClosedLoopRun] = []
+    for first, stop in itertools.pairwise([*course.cuts, len(reference.position)]):
+        cycle, memory = course.befall(
+            first, control, state.cycle, state.memory, state.plant.torque, state.cause
+        )
+        state = state._replace(cycle=cycle, memory=memory)
+        part: ClosedLoopRun = loop(state, complete, period, first, stop)
+        parts.append(part)
+        state = LoopState(part.plant, part.cycle, part.memory, part.waiting, part.sent, part.cause)
+        if part.steps < stop - first:
+            break
+    return parts[0] if len(parts) == 1 else _joined(parts)
+
+
+def _joined(parts: list[ClosedLoopRun]) -> ClosedLoopRun:
+    """Runs that follow one another as one; its state is that of the last one."""
+    columns: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ClosedLoopRun._fields[: ClosedLoopRun._fields.index('steps')]
+    }
+    return parts[-1]._replace(**columns, steps=sum(part.steps for part in parts))
 
 
 @kernel
@@ -105,16 +143,20 @@ def compiled_loop(
     control: ControlSetup,
     plant: PlantSetup,
     reference: Reference,
+    heard: Heard,
     begin: LoopState,
     complete: bool,
     period: float,
+    begun: int,
+    stop: int,
 ) -> ClosedLoopRun:
-    """The loop of :func:`run`, with the kernels that it calls as FirstClass."""
-    state, cycle_state, memory = begin
+    """The loop of :func:`run` over some samples, with the kernels that it calls as FirstClass."""
+    state, cycle_state, memory, waiting, torque, cause = begin
     row = state.torque
+    hazards = plant.hazards
     # 1. Arrays for all rows; the robot gives the number of passive joints.
     first = plant.measure(plant.robot, state.coordinates, state.rate)
-    count = len(reference.position)
+    count = stop - begun
     more = count if complete else 0
     joints = np.empty((count, len(row)))
     position = np.empty((count, len(row)))
@@ -128,9 +170,11 @@ def compiled_loop(
     coupled_error = np.empty((more, len(row)))
     fault = np.empty(count, np.int64)
     acted = np.empty(count, np.int64)
+    nothing = np.zeros_like(row) + np.nan
     steps = count
     for k in range(count):
-        # 2. Measurement of state k; a robot that has left its workspace ends there.
+        sample = begun + k
+        # 2. Measurement of the state; a robot that has left its workspace ends there.
         true = plant.measure(plant.robot, state.coordinates, state.rate)
         if not is_finite(true.velocity):
             steps = k
@@ -139,31 +183,52 @@ def compiled_loop(
         if plant.imperfections.on:
             angles, rates = sensed(plant, true, state.time, period)
             effort = effort_at_stamp(plant, state.torque, state.time, period)
-        # 3. The torque computed from it.
-        desired = JointReference(
-            read_row(reference.position, k, row),
-            read_row(reference.velocity, k, row),
-            read_row(reference.acceleration, k, row),
-        )
-        when = When(k, plant.imperfections.age, period)
-        cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, memory, when)
+        answered, late, dt = True, 0, period
+        if hazards.on:
+            said = told(hazards, sample, angles, rates, effort)
+            if heard.told[sample]:
+                angles, rates, effort = said
+            answered, late, dt = heard.answered[sample], heard.late[sample], heard.dt[sample]
         write_row(joints, k, true.position)
         write_row(position, k, angles)
         write_row(efforts, k, state.torque)
-        write_row(fault, k, cycle.state.fault)
-        write_row(acted, k, cycle.acted)
         if complete:
             write_row(pose, k, true.pose)
             write_row(velocity, k, rates)
-            write_row(command, k, cycle.torque)
-            write_row(sliding_variable, k, cycle.sliding_variable)
-            write_row(coupled_error, k, cycle.coupled_error)
             write_row(passive_position, k, true.passive_position)
             write_row(passive_velocity, k, true.passive_velocity)
-        cycle_state = cycle.state
-        memory = cycle.memory
-        # 4. It acts until state k + 1.
-        state = step(plant, state, cycle.torque, period)
+        # 3. The torque computed from it.
+        if answered:
+            desired = JointReference(
+                read_row(reference.position, sample - late, row),
+                read_row(reference.velocity, sample - late, row),
+                read_row(reference.acceleration, sample - late, row),
+            )
+            when = When(sample - late, plant.imperfections.age, dt)
+            cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, memory, when)
+            torque, cause = cycle.torque, cycle.cause
+            write_row(acted, k, cycle.acted)
+            if complete:
+                write_row(command, k, torque)
+                write_row(sliding_variable, k, cycle.sliding_variable)
+                write_row(coupled_error, k, cycle.coupled_error)
+            cycle_state = cycle.state
+            memory = cycle.memory
+        else:
+            write_row(acted, k, 0)
+            if complete:
+                write_row(command, k, nothing)
+                write_row(sliding_variable, k, nothing)
+                write_row(coupled_error, k, nothing)
+        write_row(fault, k, cycle_state.fault)
+        # 4. It acts until the next state.
+        asked = torque
+        if hazards.on:
+            came, newest = commanded(hazards, sample, answered, torque, waiting)
+            asked, waiting = waited(
+                plant.patience, waiting, came, newest, true.position, true.velocity
+            )
+        state = step(plant, state, asked, period)
     return ClosedLoopRun(
         pose,
         joints,
@@ -181,4 +246,7 @@ def compiled_loop(
         state,
         cycle_state,
         memory,
+        waiting,
+        torque,
+        cause,
     )

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parallel_robot_base import cdr, layouts
+from parallel_robot_base.joint_layouts import passive_names
 from parallel_robot_sim.closed_loop import ClosedLoopRun
 
 
@@ -14,12 +16,16 @@ def state_layout(joints: tuple[str, ...], passive: int) -> cdr.Layout:
     """sensor_msgs/JointState: the actuated joints first, then some passive ones."""
     names = joints
     if passive:
-        names += tuple(f'{joint}_passive' for joint in joints[:passive])
+        names += passive_names(joints[:passive])
     return layouts.joint_state(names)
 
 
 def state_messages(
-    layout: cdr.Layout, stamps: Any, run: ClosedLoopRun, late: int = 0
+    layout: cdr.Layout,
+    stamps: Any,
+    run: ClosedLoopRun,
+    late: int = 0,
+    further: NDArray[np.int64] | int = 0,
 ) -> np.ndarray:
     """Fill the layout of :func:`state_layout` with a run; passive joints have no effort.
 
@@ -28,12 +34,13 @@ def state_messages(
         stamps: Of the states [ns], shape (N,).
         run: The run.
         late: Samples from the measurement of a state to its row in the run.
+        further: Samples by which it comes later still, shape (N,).
     """
     records = layout.records(run.steps, stamps)
     rows, n = slice(run.steps), run.position.shape[1]
     records['position'][:, :n] = run.position[rows]
     records['velocity'][:, :n] = run.velocity[rows]
-    records['effort'][:, :n] = told_effort(run.effort[rows], late)
+    records['effort'][:, :n] = told_effort(run.effort[rows], late)[np.arange(run.steps) - further]
     if records['position'].shape[1] > n:
         records['position'][:, n:] = run.passive_position[rows]
         records['velocity'][:, n:] = run.passive_velocity[rows]

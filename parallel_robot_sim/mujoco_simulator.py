@@ -12,6 +12,7 @@ from parallel_robot_model.joint_load import net_torque
 from parallel_robot_sim.configuration import PlantConfiguration
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant import MUJOCO, torques
+from parallel_robot_sim.plant_core import take
 from parallel_robot_sim.simulator import Simulator
 
 LONGEST = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion over a second
@@ -28,18 +29,19 @@ class MujocoSimulator(Simulator):
                 reach that pose.
         """
         super().__init__(configuration)
-        self._period = configuration.loop.period
         still = [0.0] * len(configuration.loop.joints)  # friction is the suite's
         pose = np.array(configuration.parameters.initial_pose)
         step = self._period / max(2, math.ceil(self._period / LONGEST))
         self._bodies = MujocoRobot(self.robot, pose, still, step)
         state, torque = self.state, self.state.torque
         self._torques = entry_point(torques, self._setup, state, torque, self._period)
+        self._take = entry_point(take, self._core, np.zeros(len(torque)), True)
         self._net = entry_point(net_torque, self._setup.load, torque, torque, 0.0)
 
-    def _step(self, command: np.ndarray) -> bool:
+    def _step(self, command: np.ndarray, arrived: bool) -> bool:
         state = self.state
-        torque, acting = self._torques(self._setup, state, vector(command), self._period)
+        self._take(self._core, command, arrived)
+        torque, acting = self._torques(self._setup, state, vector(self._asked), self._period)
 
         def load(velocity: Array, time: float) -> Array:
             net: Array = self._net(self._setup.load, acting, vector(velocity), time)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, NamedTuple
 
+import numpy as np
+
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field, PerJoint
 from parallel_robot_compiler import clip, kernel, vector
 from parallel_robot_sim.actuators import driven, held_disturbance
+from parallel_robot_sim.delay_line import sample_at
+from parallel_robot_sim.hazards import braked, limited
 from parallel_robot_sim.integrators import ode3, rk4
 from parallel_robot_sim.sensors import keep_sensed
 
@@ -63,6 +67,8 @@ class PlantSetup(NamedTuple):
         robot: Constants of the true robot, boxed.
         load: JointLoad, boxed.
         imperfections: Imperfections, boxed.
+        patience: Patience, boxed.
+        hazards: Hazards, boxed.
     """
 
     acceleration: Any
@@ -71,6 +77,8 @@ class PlantSetup(NamedTuple):
     robot: Any
     load: Any
     imperfections: Any
+    patience: Any
+    hazards: Any
 
 
 class PlantState(NamedTuple):
@@ -109,6 +117,8 @@ def torques(
         shape (n,).
     """
     limit = vector(setup.stepping.torque_limit)
+    if setup.hazards.on:
+        limit = limited(setup.hazards, sample_at(state.time, period), limit)
     torque = clip(command, -limit, limit)
     acting = torque
     if setup.imperfections.on:
@@ -135,6 +145,8 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     stepping = setup.stepping
     torque, acting = torques(setup, state, command, period)
     q, v, t = state.coordinates, state.rate, state.time
+    if setup.hazards.on and braked(setup.hazards, sample_at(t, period)):
+        return PlantState(q, np.zeros_like(v), torque, t + period)
     h = period / stepping.substeps
     arguments = (setup, acting)
     for _ in range(stepping.substeps):

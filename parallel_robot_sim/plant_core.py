@@ -13,6 +13,9 @@ from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import kernel, read_row, write_row
 from parallel_robot_control.cycle import is_finite
 from parallel_robot_control.message_kernels import joint_row, lay_open
+from parallel_robot_sim.delay_line import sample_at
+from parallel_robot_sim.hazards import commanded, told
+from parallel_robot_sim.motor_timeout import Waiting, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors import effort_at_stamp, sensed
 
@@ -28,7 +31,7 @@ class PlantCore(structref.StructRefProxy):  # type: ignore[misc]
 
 FIELDS = (
     'setup', 'period', 'start', 'coordinates', 'rate', 'torque', 'time',
-    'stamp', 'position', 'velocity', 'effort',
+    'silent', 'held', 'command', 'asked', 'stamp', 'position', 'velocity', 'effort',
 )  # fmt: skip
 structref.define_boxing(PlantCoreType, PlantCore)
 structref.define_constructor(PlantCore, PlantCoreType, FIELDS)
@@ -43,6 +46,10 @@ def plant_core(
     rate: Array,
     torque: Array,
     time: Array,
+    silent: Any,
+    held: Array,
+    command: Array,
+    asked: Array,
     stamp: Any,
     position: Array,
     velocity: Array,
@@ -58,23 +65,73 @@ def plant_core(
         rate: Their derivative, shape (c,).
         torque: Torque of the step that ended at the state [N m], shape (n,).
         time: Time of the state [s], shape (1,).
+        silent: Samples since the last command, see Waiting, shape (1,).
+        held: Joint angles when the safe action of the motors began [rad], shape (n,).
+        command: The last command [N m], shape (n,).
+        asked: What the motors are asked for over a period [N m], shape (n,).
         stamp: Stamp in the message, seconds and nanoseconds, shape (2,).
         position: Joints in the message [rad], shape (n,) or with the passive joints (n + p,).
         velocity: Their rates [rad/s], same shape.
         effort: Torques in the message [N m], same shape.
     """
     return PlantCore(
-        setup, period, start, coordinates, rate, torque, time, stamp, position, velocity, effort
+        setup,
+        period,
+        start,
+        coordinates,
+        rate,
+        torque,
+        time,
+        silent,
+        held,
+        command,
+        asked,
+        stamp,
+        position,
+        velocity,
+        effort,
     )
 
 
 @kernel
-def advance(core: Any, command: Array) -> bool:
-    """Advance by one period under a command [N m], shape (n,).
+def take(core: Any, command: Array, arrived: bool) -> None:
+    """Find what the motors are asked for over the next period.
+
+    Args:
+        core: The plant.
+        command: The newest command [N m], shape (n,).
+        arrived: Whether it is one for this period.
+    """
+    setup, row = core.setup, core.start.torque
+    newest = read_row(command, 0, row)
+    if arrived and not setup.hazards.on:
+        core.silent[0] = 0
+        write_row(core.asked, 0, newest)
+        return
+    coordinates = read_row(core.coordinates, 0, core.start.coordinates)
+    rate = read_row(core.rate, 0, core.start.rate)
+    joints = setup.measure(setup.robot, coordinates, rate)
+    before = Waiting(core.silent[0], read_row(core.held, 0, row), read_row(core.command, 0, row))
+    if setup.hazards.on:
+        sample = sample_at(core.time[0], core.period)
+        arrived, newest = commanded(setup.hazards, sample, arrived, newest, before)
+    asked, after = waited(
+        setup.patience, before, arrived, newest, joints.position, joints.velocity
+    )
+    core.silent[0] = after.silent
+    write_row(core.held, 0, after.held)
+    write_row(core.command, 0, after.command)
+    write_row(core.asked, 0, asked)
+
+
+@kernel
+def advance(core: Any, command: Array, arrived: bool) -> bool:
+    """Advance by one period; arguments as of :func:`take`.
 
     Returns:
         Whether the robot is still in its workspace; if not, the state is left unchanged.
     """
+    take(core, command, arrived)
     start = core.start
     state = PlantState(
         read_row(core.coordinates, 0, start.coordinates),
@@ -82,7 +139,7 @@ def advance(core: Any, command: Array) -> bool:
         read_row(core.torque, 0, start.torque),
         core.time[0],
     )
-    after = step(core.setup, state, read_row(command, 0, start.torque), core.period)
+    after = step(core.setup, state, read_row(core.asked, 0, start.torque), core.period)
     if not (is_finite(after.coordinates) and is_finite(after.rate)):
         return False
     write_row(core.coordinates, 0, after.coordinates)
@@ -111,6 +168,9 @@ def tell(core: Any, stamp: int) -> bool:
         angles, rates = sensed(setup, joints, core.time[0], core.period)
         torque = effort_at_stamp(setup, torque, core.time[0], core.period)
         stamp -= int(setup.imperfections.age * NANOSECONDS + 0.5)
+    if setup.hazards.on:
+        sample = sample_at(core.time[0], core.period)
+        angles, rates, torque = told(setup.hazards, sample, angles, rates, torque)
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS
     n = len(joints.position)

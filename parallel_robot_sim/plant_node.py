@@ -174,22 +174,32 @@ class PlantNode(SuiteNode):
         )
 
     def _publish(self, again: bool = False) -> None:
-        """Publish the present state of the run, perhaps once more."""
+        """Publish the present state of the run, perhaps once more, up to one that is answered."""
+        self._publish_state(again)
+        while self.run.go_on_alone():
+            self._publish_state()
+
+    def _publish_state(self, again: bool = False) -> None:
         stamp = self.run.stamp
         if self.lockstep:
             self._time.publish(self._time_message.encode(stamp))
         self._published_at = time.monotonic_ns()
         self._advanced_at = self._advanced_at if again else self._published_at
-        self._states.publish(self.run.message)
-        self._published += 1
+        if self.run.simulator.told:
+            self._states.publish(self.run.message)
+            self._published += 1
         index = stamp // self.period_ns
-        if index % topics.SLOW == 0 and self.run.simulator.robot.module.PLANAR:
+        if index % topics.SLOW == 0 and self._shows_pose():
             joints = self.run.simulator.measurement()
             pose = joints.pose
             fields = pose_fields(pose[np.newaxis])
             self._poses.publish(self._pose_message.encode(stamp, **fields))
             if index % topics.MARKERS_EVERY == 0 and self._markers.get_subscription_count():
                 self._markers.publish(self._marker_builder.build(stamp, pose, joints.position))
+
+    def _shows_pose(self) -> bool:
+        """Whether a pose is to be published, where that is due."""
+        return self.run.simulator.robot.module.PLANAR and self.run.simulator.shown
 
     def _on_time_out(self) -> None:
         self.counts['command time-outs'] += 1

@@ -156,6 +156,11 @@ class PlantRun:
         waits = self.index is not None and not (self.finished or self.outside)
         return waits and self._steps_left != 0 and seconds >= REPEAT / NANOSECONDS
 
+    def go_on_alone(self) -> bool:
+        """Step on from a state that hazards leave without an answer (lockstep)."""
+        alone = self._lockstep and not self.simulator.answered
+        return alone and self._steps_left != 0 and self._go_on()
+
     def pause(self) -> None:
         """Take no further step (lockstep)."""
         self._steps_left = 0
@@ -200,12 +205,9 @@ class PlantRun:
     def _step(self, stamp: int) -> bool:
         """Advance to a stamp [ns], with the command that came, or as the motors do without one."""
         try:
-            if self.commanded or self._lockstep:
-                self.simulator.advance(self.command)
-            else:
-                self.skipped += 1
-                if self.simulator.wait(self.command):
-                    self._on_time_out()
+            self.skipped += not self.commanded
+            if self.simulator.advance(self.command, self.commanded):
+                self._on_time_out()
             self._show(stamp)
         except RunError as error:
             self.outside = str(error)

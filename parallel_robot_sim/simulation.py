@@ -19,6 +19,7 @@ from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
@@ -50,6 +51,11 @@ class Simulation(NamedTuple):
         """Age of the states that their stamps tell [s]."""
         age: float = self.experiment.plant.setup.imperfections.age
         return age
+
+    @property
+    def course(self) -> Course:
+        """What hazards made of the course of the run."""
+        return course_of(self.experiment.plant, self.reference, self.experiment.loop.period)
 
     @property
     def desired(self) -> JointReference:
@@ -91,15 +97,26 @@ class Simulation(NamedTuple):
 
     @property
     def fault_text(self) -> str:
-        """The fault for people, with joint, value and limit where a joint is too fast."""
-        if self.fault is None:
+        """The first fault for people."""
+        return next((text for _, text in self.faults), '')
+
+    @property
+    def faults(self) -> list[tuple[float, str]]:
+        """When the controller entered a fault [s], and which; empty where it was cleared."""
+        fault, period = self.run.fault, self.experiment.loop.period
+        changes = np.flatnonzero(np.diff(fault, prepend=faults.NONE))
+        return [(float(k * period), self._fault_at(int(k))) for k in changes]
+
+    def _fault_at(self, k: int) -> str:
+        """The fault at a row for people, with joint, value and limit where a joint is too fast."""
+        number = int(self.run.fault[k])
+        if number == faults.NONE:
             return ''
-        k = int(np.flatnonzero(self.run.fault)[0])
         loop, control = self.experiment.loop, self.experiment.control
         speeds, limits = np.abs(self.run.velocity[k]), np.asarray(control.setup.limits.speed)
         fast = np.flatnonzero(speeds > limits)
-        if self.run.fault[k] != faults.SPEED or not fast.size:
-            return self.fault[1].text
+        if number != faults.SPEED or not fast.size:
+            return faults.of(self.experiment.trajectory.robot.module)[number].text
         joint = int(fast[0])
         value, limit = apart(float(speeds[joint]), float(limits[joint]))
         return f'{loop.joints[joint]} at {value} rad/s is above safety.speed_limit, {limit} rad/s'

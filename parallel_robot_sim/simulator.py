@@ -6,9 +6,10 @@ import numpy as np
 
 from parallel_robot_base import layouts
 from parallel_robot_base.errors import DRIVEN_OUT, RunError
+from parallel_robot_base.hazard_times import HazardTimes
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import entry_point, need_compiler, vector
 from parallel_robot_control.message_kernels import wire_of
-from parallel_robot_control.safety import safe_action, safe_torque
 from parallel_robot_model.contract import Measurement
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import PlantConfiguration
@@ -31,27 +32,30 @@ class Simulator:
             InputError: the robot does not reach that pose, or the compiler is switched off.
         """
         need_compiler()
-        loop, parameters = configuration.loop, configuration.parameters
+        loop = configuration.loop
         self.robot = robot = configuration.robot
         axes = robot.module.coordinates(robot.parameters)
         self._units = ', '.join(axis.unit for axis in axes)
-        self._setup, start = assemble_plant(configuration)
-        self._safe = safe_action(parameters.timeout_action, configuration.safety)
-        self._patience = max(1, round(parameters.command_timeout / loop.period))
-        self._silent = 0  # steps since the last command
+        self._setup, start, hazards, _ = assemble_plant(configuration)
+        self._times = HazardTimes(hazards, loop.period) if hazards else None
+        self._period = loop.period
+        self._patience = self._setup.patience.samples
         n = len(loop.joints)
-        self._held: np.ndarray = np.zeros(n)
+        self._silent = np.zeros(1, np.int64)  # periods since the last command
+        self._asked = np.zeros(n)  # N m, of the motors over a period
         self._state = (
             np.array(start.coordinates),
             np.array(start.rate),
             np.array(start.torque),
             np.array([start.time]),
         )
-        torque = start.torque
-        self._safe_torque = entry_point(safe_torque, self._safe, torque, torque, torque)
         measure = robot.module.measure
         self._measure = entry_point(measure, robot.constants, start.coordinates, start.rate)
-        passive = len(self.measurement().passive_position) if parameters.publish_passive else 0
+        passive = (
+            len(self.measurement().passive_position)
+            if configuration.parameters.publish_passive
+            else 0
+        )
         draft = state_layout(loop.joints, passive).draft()
         self._message = draft.bytes
         self._core = plant_core(
@@ -59,12 +63,16 @@ class Simulator:
             loop.period,
             start,
             *self._state,
+            self._silent,
+            np.zeros(n),
+            np.zeros(n),
+            self._asked,
             self._message[4:12].view(np.int32),
             *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
         )
         self._wire = wire_of(layouts.float64_multi_array(n), ('data',), range(n))
         self._read = entry_point(read_command, self._wire, b'', np.zeros(n))
-        self._advance = entry_point(advance, self._core, np.zeros(n))
+        self._advance = entry_point(advance, self._core, np.zeros(n), True)
         self._tell = entry_point(tell, self._core, 0)
 
     @property
@@ -80,7 +88,7 @@ class Simulator:
 
     def warm(self) -> None:
         """Compile the kernels; the robot advances by one period without torque."""
-        self.wait(np.zeros(len(self._held)))
+        self.advance(np.zeros(len(self._asked)))
 
     def read(self, data: bytes, command: np.ndarray) -> bool:
         """Read a command message into `command` [N m], shape (n,).
@@ -91,46 +99,49 @@ class Simulator:
         understood: bool = self._read(self._wire, data, command)
         return understood
 
-    def advance(self, command: np.ndarray) -> None:
-        """Advance by one period under a command [N m], shape (n,).
+    @property
+    def sample(self) -> int:
+        """Index of the present sample, since the start."""
+        return round(float(self._state[3][0]) / self._period)
 
-        Raises:
-            RunError: the robot was driven out of its workspace; it stays where it was.
-        """
-        if not self._step(command):
-            raise RunError(
-                f'{DRIVEN_OUT} at pose {np.round(self.pose, 4).tolist()} ({self._units})'
-            )
-        self._silent = 0
+    @property
+    def told(self) -> bool:
+        """Whether hazards leave a message of the present state."""
+        return self._times is None or self._times.is_told(self.sample)
 
-    def _step(self, command: np.ndarray) -> bool:
-        """Advance the state; False, with the state unchanged, if the robot was driven out."""
-        inside: bool = self._advance(self._core, command)
-        return inside
+    @property
+    def answered(self) -> bool:
+        """Whether hazards leave a message of the present state that a controller answers."""
+        return self._times is None or self._times.is_answered(self.sample)
 
-    def wait(self, command: np.ndarray) -> bool:
-        """Advance by one period for which no new command came.
+    @property
+    def shown(self) -> bool:
+        """Whether hazards leave a message of the present pose."""
+        return self._times is None or self._times.is_shown(self.sample)
+
+    def advance(self, command: np.ndarray, arrived: bool = True) -> bool:
+        """Advance by one period.
 
         Args:
-            command: The last one [N m], shape (n,); it holds until the time-out.
+            command: The newest command [N m], shape (n,).
+            arrived: Whether it is for this period; else it holds until the time-out.
 
         Returns:
             Whether the safe action of the motors begins with this period.
 
         Raises:
-            RunError: the robot was driven out of its workspace.
+            RunError: the robot was driven out of its workspace; it stays where it was.
         """
-        self._silent += 1
-        joints = self.measurement()
-        if self._silent == self._patience:
-            self._held = joints.position
-        safe = self._safe_torque(self._safe, vector(self._held), joints.position, joints.velocity)
-        if self._silent >= self._patience:
-            command = safe
-        silent = self._silent
-        self.advance(command)
-        self._silent = silent
-        return silent == self._patience
+        if not self._step(command, arrived):
+            raise RunError(
+                f'{DRIVEN_OUT} at pose {np.round(self.pose, 4).tolist()} ({self._units})'
+            )
+        return bool(self._silent[0] == self._patience)
+
+    def _step(self, command: np.ndarray, arrived: bool) -> bool:
+        """Advance the state; False, with the state unchanged, if the robot was driven out."""
+        inside: bool = self._advance(self._core, command, arrived)
+        return inside
 
     def measurement(self) -> Measurement:
         """Joints and pose at the present state."""
@@ -144,6 +155,8 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
+        if self._times is not None:
+            stamp -= self._times.late(self.sample) * round(self._period * NANOSECONDS)
         if not self._tell(self._core, stamp):
             raise RunError(DRIVEN_OUT)
         return self._message.tobytes()

@@ -71,7 +71,7 @@ def simulated(values: Mapping[str, Any]) -> simulation.Simulation:
 
 def open_loop(values: Mapping[str, Any], torques: Any) -> list[PlantState]:
     """States of the plant under torques held over each period, shape (N, n)."""
-    setup, state = make_plant(values)
+    setup, state, *_ = make_plant(values)
     states = [state]
     for torque in torques:
         state = on_vectors(step)(setup, state, torque, values['period'])

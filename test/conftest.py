@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 
 import pytest
@@ -88,6 +89,14 @@ def _no_process(pytestconfig):
 
 
 @pytest.fixture(scope='session', autouse=True)
+def _own_state(tmp_path_factory):
+    """An emergency stop that a test leaves behind is not found by others, nor by users."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_STATE_HOME', str(tmp_path_factory.mktemp('state')))
+        yield
+
+
+@pytest.fixture(scope='session', autouse=True)
 def _no_nicer():
     """`live` and `top` take less of the processor: in a worker, all tests after them would."""
     with pytest.MonkeyPatch.context() as patch:
@@ -104,6 +113,7 @@ settings.register_profile(
 )
 settings.load_profile('suite')
 pytest.register_assert_rewrite('browser', 'ros_fixtures', 'sweeping', 'warm_trials')
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # where `nohup` starts the tests, too
 gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looked through
 
 

@@ -291,7 +291,7 @@ def node(request, domain, monkeypatch):
 def handlers(monkeypatch):
     """What this process does at signals, as it was, after the test; no words for the node."""
     monkeypatch.setattr(sys, 'argv', ['node'])
-    numbers = (signal.SIGINT, signal.SIGTERM)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = [signal.getsignal(number) for number in numbers]
     gc.unfreeze()
     yield

@@ -18,10 +18,10 @@ def _approached(parameters, before, reference, position, velocity, dt):
     return approached(parameters, before, reference, position, velocity, dt)
 
 
-def courses(duration, count, begin=START, way_back=1.0):
+def courses(duration, count, begin=START, way_back=1.0, acceleration=1.0):
     """What is added to a reference that stands still, its rate and acceleration."""
     before, rows = not_begun(2, begin), []
-    parameters = ApproachParameters(duration, way_back)
+    parameters = ApproachParameters(duration, way_back, acceleration)
     position = vector(np.asarray(REFERENCE.position) + OFFSET)
     velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
     for _ in range(count):
@@ -33,8 +33,8 @@ def courses(duration, count, begin=START, way_back=1.0):
     return np.array(rows)
 
 
-def quintic(duration):
-    """Coefficients of the polynomials with the offsets at 0 and nothing at the end, by joints."""
+def quintic(duration, offset, rate):
+    """Coefficients of the polynomials with offsets at 0 and nothing at the end, by joints."""
     powers = np.arange(6)
 
     def rows(t):
@@ -43,18 +43,33 @@ def quintic(duration):
         yield powers * (powers - 1) * t ** np.maximum(powers - 2, 0)
 
     ends = np.array([*rows(0.0), *rows(duration)])
-    return np.linalg.solve(ends, [OFFSET, RATE, 0 * RATE, 0 * RATE, 0 * RATE, 0 * RATE])
+    return np.linalg.solve(ends, [offset, rate, 0 * rate, 0 * rate, 0 * rate, 0 * rate])
 
 
-@pytest.mark.parametrize('given', [(0.1, 130), (0.0, 130, BACK, 0.1), (0.1, 130, BACK, 0.05)])
-def test_the_offset_is_faded_by_the_quintic(given):
-    found = courses(*given)
-    t = np.minimum(DT * np.arange(130), 0.1)[:, np.newaxis]
-    wanted = sum(c * t**k for k, c in enumerate(quintic(0.1)))
-    assert np.allclose(found[:, 0], wanted, atol=1e-12)
+def faded(duration, offset, rate, count=130):
+    """An offset and a rate faded over a duration, at each sample."""
+    t = np.minimum(DT * np.arange(count), duration)[:, np.newaxis]
+    return sum(c * t**k for k, c in enumerate(quintic(duration, offset, rate)))
+
+
+def test_the_offset_is_faded_by_the_quintic():
+    found = courses(0.1, 130)
+    assert np.allclose(found[:, 0], faded(0.1, OFFSET, RATE), atol=1e-12)
     assert np.allclose(np.gradient(found[:, 0], DT, axis=0)[1:98], found[1:98, 1], atol=2e-2)
     assert np.allclose(np.gradient(found[:, 1], DT, axis=0)[2:97], found[2:97, 2], atol=1.0)
     assert not found[100:].any()
+
+
+def test_on_a_way_back_the_rate_is_braked_with_the_acceleration_that_is_given():
+    found = courses(0.0, 130, BACK, 0.12, 40.0)
+    braking = 3.943 * 0.4 / 40.0
+    assert np.allclose(
+        found[:, 0], faded(0.12, OFFSET, 0 * RATE) + faded(braking, 0 * OFFSET, RATE), atol=1e-12
+    )
+    alone = found[:, 2] - courses(0.0, 130, BACK, 0.12, 1e9)[:, 2]
+    assert np.abs(alone[3:]).max() == pytest.approx(40.0, rel=0.01)
+    far = courses(0.0, 130, BACK, 0.01, 40.0)[:, 0]
+    assert not far[round(np.sqrt(5.774 * 0.05 / 40.0) / DT) + 1 :].any() and far[80].any()
 
 
 def test_without_a_duration_the_reference_stays_as_it_is():

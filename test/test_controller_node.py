@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rclpy.clock import ClockType
+from rclpy.parameter import Parameter
 from rclpy.time import Time
+from std_srvs.srv import Trigger
 
 from parallel_robot_base import config, layouts, topics
 from parallel_robot_control import controller, controller_state
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.faults import NONE, STATES_STALE
+from parallel_robot_control.faults import EMERGENCY_STOP, NONE, STATES_STALE
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import trajectory_of
@@ -79,3 +81,25 @@ def test_a_node_that_stood_still_does_not_go_on_as_if_nothing_were(loop):
     (torque,) = loop.give(2 * SECOND)
     assert not torque.any()  # the safe action of a robot at rest
     assert loop.controller._controller.clear_fault() == ''
+
+
+def test_a_pose_is_told_by_a_parameter_in_a_fault_alone(loop):
+    """And asked for by a service."""
+    loop.give(SECOND)
+    pose = config.resolve('paper_circle')['plant.initial_pose']
+    near = [Parameter('controller.guess', value=[0.52, 0.36, 1.5])]
+    result = loop.controller.set_parameters_atomically(near)
+    assert not result.successful and 'in a fault alone' in result.reason
+    answer = loop.controller._answer_confirm_pose(Trigger.Request(), Trigger.Response())
+    assert not answer.success and answer.message == 'the pose is known'
+    loop.controller._controller.trip(EMERGENCY_STOP)
+    result = loop.controller.set_parameters_atomically(near)
+    assert result.successful
+    believed = loop.controller._controller.state.pose
+    assert np.abs(np.array(believed) - pose).max() < 1e-9
+    assert loop.controller.get_parameter('controller.guess').value == [0.52, 0.36, 1.5]
+    both = [*near, Parameter('law', value='pid')]
+    assert loop.controller.set_parameters_atomically(both).successful
+    both[0] = Parameter('controller.guess', value=[0.5, 0.36, 1.5])
+    result = loop.controller.set_parameters_atomically(both)
+    assert not result.successful and 'request of its own' in result.reason

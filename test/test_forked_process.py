@@ -16,7 +16,8 @@ from parallel_robot_base import forked_process, module_process
 atexit.register(print, 'the parent ends')
 logging.basicConfig(format='the parent says %(message)s')
 os.environ['OF_PARENT'] = 'kept'
-signal.signal(signal.SIGTERM, lambda *_: print('a handler of the parent'))
+for number in (signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, lambda *_: print('a handler of the parent'))
 held, folder = socket.socket(), tempfile.TemporaryDirectory()
 print('said once')
 log = tempfile.TemporaryFile()
@@ -31,7 +32,7 @@ def main():
         'argv': sys.argv, 'name': open('/proc/self/comm').read().strip(),
         'leads': os.getsid(0) == os.getpid(), 'stdin': os.readlink('/proc/self/fd/0'),
         'open': sorted(os.listdir('/proc/self/fd'))[:-1],  # the last one is that of the list
-        'handlers': [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)],
+        'handlers': [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)],
         'blocked': [*signal.pthread_sigmask(signal.SIG_BLOCK, ())],
         'variables': [os.environ[name] for name in ('OF_PARENT', 'GIVEN')],
     }))
@@ -71,7 +72,7 @@ def test_it_has_nothing_of_its_parent_but_what_is_imported(tmp_path):
         'leads': True,
         'stdin': '/dev/null',
         'open': ['0', '1', '2'],
-        'handlers': [signal.SIG_DFL, signal.SIG_DFL],
+        'handlers': [signal.SIG_DFL] * 3,
         'blocked': [],
         'variables': ['kept', 'new'],
     }

@@ -37,6 +37,7 @@ def test_faults_limits_and_losses(tmp_path):
     assert history.remarks(past, START) == [
         'limits acted: ramp after a take-over, torque limit, torque rate limit',
         'fault at t = 2.000 s, safe action from there on: emergency stop',
+        'fault cleared at t = 3.000 s',
     ]
     assert past.lost == {'joint_states': 3, 'pose': 0}
     (line,) = history.losses(past)

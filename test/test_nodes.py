@@ -3,9 +3,11 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -104,7 +106,9 @@ def test_nodes_end_in_order_when_their_launcher_is_killed(compiled, peer, tmp_pa
         assert bag.message_count > 0
 
 
-@pytest.mark.parametrize('signals', [['SIGINT'], ['SIGTERM'], ['SIGINT', 'SIGINT']], ids=' '.join)
+@pytest.mark.parametrize(
+    'signals', [['SIGINT'], ['SIGTERM'], ['SIGHUP'], ['SIGINT', 'SIGINT']], ids=' '.join
+)
 def test_each_node_starts_alone_and_ends_in_order(signals, start, peer):
     fresh = len(signals) > 1  # the second meets the end of an interpreter
     nodes = {name: start(name, namespace=f'alone_{name}', fresh=fresh) for name in NAMES}
@@ -113,6 +117,22 @@ def test_each_node_starts_alone_and_ends_in_order(signals, start, peer):
         assert process.running
         assert process.end(*(getattr(signal, name) for name in signals)) == 0
         assert not trouble(process)
+
+
+def test_a_node_that_is_to_outlive_its_terminal_does(start, peer):
+    """As `nohup` starts it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = start('trajectory', fresh=True)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    peer.meet('trajectory', process)
+    status = Path(f'/proc/{process.pid}/status').read_text()
+    ignored = int(re.search(r'^SigIgn:\s*(\w+)', status, re.M)[1], 16)
+    assert ignored >> signal.SIGHUP - 1 & 1
+    process.signal(signal.SIGHUP)
+    peer.meet('trajectory', process)
+    assert process.end(signal.SIGTERM) == 0
 
 
 def test_ctrl_c_again_and_again_ends_a_node_in_order(launch, peer):
@@ -150,21 +170,22 @@ def test_whole_numbers_are_numbers(guess, start, peer):
     assert process.running and process.end(signal.SIGINT) == 0
 
 
-def test_nodes_started_by_hand_close_the_loop(start, peer):
+@pytest.mark.parametrize('name', ['SIGINT', 'SIGHUP'])
+def test_nodes_started_by_hand_close_the_loop(name, start, peer):
     heard, states = peer.listen(topics.ERROR), peer.listen(topics.JOINT_STATES)
     commands, nodes = peer.listen(topics.COMMANDS), {}
-    for name in ('controller', 'plant', 'trajectory'):
-        nodes[name] = start(name, *PATIENT)
-        peer.meet(name, nodes[name])
+    for node in ('controller', 'plant', 'trajectory'):
+        nodes[node] = start(node, *PATIENT)
+        peer.meet(node, nodes[node])
     peer.until(lambda: heard)
     assert np.abs(heard[0].position).max() > 5e-3
     peer.until(lambda: np.abs(heard[-1].position).max() < 1e-3)
     assert any(states[-1].effort)
-    assert nodes['controller'].end(signal.SIGINT) == 0
+    assert nodes['controller'].end(getattr(signal, name)) == 0
     peer.until(lambda: list(commands[-1].data) == [0.0, 0.0, 0.0])
     peer.until(lambda: not any(states[-1].effort))
     assert not any(commands[-1].data)
-    assert all(nodes[name].running for name in ('plant', 'trajectory'))
+    assert all(nodes[node].running for node in ('plant', 'trajectory'))
 
 
 def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):

@@ -53,7 +53,7 @@ def test_an_uneven_robot_agrees_with_mujoco(robot):
 
 def motion(values, state, torque, period, count):
     """States under one torque."""
-    setup, _ = make_plant(values)
+    setup = make_plant(values).setup
     states = [state]
     for _ in range(count):
         states.append(on_vectors(plant.step)(setup, states[-1], torque, period))
@@ -129,7 +129,7 @@ def test_a_torque_that_is_no_number_does_not_pass_unseen():
 
 
 def test_the_start_is_at_rest_at_the_initial_pose():
-    _, state = make_plant(resolve(PI12_START))
+    state = make_plant(resolve(PI12_START)).state
     assert np.array_equal(state.coordinates, PI12_START)
     assert not state.rate.any() and not state.torque.any()
 

@@ -169,6 +169,28 @@ def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
     assert set(laws) == {'s_fotsmc', 'pid'}
 
 
+def test_a_pose_that_was_told_is_replayed(tmp_path):
+    """Another assembly mode, so that the law computes with another model from there on."""
+
+    def tell(controller):
+        position, pose = controller.state.last.position, controller.state.pose
+        modes = controller._modes.all(np.array(position), np.array(pose))
+        controller.place(modes[1])
+
+    script = {
+        120: lambda controller: controller.trip(faults.EMERGENCY_STOP),
+        150: tell,
+        180: lambda controller: controller.clear_fault(),
+    }
+    bag = live(tmp_path / 'bag', script)
+    log, past = run_log.read(bag), history.read(bag)
+    found = again(bag)
+    assert found.known.all() and not found.differing.any()
+    untold = tuple(said._replace(pose=()) for said in past.statuses)
+    without = replayed.again(log, past._replace(statuses=untold), configure(log.config))
+    assert without.differing[185:].any()
+
+
 def test_a_filter_that_begins_and_ends_with_its_law_is_replayed(tmp_path):
     """Guesses from which state on a change acted must not leave traces in its memory."""
     bag = live(

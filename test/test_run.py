@@ -1,8 +1,11 @@
 """The command `run`: real nodes, real bags, and nothing left behind."""
 
+import os
+import pty
 import re
 import resource
 import signal
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +13,15 @@ import pytest
 from bags import content
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_fixtures import PATIENCE, ROOT, SLOW_LOOP
+from ros_fixtures import PATIENCE, ROOT, SLOW_LOOP, Child, until
 from rosbags.rosbag2 import Reader
+from warm_process import children
 
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_bags import history, run_log
 from parallel_robot_bags.recovery import recover
 from parallel_robot_base import topics
+from parallel_robot_base.module_process import command
 from parallel_robot_base.processes import MODULES
 from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import configure
@@ -24,6 +29,7 @@ from parallel_robot_control.configuration import configure
 pytest_plugins = ['ros_fixtures']
 
 COMMAND_LINE = 'parallel_robot_cli.command_line'
+ENDS = {'SIGINT': 130, 'SIGTERM': 143, 'SIGHUP': 129}  # signals, and exit codes then
 
 
 @pytest.fixture
@@ -186,24 +192,24 @@ def test_a_full_disk_ends_the_run_in_one_line(begin, tmp_path):
     assert not (tmp_path / 'bag' / 'metadata.yaml').exists()
 
 
-@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+@pytest.mark.parametrize('name', ENDS)
 def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
     process = launch(COMMAND_LINE, 'simulate', 'paper_circle', '--duration', 60, '--out', 'bag')
     file = tmp_path / 'bag' / 'bag_0.mcap'
     process.until(lambda: file.exists() and file.stat().st_size > 30_000)
-    assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
+    assert process.end(getattr(signal, name)) == ENDS[name]
     assert process.stderr == ''
     log = run_log.read(tmp_path / 'bag')
     assert not log.warnings and 10 < len(log.time) < 60_000
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
 
-@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+@pytest.mark.parametrize('name', ENDS)
 def test_a_signal_while_a_report_is_drawn_leaves_nothing_of_it(name, launch, tmp_path):
     assert launch(COMMAND_LINE, 'simulate', 'paper_circle', '--out', 'bag').wait() == 0
     process = launch('parallel_robot_cli.__main__', 'report', 'bag', '--out', 'report')
     process.until(lambda: [*tmp_path.glob('.report.*/report/report.html')])
-    assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
+    assert process.end(getattr(signal, name)) == ENDS[name]
     assert process.stderr == ''
     assert not [*tmp_path.glob('*report*')]
 
@@ -217,12 +223,12 @@ def test_a_recorder_that_is_stopped_early_is_no_success(begin, tmp_path):
     check_end(tmp_path / 'bag', nodes)
 
 
-@pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
+@pytest.mark.parametrize('name', ENDS)
 def test_a_signal_ends_the_run_in_order(name, begin, tmp_path):
     """The plant first, so the robot is never without its controller, and nothing is missing."""
     process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
-    assert process.end(getattr(signal, name)) == {'SIGINT': 130, 'SIGTERM': 143}[name]
+    assert process.end(getattr(signal, name)) == ENDS[name]
     assert 'lost' not in process.stderr
     check_end(tmp_path / 'bag', nodes)
     log = run_log.read(tmp_path / 'bag')
@@ -230,6 +236,24 @@ def test_a_signal_ends_the_run_in_order(name, begin, tmp_path):
     assert 'end-effector error, rms' in process.stdout and '\nbag ' in process.stdout
     assert not log.command[-1].any() and log.command[:-1].any(axis=1).all()
     assert log.effort[-20:].any()  # 0.1 s; it went on for 0.7 s without torque once
+
+
+def test_the_end_of_its_terminal_ends_the_run_in_order(domain, compiled, tmp_path):
+    words = ['run', 'paper_circle', '--duration', '600', '--out', 'bag']
+    words += [word for key in SLOW_LOOP for word in ('--set', key.replace(':=', '='))]
+    pid, terminal = pty.fork()
+    if not pid:
+        os.chdir(tmp_path)
+        os.environ['PYTHONPATH'] = str(ROOT)
+        os.execv(sys.executable, command('parallel_robot_cli', *words))
+    files = tmp_path / 'bag'
+    until(lambda: any(file.stat().st_size > 30_000 for file in files.glob('*.mcap')))
+    nodes = {module: Child(one, os.pidfd_open(one)) for module, one in children(pid).items()}
+    assert set(nodes) == set(MODULES.values())
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == ENDS['SIGHUP']
+    check_end(files, nodes)
+    assert not run_log.read(files).command[-1].any()
 
 
 def test_a_signal_before_the_motion_begins_leaves_nothing(begin, tmp_path):
@@ -255,3 +279,25 @@ def test_a_second_run_on_the_same_domain_leaves_the_first_alone(begin, start, tm
     assert second.wait() == 1 and 'ROS_DOMAIN_ID' in second.stderr
     assert first.end(signal.SIGINT) == 130
     check_end(tmp_path / 'first', nodes)
+
+
+def test_hazards_leave_the_bag_that_the_simulation_has(start, tmp_path):
+    said = [
+        'states_lost at 0.2 for 0.6', 'clear_fault at 0.9', 'commands_lost at 1.0 for 0.1',
+        'states_late delay 0.02 at 1.2 for 0.1', 'velocity_nan joint joint1 at 1.4 for 0.05',
+    ]  # fmt: skip
+    words = ['--set', f'hazards={said}']
+    process = start('bag', 1.6, '--time-mode', 'lockstep', *words)
+    assert process.wait() == 0, process.stderr
+    simulated = ['simulate', 'paper_circle', '--duration', '1.6', *words]
+    assert main([*simulated, '--out', str(tmp_path / 'simulated')]) == 0
+    of_nodes, without = (
+        {
+            topic: [data for _, data in messages]
+            for topic, messages in content(tmp_path / name / f'{name}_0.mcap').items()
+        }
+        for name in ('bag', 'simulated')
+    )
+    assert of_nodes == without
+    assert len(of_nodes['joint_states']) == 1601 - 600 - 20
+    assert main(['replay', str(tmp_path / 'bag')]) == 0

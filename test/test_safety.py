@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assembly import FAULTS
+from assembly import FAULTS, simulated
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry import ROBOT, jacobian, kinetic_energy, legs, margins
 from hypothesis import given
@@ -258,6 +258,19 @@ def test_a_stop_before_the_first_state_keeps_the_robot_where_it_is(action):
         assert sample.status.fault == FAULTS[EMERGENCY_STOP] and not sample.torque.any()
     assert rig.controller.clear_fault() == ''
     assert rig.step().status.fault is None
+
+
+@pytest.mark.parametrize('mode', ['wall', 'lockstep'])
+def test_a_controller_may_begin_in_emergency_stop(mode):
+    """With nodes and without them, where nobody ends it."""
+    rig = Rig(mode, controller__stopped=True)
+    for _ in range(100):
+        sample = rig.step()
+        assert sample.status.fault == FAULTS[EMERGENCY_STOP] and not sample.torque.any()
+    assert rig.controller.clear_fault() == ''
+    assert rig.step().status.fault is None
+    alone = simulated({**rig.values, 'duration': 0.1})
+    assert alone.fault == (0.0, FAULTS[EMERGENCY_STOP]) and not alone.run.command.any()
 
 
 @pytest.mark.parametrize('jump', [-900, 10_000, 10**9])

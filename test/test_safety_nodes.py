@@ -1,6 +1,9 @@
 """Safety with real nodes in real time: services, latched status, a controller that is killed."""
 
+import os
+import re
 import signal
+import time
 from contextlib import ExitStack
 
 import numpy as np
@@ -8,18 +11,25 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from domain_coordinator import domain_id
 from ros_fixtures import DAMPING, PERIOD, RECENT, SLOW_LOOP, STATE_TIMEOUT, Peer, Process
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import topics
 from parallel_robot_base.processes import MODULES
 from parallel_robot_control import faults
-from parallel_robot_control.faults import EMERGENCY_STOP, STATES_DISAGREE, STATES_STALE
+from parallel_robot_control.faults import (
+    COMMANDS_DISAGREE,
+    EMERGENCY_STOP,
+    STATES_DISAGREE,
+    STATES_STALE,
+)
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('safety_nodes')  # one loop for all
 
 LATE = 400  # samples by which a command may come late, on a busy machine
 ENOUGH = 100  # samples that show how it stays
+STRANGE = 'effort_controller/commands: messages of two publishers'
 PATIENT = [
     *SLOW_LOOP,
     'plant.command_timeout:=0.5',
@@ -103,6 +113,10 @@ class Loop:
             return found and found[0] == level and all(mark in str(found) for mark in marks)
 
         self.until(told)
+
+    def strange(self):
+        """Commands of strangers, as the plant counted them."""
+        return int(self.diagnostics.get('/plant', (0, '', {}))[2].get(STRANGE, 0))
 
     def damps(self, first):
         """Whether each effort from state `first` (negative) on damps one of those before it."""
@@ -210,24 +224,87 @@ def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
     loop.until_steady()
 
 
-def test_of_two_controllers_none_is_obeyed_until_one_ends(loop):
+def test_of_two_controllers_the_first_is_safe_and_the_second_never_acts(loop):
     loop.until_steady()
+    states = len(loop.states)
     other = loop.start('controller', *PATIENT, words=['-r', '__node:=other'])
-    mark = "'effort_controller/commands: messages of two publishers'"
-    loop.until_told('plant', DiagnosticStatus.WARN, mark, "'command time-outs'")
-    loop.until(lambda: damped(loop.states[-20:]).all())
+    loop.until_fault(COMMANDS_DISAGREE)
+    loop.until_told('plant', DiagnosticStatus.WARN, STRANGE)
+    answer = loop.call('clear_fault')
+    assert not answer.success and answer.message == (
+        '/effort_controller/commands has 2 publishers: /controller, /other; stop all but one'
+    )
+    begun = len(loop.states)
+    loop.until(lambda: len(loop.states) > begun + ENOUGH and loop.damps(-ENOUGH))
     assert other.end(signal.SIGINT) == 0
+    assert loop.status()[0] == DiagnosticStatus.ERROR  # until a person says so
+    loop.until(lambda: loop.call('clear_fault').success)
     loop.until_steady()
+    assert 'fault: another node publishes' in other.stderr
+    assert np.abs(efforts(loop.states[states:])).max() < 50.0  # N m
 
 
-def test_two_plants_are_seen_and_their_mixture_is_not_controlled(loop):
+def test_a_command_of_a_stranger_never_acts_however_rare(loop):
+    """One of 150 N m every 1.2 s, beside a controller that damps, and beside none."""
     loop.until_steady()
-    commands = loop.peer.listen(topics.COMMANDS, RECENT)
-    loop.start('plant', *PATIENT, words=['-r', '__node:=other'])
+    states, told = len(loop.states), loop.strange()
+    stranger = loop.peer.publisher(topics.COMMANDS)
+    loop.until_fault(COMMANDS_DISAGREE)
+
+    def disturb(times):
+        for _ in range(times):
+            begun = len(loop.states)
+            stranger.publish(Float64MultiArray(data=[150.0] * 3))
+            loop.until(lambda: len(loop.states) >= begun + round(1.2 / PERIOD))  # noqa: B023
+
+    disturb(5)
+    loop.until(lambda: loop.strange() >= told + 5)  # all have been heard
+    assert loop.nodes['controller'].end(signal.SIGKILL) == -signal.SIGKILL
+    disturb(2)
+    loop.begin('controller')
+    loop.until_fault(COMMANDS_DISAGREE)
+    disturb(2)
+    loop.until(lambda: loop.strange() >= told + 9)
+    loop.peer.node.destroy_publisher(stranger)
+    loop.until(lambda: loop.call('clear_fault').success)
+    loop.until_steady()
+    assert np.abs(efforts(loop.states[states:])).max() < 100.0  # N m
+
+
+def test_an_emergency_stop_outlives_the_controller_until_it_is_cleared(loop):
+    loop.until_steady()
+    assert loop.call('emergency_stop').message == 'fault: emergency stop; ~/clear_fault ends it'
+    assert loop.nodes['controller'].end(signal.SIGKILL) == -signal.SIGKILL
+    loop.statuses.clear()
+    loop.begin('controller')
+    loop.until_fault(EMERGENCY_STOP)
+    today = time.strftime('%Y-%m-%d')
+    said = re.findall('emergency stop since (.*); ~/clear', loop.nodes['controller'].stderr)
+    assert len(said) == 1 and said[0].startswith((today, time.strftime('%Y-%m-%d')))
+    begun = len(loop.states)
+    loop.until(lambda: len(loop.states) > begun + ENOUGH and loop.damps(-ENOUGH))
+    assert loop.call('clear_fault').success
+    loop.until_steady()
+    assert loop.nodes['controller'].end(signal.SIGKILL) == -signal.SIGKILL
+    loop.statuses.clear()
+    loop.begin('controller')
+    loop.until_steady()
+    assert not loop.nodes['controller'].stderr.count('emergency stop')
+
+
+def test_two_plants_are_seen_and_the_second_is_not_controlled(loop):
+    loop.until_steady()
+    other = loop.start('plant', *PATIENT, words=['-r', '__node:=other'])
     loop.until_fault(STATES_DISAGREE)
     loop.until_told('controller', DiagnosticStatus.ERROR, "'joint_states: publishers': '2'")
-    loop.until_told('controller', DiagnosticStatus.ERROR, 'messages of two publishers')
-    loop.until(lambda: not any(commands[-1].data))
+    loop.until_told('controller', DiagnosticStatus.ERROR, 'joint_states: messages of two')
+    answer = loop.call('clear_fault')
+    assert (
+        not answer.success and '/joint_states has 2 publishers: /other, /plant' in answer.message
+    )
+    assert other.end(signal.SIGINT) == 0
+    loop.until(lambda: loop.call('clear_fault').success)
+    loop.until_steady()
 
 
 def test_two_publishers_are_seen_on_a_topic_of_another_name(start, peer):
@@ -242,6 +319,34 @@ def test_two_publishers_are_seen_on_a_topic_of_another_name(start, peer):
     topic = topics.JOINT_STATES._replace(name='/hardware/joints')
     publishers = [peer.publisher(topic) for _ in range(2)]
     peer.until(lambda: told.get('joint_states: publishers') == str(len(publishers)))
+
+
+@pytest.mark.parametrize('reason', ['parameter', 'told before'])
+def test_a_controller_that_begins_in_emergency_stop_says_so_at_once(reason, start, peer):
+    """Before the first state."""
+    if reason == 'told before':
+        killed = start('controller')
+        stop = peer.call(Trigger, 'controller/emergency_stop', Trigger.Request(), killed)
+        assert stop.success and killed.end(signal.SIGKILL) == -signal.SIGKILL
+    process = start('controller', f'controller.stopped:={str(reason == "parameter").lower()}')
+    peer.until(lambda: process.stderr.count('fault: emergency stop'))
+    statuses = peer.listen(topics.STATUS, RECENT)  # which has the last one for late listeners
+    peer.until(lambda: statuses)
+    assert statuses[0].status[0].message == 'fault: emergency stop'
+    peer.until(
+        lambda: peer.call(Trigger, 'controller/clear_fault', Trigger.Request(), process).success
+    )
+    peer.until(lambda: statuses[-1].status[0].level == DiagnosticStatus.OK)
+
+
+def test_a_stop_that_cannot_be_kept_is_told(launch, peer, tmp_path):
+    (tmp_path / f'parallel_robot_{os.getuid()}').write_text('in place of the directory')
+    process = launch(
+        MODULES['controller'], fresh=True, XDG_STATE_HOME='/dev/null', TMPDIR=str(tmp_path)
+    )
+    answer = peer.call(Trigger, 'controller/emergency_stop', Trigger.Request(), process)
+    assert answer.success and answer.message.startswith('fault: emergency stop; ~/clear_fault')
+    assert 'will not know it: no directory of your own' in answer.message
 
 
 def test_a_stop_before_the_first_state_is_told_and_can_be_cleared(start, peer):

@@ -67,7 +67,7 @@ def test_metadata_say_where_zero_is_and_how_it_was_made(bag):
 
 def test_state_0_is_the_initial_pose_without_effort(messages):
     _, first = messages['/joint_states'][0]
-    plant, state = make_plant(VALUES)
+    plant, state, *_ = make_plant(VALUES)
     expected = measure(plant.robot, state.coordinates, state.rate)
     assert np.array_equal(first.position, [*expected.position, *expected.passive_position])
     assert not first.velocity.any() and not first.effort.any()

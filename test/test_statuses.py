@@ -46,6 +46,14 @@ def test_a_status_is_read_as_it_was_written():
     assert decoded(status_message(START, STOPPED)) == stopped
 
 
+@pytest.mark.parametrize(
+    ('text', 'pose'),
+    [('0.5, -1e-3, 1.5', (0.5, -1e-3, 1.5)), ('not known', ()), ('0.5, nan', ()), ('', ())],
+)
+def test_a_pose_that_was_told_is_numbers(text, pose):
+    assert decoded(status_message(START, Status('pid', None, 0, pose=text))).pose == pose
+
+
 def test_codes_do_not_depend_on_the_texts():
     fault = Fault('speed', 'said in other words')
     found = decoded(status_message(START, Status('pid', fault, 0)))

@@ -148,7 +148,7 @@ def test_new_gains_go_on_with_the_memory_and_without_a_jump():
         < 1e-4
         < np.abs(integral).max()
     )
-    assert rig.run(300).status == ('pid', None, RAMP, '')
+    assert rig.run(300).status[:3] == ('pid', None, RAMP)
 
 
 def test_the_same_law_again_changes_nothing():

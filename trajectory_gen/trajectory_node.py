@@ -202,7 +202,8 @@ class TrajectoryNode(SuiteNode):
             self._sent = k - 1  # a new run, or the plant repeats a state: references are missing
         self._start, self._asked = start, stamp
         if self._sent < k + BATCH // 2:
-            for index in range(max(self._sent + 1, k), k + BATCH + 1):
+            first = self._sent + 1 if self.loop.hazards else max(self._sent + 1, k)
+            for index in range(first, k + BATCH + 1):  # states may have been lost
                 self._publish(index)
 
     def _on_motion(self, data: bytes) -> None:

@@ -11,6 +11,8 @@ from parallel_robot_bags.command_states import Used
 from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.hazard_times import HazardTimes
+from parallel_robot_base.hazards import parse
 from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
@@ -25,6 +27,7 @@ from parallel_robot_control.reference_buffer import RESTART
 from parallel_robot_control.transitions import (
     cleared,
     joining,
+    placed,
     restarted,
     switched,
     tripped,
@@ -39,6 +42,7 @@ OUTSIDE = {  # faults that states and references do not show
     faults.STATES_DISAGREE,
     faults.REFERENCES_DISAGREE,
     faults.EMERGENCY_STOP,
+    faults.COMMANDS_DISAGREE,
 }
 
 
@@ -49,11 +53,13 @@ class Event(NamedTuple):
         stamp: When, roughly [ns].
         values: New law or gains.
         fault: Fault that it was brought into, NONE when the fault was cleared, else None.
+        pose: Pose that it was told; empty when it was not.
     """
 
     stamp: int
     values: dict[str, Any]
     fault: int | None = None
+    pose: tuple[float, ...] = ()
 
 
 class Moment(NamedTuple):
@@ -84,6 +90,7 @@ class RecordedController:
 
     Attributes:
         exact: Whether the bag says which states were answered, and from which references.
+        shown: Faults that stamps show then.
         stamps: Of the states [ns], shape (A,).
         expected: The recorded commands, shape (A, n).
     """
@@ -118,11 +125,15 @@ class RecordedController:
         heard = log.effort if log.has_efforts else np.full_like(log.effort, np.nan)
         self._effort = heard[self._rows]
         steps = np.diff(self.stamps)
-        begun_anew = ((steps <= 0) | (steps >= RESTART)) & self.exact
+        lockstep, states_out = self._loop.lockstep, round(safety.state_timeout * NANOSECONDS)
+        begun_anew = ((steps <= 0) | ((steps >= RESTART) & (not lockstep))) & self.exact
         self._restarts = np.flatnonzero(begun_anew) + 1
+        self.shown = {faults.REFERENCE_STALE, *[faults.STATES_STALE] * lockstep}
+        self._gaps = np.flatnonzero((steps > states_out) & self.exact & lockstep) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])
-        dt[[0, *self._restarts]] = self._loop.period
         acts = self.stamps if log.used is None else log.used.acts[self._rows]
+        self._renewals = self._renewed((acts - log.start_stamp) // self._loop.period_ns)
+        dt[[0, *self._restarts, *self._renewals]] = self._loop.period
         self._states = States(
             log.position[self._rows],
             np.nan_to_num(log.velocity[self._rows]),  # as the node takes them, which has none
@@ -139,7 +150,13 @@ class RecordedController:
         if log.used is not None:
             self._take_used(log.used, round(safety.reference_timeout * NANOSECONDS))
         begun = np.flatnonzero(np.diff(self._stale, prepend=False) & self._stale)
-        self._edges = np.union1d(begun, self._restarts)
+        self._edges = np.unique([*begun, *self._restarts, *self._gaps, *self._renewals])
+
+    def _renewed(self, samples: np.ndarray) -> np.ndarray:
+        """Rows of the first states that new controllers hear; `samples` of the states."""
+        ends = HazardTimes(parse(self._loop.hazards), self._loop.period).renewals
+        rows = np.searchsorted(samples, ends)
+        return rows[(rows > 0) & (rows < len(samples))]
 
     def _take_used(self, used: Used, timeout: int) -> None:
         """Take the references that were used; what is older than a time-out [ns] is at rest."""
@@ -174,8 +191,8 @@ class RecordedController:
     def answer(self, moment: Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states, up to the first torque that is not the expected one.
 
-        A reference that is too old brings the controller into a fault; where answers stayed away
-        for too long, it begins anew.
+        A reference that is too old brings the controller into a fault, and in lockstep a state
+        that comes after too long; where the stamps begin anew, so does the controller.
 
         Args:
             moment: Before the first of them.
@@ -190,9 +207,13 @@ class RecordedController:
         torques, answered = [], 0
         inside = self._edges[(self._edges > first) & (self._edges < stop)]
         for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
-            if begin in self._restarts:
+            if begin in self._renewals:
+                state = state._replace(fault=faults.NONE)
+            if begin in self._restarts or begin in self._renewals:
                 state = restarted(state, np.array(self._configuration.guess))
                 state, memory = joining(state, self._effort[begin]), control.law.memory
+            elif begin in self._gaps:
+                state = without_torque(tripped(state, faults.STATES_STALE))
             if begin < stop and self._stale[begin]:
                 state = tripped(state, faults.REFERENCE_STALE)
             rows = slice(begin, end)
@@ -281,6 +302,8 @@ def after(moment: Moment, event: Event) -> Moment:
         before, configuration = control.law, changed(configuration, event.values)
         control = assemble(configuration, memory=control.setup.estimator.kalman.memory)
         state, memory = switched(state, memory, before, control.law)
+    if len(event.pose) == len(configuration.guess):
+        state = placed(state, np.array(event.pose))
     if event.fault == faults.NONE and state.fault != faults.NONE:
         state, memory = cleared(state), control.law.memory
     elif event.fault and state.fault == faults.NONE:
@@ -302,9 +325,13 @@ def events(history: History, configuration: ControlConfiguration) -> list[Event]
         if changed and change.node.endswith('/controller'):
             found.append(Event(change.stamp, changed))
     law, fault = None, NO_FAULT
+    pose: tuple[float, ...] = ()
     for status in history.statuses:
         if law not in (None, status.law) and status.law in laws:
             found.append(Event(status.stamp, {'law': status.law}))
+        if status.pose not in ((), pose):
+            found.append(Event(status.stamp, {}, None, status.pose))
+            pose = status.pose
         if status.fault != fault:
             if fault != NO_FAULT:
                 found.append(Event(status.stamp, {}, faults.NONE))

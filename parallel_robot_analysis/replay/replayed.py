@@ -16,7 +16,6 @@ from parallel_robot_analysis.replay.recorded_controller import RecordedControlle
 from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import ControlConfiguration, changed
 
 SLACK = NANOSECONDS // 4  # ns, between a change and its record
@@ -64,13 +63,15 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
     pending = [
         event
         for event in events(history, configuration)
-        if not (loop.exact and event.fault == faults.REFERENCE_STALE)
+        if not (loop.exact and event.fault in loop.shown)
     ]
     expected = loop.expected.copy()
     torque = np.empty_like(expected)
     slack = SLACK
     while k < len(torque):
-        due = pending[0].stamp + slack if pending else loop.stamps[-1] + 1
+        due = loop.stamps[-1] + 1
+        if pending:  # a pose that was told is seen in no command: at its recorded time
+            due = pending[0].stamp + (0 if pending[0].pose else slack)
         stop = max(k, int(np.searchsorted(loop.stamps, due)))
         before, batch = (k, moment), loop.answer(moment, k, stop, expected)
         torque[k : k + batch.answered] = batch.torque

@@ -18,7 +18,8 @@ from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
-from parallel_robot_base import assignments, cache_directory
+from parallel_robot_base import assignments, cache_directory, hazards
+from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
 from parallel_robot_base.module_process import command, die_with_parent
@@ -202,6 +203,8 @@ def node_parameters(
     """
     common = {**changed, 'scenario': absolute(scenario), 'start_stamp': WAIT}
     common['middleware'] = loop.middleware  # which a node must know before it reads a scenario
+    if hazards.KEY in changed:
+        common[hazards.KEY] = [*loop.hazards]  # as texts: parameters are no mappings
     parameters: dict[str, dict[str, Any]] = {name: {**common} for name in names}
     for name, count in subscribers(names, loop.lockstep).items():
         parameters[name]['subscribers'] = count
@@ -234,7 +237,7 @@ def _supervise(
     caught: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: caught.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in ending_signals()
     }
     try:
         with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:

@@ -17,6 +17,7 @@ from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file, points_file, topics
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
+from parallel_robot_base.hazards import parse
 from parallel_robot_base.loop import DURATION
 from parallel_robot_base.options import number
 from parallel_robot_base.placed import Placed, merged
@@ -144,13 +145,15 @@ def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
 
 
 def remarks(simulation: Simulation) -> list[str]:
-    """Remarks on a simulation: gains that the theory doubts, limits that acted, a fault."""
+    """Remarks on a simulation: gains that the theory doubts, hazards, limits, faults."""
     acted = int(np.bitwise_or.reduce(simulation.run.acted))
-    fault = None
-    if simulation.fault is not None:
-        fault = simulation.fault[0], simulation.fault_text
-    limits = limits_text(acted) if acted else ''
-    return [*simulation.experiment.control.law.warnings, *remark_lines(limits, fault)]
+    limits, loop = limits_text(acted) if acted else '', simulation.experiment.loop
+    acting = [each.told for each in parse(loop.hazards) if each.at <= loop.duration]
+    return [
+        *simulation.experiment.control.law.warnings,
+        *([f'hazards: {", ".join(acting)}'] if acting else []),
+        *remark_lines(limits, simulation.faults),
+    ]
 
 
 def true_error(made: Simulation) -> true_motion.TrueError | None:

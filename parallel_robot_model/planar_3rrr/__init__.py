@@ -11,6 +11,7 @@ from parallel_robot_model.planar_3rrr.dynamics import acceleration
 from parallel_robot_model.planar_3rrr.estimate import estimate, locate
 from parallel_robot_model.planar_3rrr.margins import (
     FAULTS,
+    NO_POSE,
     MotionLimits,
     SafetyMargins,
     infeasible,
@@ -18,6 +19,7 @@ from parallel_robot_model.planar_3rrr.margins import (
 from parallel_robot_model.planar_3rrr.motion import joint_motion, measure, start
 from parallel_robot_model.planar_3rrr.parameters import RobotParameters as Parameters
 from parallel_robot_model.planar_3rrr.parameters import validate
+from parallel_robot_model.planar_3rrr.passive import pose_with
 from parallel_robot_model.planar_3rrr.skeleton import segments
 
 PARTS = ('leg', 'platform')
@@ -36,6 +38,7 @@ def coordinates(parameters: Parameters) -> tuple[Coordinate, ...]:
 
 __all__ = [
     'FAULTS',
+    'NO_POSE',
     'PARTS',
     'PLANAR',
     'MotionLimits',
@@ -51,6 +54,7 @@ __all__ = [
     'linear_model',
     'locate',
     'measure',
+    'pose_with',
     'segments',
     'start',
     'tree',

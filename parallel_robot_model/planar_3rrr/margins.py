@@ -30,6 +30,7 @@ FAULTS = {
     ),
     TYPE_2: Fault('type_2_singularity', 'the platform is close to yielding (type 2 singularity)'),
 }
+NO_POSE = (GUESS_OUT_OF_REACH, NOT_CONVERGED, WRONG_WORKING_MODE)
 
 
 class SafetyMargins(NamedTuple):

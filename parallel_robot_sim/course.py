@@ -1,0 +1,181 @@
+"""What hazards make of the course of a run: which states are answered, and what happens when."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.hazard_times import HazardTimes
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control import faults
+from parallel_robot_control.assembly import Control
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.cycle import CycleState
+from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.transitions import cleared, joining, tripped, without_torque
+from parallel_robot_sim.assembly import Plant
+from trajectory_gen.trajectory import Reference
+
+
+class Heard(NamedTuple):
+    """Which states come to the controller, one row for each sample.
+
+    Attributes:
+        told: Whether there is a message of a state, shape (N,).
+        answered: Whether the controller answers it, shape (N,).
+        late: Samples since that which it tells, shape (N,).
+        dt: Time from the measurement of the state answered before to that of this one [s],
+            shape (N,).
+    """
+
+    told: NDArray[np.bool_]
+    answered: NDArray[np.bool_]
+    late: NDArray[np.int64]
+    dt: Array
+
+    def head(self, count: int) -> Heard:
+        """The first samples."""
+        return Heard(self.told[:count], self.answered[:count], self.late[:count], self.dt[:count])
+
+
+class Course(NamedTuple):
+    """The course of a run.
+
+    Attributes:
+        heard: Which states come to the controller.
+        reference: Desired motion as the controller knows it, one row for each sample.
+        known: Sample of the newest reference that it knows, shape (N,).
+        shown: Whether the pose of a sample is told, shape (N,).
+        stale: Samples at which a state is answered and that is too old, shape (N,).
+        late: Samples at which the first state comes after too long.
+        clears: Samples at which the first state comes after a call of ``~/clear_fault``.
+        renewals: Samples at which a controller hears its first state; 0 is not among them.
+    """
+
+    heard: Heard
+    reference: Reference
+    known: NDArray[np.int64]
+    shown: NDArray[np.bool_]
+    stale: NDArray[np.bool_]
+    late: frozenset[int] = frozenset()
+    clears: frozenset[int] = frozenset()
+    renewals: frozenset[int] = frozenset()
+
+    @property
+    def cuts(self) -> list[int]:
+        """Samples at which something happens to the controller before it answers."""
+        found = {0, *self.late, *self.clears, *self.renewals}
+        rows = np.flatnonzero(self.heard.answered)
+        begun = np.diff(self.stale[rows], prepend=False) & self.stale[rows]
+        count = len(self.heard.answered)
+        return sorted(k for k in {*found, *rows[begun].tolist()} if not k or k < count)
+
+    def befall(
+        self,
+        sample: int,
+        control: Control,
+        cycle: CycleState,
+        memory: Any,
+        effort: Array,
+        cause: int,
+    ) -> tuple[CycleState, Any]:
+        """What happens to the controller before it answers the state of a sample.
+
+        Args:
+            sample: Index of the sample.
+            control: The controller before its first state.
+            cycle: State of its cycle.
+            memory: Memory of its law.
+            effort: Torque of the motors before the sample [N m], shape (n,).
+            cause: Fault whose cause was there at the state before.
+
+        Returns:
+            State and memory from there on.
+        """
+        if sample in self.renewals:
+            cycle, memory = joining(control.state, effort), control.law.memory
+            cause = faults.NONE
+        before = np.flatnonzero(self.heard.answered[:sample])[-1:]
+        lasts = cause != faults.NONE or self.stale[before].any()
+        if sample in self.clears and cycle.fault != faults.NONE and not lasts:
+            cycle, memory = cleared(cycle), control.law.memory
+        if sample in self.late:
+            cycle = without_torque(tripped(cycle, faults.STATES_STALE))
+        if len(self.stale) and self.stale[sample]:
+            cycle = tripped(cycle, faults.REFERENCE_STALE)
+        return cycle, memory
+
+
+def course_of(plant: Plant, reference: Reference, period: float) -> Course:
+    """The course of a run over all samples of a reference.
+
+    Args:
+        plant: The plant, with its hazards.
+        reference: Desired motion, one sample per period.
+        period: Time between samples [s].
+    """
+    count, tick = len(reference.position), round(period * NANOSECONDS)
+    samples, dt = np.arange(count), np.full(count, period)
+    if not plant.hazards:
+        all_, none = np.ones(count, bool), np.zeros(count, np.int64)
+        return Course(Heard(all_, all_, none, dt), reference, samples, all_, none.astype(bool))
+    times = HazardTimes(plant.hazards, period)
+    told, answered, late, known, shown = (
+        np.array([find(k) for k in range(count)])
+        for find in (
+            times.is_told,
+            times.is_answered,
+            times.late,
+            times.newest_reference,
+            times.is_shown,
+        )
+    )
+    # 1. Times between the states that are answered.
+    rows = np.flatnonzero(answered)
+    measured = (samples - late)[rows]
+    steps = tick * np.diff(measured)
+    dt[rows[1:]] = steps / NANOSECONDS
+    renewed = {*_first(rows, measured, times.renewals), *rows[:1].tolist()}
+    dt[[*renewed]] = period
+    gaps = {*rows[1:][steps > round(plant.safety.state_timeout * NANOSECONDS)].tolist()} - renewed
+    # 2. References.
+    age = tick * (samples - known)
+    old = age > round(plant.safety.reference_timeout * NANOSECONDS)
+    stale = np.zeros(count, bool)
+    stale[rows] = old[measured]
+    return Course(
+        Heard(told, answered, late, dt),
+        _known(reference, known, age, old),
+        known,
+        shown,
+        stale,
+        frozenset(gaps),
+        frozenset(_first(rows, measured, times.clears)),
+        frozenset(renewed - {0}),
+    )
+
+
+def _first(rows: NDArray[np.int64], measured: NDArray[np.int64], samples: list[int]) -> list[int]:
+    """Rows of the first states that were not measured before some samples; fewer at the end."""
+    found = np.searchsorted(measured, samples)
+    return [int(row) for row in rows[found[found < len(rows)]]]
+
+
+def _known(
+    reference: Reference, known: NDArray[np.int64], age: NDArray[np.int64], old: NDArray[np.bool_]
+) -> Reference:
+    """References extrapolated from the newest known ones; at rest where those are too old."""
+    lost = age > 0
+    fields = ('position', 'velocity', 'acceleration')
+    rows = [getattr(reference, name)[known[lost]] for name in fields]
+    found: JointReference = extrapolate_rows(age[lost], *rows)
+    changed = {}
+    for name, values, before in zip(fields, found, rows, strict=True):
+        whole = getattr(reference, name).copy()
+        at_rest = before if name == 'position' else np.zeros_like(before)
+        whole[lost] = np.where(old[lost][:, np.newaxis], at_rest, values)
+        changed[name] = whole
+    return reference._replace(**changed)

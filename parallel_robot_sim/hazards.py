@@ -1,0 +1,179 @@
+"""What hazards make of states, commands and motors, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.hazards import KINDS, Hazard
+from parallel_robot_compiler import Space, inner, kernel, read_at, select, write_at
+from parallel_robot_sim.motor_timeout import Waiting
+
+(
+    COMMANDS_LOST, MOTORS_OFF, MOTOR_DEAD, MOTORS_CLIPPED, BRAKES, STRANGER, STATES_LOST,
+    STATES_FROZEN, ENCODER_FROZEN, ENCODER_JUMP, VELOCITY_ZERO, VELOCITY_NAN, STATES_LATE,
+    STATES_AHEAD, REFERENCES_LOST, CONTROLLER_PAUSED, CONTROLLER_RESTARTED, PLANT_PAUSED,
+    CLEAR_FAULT,
+) = range(len(KINDS))  # fmt: skip
+KIND, BEGIN, END, SIZE, PLACE, COLUMNS = range(6)  # of the table
+KEPT = 3  # vectors of a sample that are kept: position, velocity, effort
+
+
+class Hazards(NamedTuple):
+    """Hazards as the kernels take them; of several at a time, the later ones act on top.
+
+    Attributes:
+        on: Whether there are any; if not, none of the rest is looked at.
+        number: How many.
+        table: Address of a row of COLUMNS numbers for each.
+        memory: Address of vectors of shape (n,): for each at its PLACE first a mask, 1 for the
+            joints that it is about, then what it keeps of the states.
+    """
+
+    on: bool
+    number: int = 0
+    table: int = 0
+    memory: int = 0
+
+
+def table_of(hazards: Sequence[Hazard], joints: Sequence[str], period: float) -> Hazards:
+    """Make the table; `joints` are the names of all, `period` of the samples in s."""
+    if not hazards:
+        return Hazards(False)
+    numbers, rows, masks, place = [*KINDS], [], {}, 0
+    for hazard in hazards:
+        begin, end = hazard.samples(period)
+        rows.append([numbers.index(hazard.what), begin, end, hazard.size, place])
+        masks[place] = [float(hazard.joint in ('', joint)) for joint in joints]
+        late = hazard.what == 'states_late'
+        if late:
+            rows[-1][SIZE] = round(hazard.size / period)
+        place += 1 + KEPT * (int(rows[-1][SIZE]) + 1 if late else 1)
+    table, memory = Space(COLUMNS * len(rows)), Space(place * len(joints))
+    table.floats.reshape(-1, COLUMNS)[:] = rows
+    for place, mask in masks.items():
+        memory.floats.reshape(-1, len(joints))[place] = mask
+    return Hazards(True, len(rows), table, memory)
+
+
+@inner
+def _at(hazards: Any, k: int, column: int) -> int:
+    return int(read_at(hazards.table, COLUMNS * k + column, 0.0))
+
+
+@inner
+def _kind(hazards: Any, k: int, sample: int) -> int:
+    """Kind of a hazard if it acts at a sample, else -1."""
+    acts = _at(hazards, k, BEGIN) <= sample < _at(hazards, k, END)
+    return select(acts, _at(hazards, k, KIND), -1)
+
+
+@inner
+def _size(hazards: Any, k: int) -> float:
+    return read_at(hazards.table, COLUMNS * k + SIZE, 0.0)
+
+
+@kernel
+def told(
+    hazards: Any, sample: int, position: Array, velocity: Array, effort: Array
+) -> tuple[Array, Array, Array]:
+    """What the state of a sample says, if there is one.
+
+    Asked again, it is the same.
+
+    Args:
+        hazards: See Hazards.
+        sample: Index of the sample.
+        position: Angles that it would say without them [rad], shape (n,).
+        velocity: Rates [rad/s], shape (n,).
+        effort: Torques [N m], shape (n,).
+
+    Returns:
+        Angles, rates and torques.
+    """
+    for k in range(hazards.number):
+        kind, size = _kind(hazards, k, sample), _size(hazards, k)
+        place = _at(hazards, k, PLACE)
+        here, kept = read_at(hazards.memory, place, position) > 0.0, place + 1
+        if kind == STATES_LATE:
+            depth = int(size) + 1
+            _keep(hazards, kept + KEPT * (sample % depth), position, velocity, effort)
+            oldest = kept + KEPT * ((sample + 1) % depth)
+            position = read_at(hazards.memory, oldest, position)
+            velocity = read_at(hazards.memory, oldest + 1, velocity)
+            effort = read_at(hazards.memory, oldest + 2, effort)
+        elif kind in (STATES_FROZEN, ENCODER_FROZEN):
+            if sample == _at(hazards, k, BEGIN):
+                _keep(hazards, kept, position, velocity, effort)
+            position = select(here, read_at(hazards.memory, kept, position), position)
+            still = read_at(hazards.memory, kept + 1, velocity)
+            still = select(kind == ENCODER_FROZEN, np.zeros_like(still), still)
+            velocity = select(here, still, velocity)
+        elif kind == ENCODER_JUMP:
+            position = select(here, position + size, position)
+        elif kind == VELOCITY_ZERO:
+            velocity = select(here, 0.0, velocity)
+        elif kind == VELOCITY_NAN:
+            velocity = select(here, np.nan, velocity)
+    return position, velocity, effort
+
+
+@inner
+def _keep(hazards: Any, place: int, position: Array, velocity: Array, effort: Array) -> None:
+    write_at(hazards.memory, place, position)
+    write_at(hazards.memory, place + 1, velocity)
+    write_at(hazards.memory, place + 2, effort)
+
+
+@inner
+def commanded(
+    hazards: Any, sample: int, arrived: bool, command: Array, before: Waiting
+) -> tuple[bool, Array]:
+    """Whether a command comes to the motors for a period, and which is the newest [N m].
+
+    Args:
+        hazards: See Hazards.
+        sample: Index of the sample at which the period begins.
+        arrived: Whether a command was sent for it.
+        command: The newest one that was sent [N m], shape (n,).
+        before: What the motors knew before.
+    """
+    for k in range(hazards.number):
+        kind = _kind(hazards, k, sample)
+        mask = read_at(hazards.memory, _at(hazards, k, PLACE), command)
+        if kind in (COMMANDS_LOST, PLANT_PAUSED, CONTROLLER_PAUSED, CONTROLLER_RESTARTED):
+            arrived, command = False, before.command
+        elif kind == STRANGER:
+            arrived, command = True, _size(hazards, k) * mask
+    return arrived, command
+
+
+@inner
+def limited(hazards: Any, sample: int, limit: Array) -> Array:
+    """Largest torque of the motors over a period [N m], shape (n,).
+
+    Args:
+        hazards: See Hazards.
+        sample: Index of the sample at which the period begins.
+        limit: The same without hazards [N m], shape (n,).
+    """
+    for k in range(hazards.number):
+        kind, size = _kind(hazards, k, sample), _size(hazards, k)
+        mask = read_at(hazards.memory, _at(hazards, k, PLACE), limit)
+        if kind == MOTORS_CLIPPED:
+            limit = select(limit < size, limit, size)
+        elif kind in (MOTORS_OFF, MOTOR_DEAD, BRAKES):
+            limit = select(mask > 0.0, 0.0, limit)
+    return limit
+
+
+@inner
+def braked(hazards: Any, sample: int) -> bool:
+    """Whether brakes hold the robot over the period after a sample."""
+    found = False
+    for k in range(hazards.number):
+        found = found or _kind(hazards, k, sample) == BRAKES
+    return found

@@ -1,0 +1,90 @@
+"""A robot that runs away is stopped before a singularity or an end of travel, at any speed."""
+
+import numpy as np
+import pytest
+from geometry import ROBOT, jacobian, legs
+from rig import Rig
+
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.faults import FAULTS, SPEED, TOO_FAST
+from parallel_robot_model.planar_3rrr.margins import TYPE_2
+
+INERTIA = ('m1', 'm2', 'mp', 'I1', 'I2', 'Ip')
+
+
+def run_away(push, left, **changed):
+    """Push a robot by the law's hand until there is a fault; the safe action then has 2 s.
+
+    Returns:
+        Fault, fastest joint [rad/s], smallest of what `left` makes of a rig, by state.
+    """
+    rig, fastest, least, fault = Rig(**changed), 0.0, np.inf, None
+    for _ in range(4000):
+        position, velocity, _ = rig.measured()
+        sample = rig.ask(reference=JointReference(position, velocity, 0.0 * velocity))
+        fastest = max(fastest, np.abs(velocity).max())
+        least = np.minimum(least, left(rig))
+        if fault is None and sample.status.fault:
+            fault, begun = rig.controller.fault, rig.k
+        if fault is not None and rig.k > begun + 2000:
+            break
+        rig.simulator.advance(push if fault is None else sample.torque)
+        rig.k += 1
+    return fault, fastest, least
+
+
+def singularities(rig):
+    """Smallest |sin psi|, |det Jx| / l3 of the true robot."""
+    theta, beta = legs(ROBOT, rig.simulator.pose)
+    determinant = np.linalg.det(jacobian(ROBOT, rig.simulator.pose))
+    return np.array([np.abs(np.sin(beta - theta)).min(), abs(determinant)])
+
+
+@pytest.mark.parametrize('heavier', [0.8, 1.2])
+def test_the_robot_is_stopped_before_both_singularities(heavier):
+    """With what it says of both, 0.05 and 0.1, half of the margin is left at the least."""
+    rng, speeds = np.random.default_rng(7), []
+    mass = {f'true_robot__{key}': heavier * getattr(ROBOT, key) for key in INERTIA}
+    for size in np.geomspace(5.0, 200.0, 20):  # N m
+        direction = rng.normal(size=3)
+        push = size * direction / np.abs(direction).max()
+        fault, fastest, (sine, determinant) = run_away(push, singularities, **mass)
+        assert fault in (TOO_FAST, SPEED, TYPE_2) and sine > 0.025 and determinant > 0.05
+        speeds.append(fastest)
+    assert min(speeds) < 2.0 and max(speeds) > 7.0
+
+
+@pytest.mark.parametrize('size', [3.0, 10.0, 49.0])
+def test_an_axis_is_stopped_before_its_end_of_travel(size):
+    def left(rig):
+        return 3.0 - np.abs(rig.measured().position).max()
+
+    fault, fastest, least = run_away(np.full(5, size), left, scenario='axes_step')
+    assert fault in (TOO_FAST, SPEED) and fastest > 3.0 and least > 0.05
+
+
+@pytest.mark.parametrize('push', [(0.0, -10.0), (0.0, -30.0), (40.0, -90.0)])
+def test_an_arm_is_stopped_before_it_is_stretched(push):
+    def left(rig):
+        return np.sin(rig.measured().position[1])
+
+    level = {'true_robot__gravity': 0.0, 'robot__gravity': 0.0}
+    fault, fastest, least = run_away(np.array(push), left, scenario='serial_2r_circle', **level)
+    assert fault in (TOO_FAST, SPEED) and fastest > 1.0 and least > 0.05
+
+
+def test_it_says_so_and_the_way_back_is_free():
+    rig, push = Rig(), np.array([20.0, -20.0, 20.0])
+    while rig.controller.fault == 0:
+        position, velocity, _ = rig.measured()
+        rig.ask(reference=JointReference(position, velocity, 0.0 * velocity))
+        rig.simulator.advance(push)
+        rig.k += 1
+    assert rig.controller.fault == TOO_FAST
+    assert rig.controller.status.fault == FAULTS[TOO_FAST]
+    for _ in range(1000):
+        rest = JointReference(rig.measured().position, np.zeros(3), np.zeros(3))
+        rig.step(reference=rest)
+    assert np.abs(rig.measured().velocity).max() < 1e-3
+    assert rig.controller.clear_fault() == ''
+    assert rig.step(reference=rest).status.fault is None
