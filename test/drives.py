@@ -17,7 +17,6 @@ import threading
 
 import numpy as np
 import rclpy
-from geometry_msgs.msg import PoseStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -35,13 +34,15 @@ SYSTEM_DEFAULT = QoSProfile(depth=10)
 ORDER = ('gripper', 2, 0, 'lamp', 1)  # names, and indices of the joints
 EMPTY = 20  # states before the hardware has written
 NOISE = 5e-6, 2e-3  # rad, rad/s, rms
+TURNS = 60  # samples for which a hand turns the joints
+EVERY = 10  # samples from one message on `bench` to the next
 
 
 class Drives(Node):
     """``joint_states``, ``effort_controller/commands``, a switch for the effort controller.
 
-    Besides what ros2_control has: `true_pose`, and `hand`, torques [N m] of somebody who has
-    released the brakes and turns the joints.
+    Besides what ros2_control has: `bench`, what somebody sees who stands beside it, and `hand`,
+    torques [N m] of one who releases the brakes for a moment and turns the joints.
     """
 
     def __init__(self, overrides, efforts):
@@ -56,7 +57,8 @@ class Drives(Node):
         self._active, self._command, self._hand = False, None, np.zeros(n)
         self._interface, self._torque, self._count = np.zeros(n), np.zeros(n), 0
         self._states = self.create_publisher(JointState, 'joint_states', SYSTEM_DEFAULT)
-        self._pose = self.create_publisher(PoseStamped, 'true_pose', SYSTEM_DEFAULT)
+        self._bench = self.create_publisher(Float64MultiArray, 'bench', QoSProfile(depth=1000))
+        self._turns, self._peaks = 0, np.zeros(2)  # of the hand; of torque and command [N m]
         commands = topics.COMMANDS.name
         self.create_subscription(Float64MultiArray, commands, self._on_command, SYSTEM_DEFAULT)
         self.create_subscription(Float64MultiArray, 'hand', self._on_hand, SYSTEM_DEFAULT)
@@ -67,10 +69,11 @@ class Drives(Node):
         with self._turn:
             if len(message.data) == len(self._names):
                 self._command = np.array(message.data)
+                self._peaks[1] = max(self._peaks[1], np.abs(self._command).max())
 
     def _on_hand(self, message):
         with self._turn:
-            self._hand = np.array(message.data)
+            self._hand, self._turns = np.array(message.data), TURNS
 
     def _on_switch(self, request, response):
         with self._turn:
@@ -86,14 +89,15 @@ class Drives(Node):
             if self._active and self._command is not None:
                 self._interface = self._command
             driven = self._active and np.isfinite(self._interface).all()
-            torque = (self._interface if driven else np.zeros_like(self._torque)) + self._hand
-            if self._active or self._hand.any():
-                self._robot.advance(torque)
+            self._torque = self._interface if driven else np.zeros_like(self._torque)
+            self._peaks[0] = max(self._peaks[0], np.abs(self._torque).max())
+            self._turns = max(0, self._turns - 1)
+            if self._active or self._turns:
+                self._robot.advance(self._torque + (self._hand if self._turns else 0.0))
             else:  # braked
                 _, rate, _, time = self._robot._state
                 rate[:] = 0.0
                 time += 1e-9 * self.thread._period
-            self._torque = torque - self._hand
 
     def _publish(self, stamp):
         seconds, nanoseconds = divmod(stamp, 10**9)
@@ -108,9 +112,10 @@ class Drives(Node):
             [np.nan if isinstance(i, str) or not known else row[i] for i in ORDER] for row in rows
         )
         self._states.publish(told)
-        pose = PoseStamped(header=told.header)
-        pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = joints.pose
-        self._pose.publish(pose)
+        if self._count % EVERY == 0:
+            seen = [*joints.pose, *self._peaks, *joints.position]
+            self._bench.publish(Float64MultiArray(data=list(map(float, seen))))
+            self._peaks = np.zeros(2)
         self._count += 1
 
     def _fail(self, error):

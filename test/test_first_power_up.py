@@ -1,6 +1,7 @@
 """docs/hardware.md, First power-up: its commands, as they stand there, on drives with brakes."""
 
 import json
+import os
 import re
 import shlex
 import shutil
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from drives import EVERY
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from ros_fixtures import PERIOD, RECENT
@@ -23,7 +25,8 @@ from parallel_robot_base.topics import Topic
 pytest_plugins = ['ros_fixtures']
 
 ROOT = Path(__file__).parents[1]
-TRUE_POSE = Topic('true_pose', 'geometry_msgs/msg/PoseStamped')
+PATH = f'{ROOT}{os.pathsep}{ROOT / "test"}'  # of the drives
+BENCH = Topic('bench', 'std_msgs/msg/Float64MultiArray')
 PATIENT = [  # on a machine that is shared; strict.yaml is for one that is not
     f'period:={PERIOD}',
     'safety.state_timeout:=60.0',
@@ -35,7 +38,8 @@ DRIVES = {  # the robot is heavier than the one that is assumed
     'true_robot.m1': 5.9,
     'true_robot.m2': 8.5,
 }
-SECOND = round(1.0 / PERIOD)  # states
+SECOND = round(1.0 / (EVERY * PERIOD))  # messages of the bench
+XY, TORQUE, COMMAND, JOINTS = slice(0, 2), 3, 4, slice(5, 8)  # in each of them
 CALM = 3.0  # N m; friction takes 0.5, the way back of some millimetres 2
 STILL = 1e-3  # m
 
@@ -61,10 +65,8 @@ class Bench:
         self._launch, self.peer, self._folder = launch, peer, folder
         self.nodes, self._given = {}, given
         shutil.copy(ROOT / 'config' / 'hardware' / 'strict.yaml', folder)
-        self.states = peer.listen(topics.JOINT_STATES)
-        self.poses = peer.listen(TRUE_POSE)
-        self.commands = peer.listen(topics.COMMANDS, RECENT)
-        self.references = peer.listen(topics.REFERENCE, RECENT)
+        self.seen = peer.listen(BENCH)
+        self.references = peer.listen(topics.POSE_REFERENCE)
         self.statuses = peer.listen(topics.STATUS, RECENT)
 
     def take(self, title, law=None):
@@ -78,8 +80,8 @@ class Bench:
             case ['ros2', 'run', 'controller_manager', 'spawner', name, *options]:
                 if 'drives' not in self.nodes:
                     given = json.dumps({'overrides': DRIVES, **self._given})
-                    self.nodes['drives'] = self._launch('drives', given)
-                    self.peer.until(lambda: len(self.states) > SECOND)
+                    self.nodes['drives'] = self._launch('drives', given, PYTHONPATH=PATH)
+                    self.until(lambda: len(self.seen) > SECOND)
                 assert options == {'effort_controller': ['--inactive']}.get(name, [])
                 return None
             case ['ros2', 'run', 'parallel_robot', node, *rest]:
@@ -88,13 +90,6 @@ class Bench:
                     known += ['-p', f'law:={law}']
                 self.nodes[node] = self._launch(MODULES[node], *rest, *known)
                 self.peer.see(f'/{node}')
-                if (
-                    node == 'controller'
-                    and 'stopped' not in (self._folder / 'strict.yaml').read_text()
-                ):
-                    self.run(
-                        'ros2 service call /controller/emergency_stop std_srvs/srv/Trigger'
-                    )  # TODO until controller.stopped is there
                 return self.nodes[node]
             case ['ros2', 'control', 'switch_controllers', how, 'effort_controller']:
                 request = SetBool.Request(data={'--activate': True, '--deactivate': False}[how])
@@ -125,8 +120,8 @@ class Bench:
 
     def wait(self, seconds):
         """Let the robot live for some time, as its states tell it."""
-        count = len(self.poses) + round(seconds * SECOND)
-        self.until(lambda: len(self.poses) > count)
+        count = len(self.seen) + round(seconds * SECOND)
+        self.until(lambda: len(self.seen) > count)
 
     def fault(self):
         """Text of the fault; empty without one, None while it is not known."""
@@ -141,18 +136,22 @@ class Bench:
     def until_it_acts(self):
         """Clear the fault, when its cause is gone, and wait until the law asks for torque."""
         clear = 'ros2 service call /controller/clear_fault std_srvs/srv/Trigger'
-        count = len(self.commands)
+        count = len(self.seen)
         self.until(lambda: self.run(clear).success)
-        self.until(lambda: any(np.any(command.data) for command in self.commands[count:]))
+        self.until(lambda: any(one.data[COMMAND] for one in self.seen[count:]))
 
-    def distance(self, first=0, last=None):
-        """How far the true end effector was from where it is first [m]."""
-        points = [(one.pose.position.x, one.pose.position.y) for one in self.poses[first:last]]
-        return float(np.linalg.norm(np.array(points) - points[0], axis=1).max())
+    def distance(self, first):
+        """How far the true end effector was from where it is in a message [m]."""
+        points = np.array([one.data[XY] for one in self.seen[first:]])
+        return float(np.linalg.norm(points - points[0], axis=1).max())
 
-    def torque(self, first=0, last=None):
-        """Largest torque that the drives have applied [N m]."""
-        return float(np.nanmax(np.abs([state.effort for state in self.states[first:last]])))
+    def torque(self, first=0):
+        """Largest torque that the drives have applied since a message [N m]."""
+        return max(one.data[TORQUE] for one in self.seen[first:])
+
+    def angles(self):
+        """Of the joints [rad]."""
+        return np.array(self.seen[-1].data[JOINTS])
 
 
 @pytest.fixture
@@ -172,16 +171,14 @@ def test_the_page_is_calm_word_by_word(bench):
     assert next(titles) == 'Signs and order'
     hand = robot.peer.publisher(Topic('hand', 'std_msgs/msg/Float64MultiArray'))
     for joint in range(3):
-        at = robot.states[-1].name.index(f'joint{joint + 1}')
-        wanted = robot.states[-1].position[at] + 0.02
+        before = robot.angles()
         hand.publish(Float64MultiArray(data=[6.0 * (k == joint) for k in range(3)]))
-        robot.until(lambda: robot.states[-1].position[at] > wanted)  # noqa: B023
-        hand.publish(Float64MultiArray(data=[0.0] * 3))
-        robot.wait(0.2)
+        robot.until(lambda: robot.angles()[joint] > before[joint] + 0.02)  # noqa: B023
+        robot.wait(2.0)  # the brakes are on again
         shown = robot.run('.venv/bin/parallel_robot top')
-        angle = float(re.search(rf'joint{joint + 1} +(-?[\d.]+)', shown).group(1))
-        assert abs(angle - robot.states[-1].position[at]) < 1e-3
-    assert not any(np.any(command.data) for command in robot.commands)
+        told = [float(re.search(rf'joint{k} +(-?[\d.]+)', shown).group(1)) for k in (1, 2, 3)]
+        np.testing.assert_allclose(told, robot.angles(), atol=1e-3)
+    assert not any(one.data[COMMAND] for one in robot.seen)
 
     assert next(titles) == 'The pose'
     assert not robot.references
@@ -197,7 +194,7 @@ def test_the_page_is_calm_word_by_word(bench):
     assert 'sensor noise in' in robot.run(identify)
 
     assert next(titles) == 'Drives on'
-    begun = len(robot.poses)
+    begun = len(robot.seen)
     robot.take('Drives on')
     robot.wait(2.0)
     assert robot.distance(begun) < 1e-6 and robot.torque() == 0.0
@@ -205,7 +202,7 @@ def test_the_page_is_calm_word_by_word(bench):
     assert next(titles) == 'The first torque'
     (answer,) = robot.take('The first torque')
     assert answer.success
-    robot.until(lambda: robot.fault() == '' and np.any(robot.commands[-1].data))
+    robot.until(lambda: robot.fault() == '' and robot.seen[-1].data[COMMAND])
     robot.wait(3.0)
     assert robot.distance(begun) < STILL and robot.torque() < CALM
 
@@ -226,22 +223,26 @@ def test_the_page_is_calm_word_by_word(bench):
     robot.wait(2.0)
     assert robot.distance(begun) < STILL and robot.torque() < CALM
     assert robot.nodes['controller'].end(signal.SIGKILL) == -signal.SIGKILL
+    robot.run(off)  # else the last torque stays
+    nodes = robot.peer.node.get_node_names
+    robot.until(lambda: 'controller' not in nodes())  # calls would go to it
     robot.statuses.clear()
     robot.run(STEPS['The controller, stopped'][2])  # somebody starts it again
     robot.until_fault('emergency stop')
+    robot.run(on)
+    robot.wait(1.0)
     robot.run(again)
     robot.until(lambda: robot.fault() == '')
     robot.wait(2.0)
     assert robot.distance(begun) < STILL and robot.torque() < CALM
 
     assert next(titles) == 'Identify'
-    begun, heard = robot.references[-1].points[0].positions, len(robot.references)
+    heard = len(robot.references)
     robot.take('Identify')
-    robot.wait(5.0)  # half the way to the excitation
-    (now,) = robot.references[-1].points
-    assert np.abs(np.subtract(now.positions, begun)).max() > 0.1
-    steps = np.diff([message.points[0].positions for message in robot.references[heard:]], axis=0)
-    assert np.abs(steps).max() < 2.0 * PERIOD  # rad: it is led there
+    robot.wait(6.0)  # more than half the way to the excitation
+    way = [(one.pose.position.x, one.pose.position.y) for one in robot.references[heard - 1 :]]
+    assert np.linalg.norm(np.subtract(way[-1], way[0])) > 0.02
+    assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 0.1 * 10 * PERIOD  # m: it is led
     assert robot.fault() == ''
 
     assert [*titles] == ['Slowly, then fast']
@@ -259,7 +260,7 @@ def test_drives_that_come_late_or_go_and_come_again_throw_nobody(bench, law):
     robot.until_fault('emergency stop')
     robot.until_it_acts()
     robot.wait(10.0)  # brakes on
-    begun = len(robot.poses)
+    begun = len(robot.seen)
     robot.take('Drives on')
     robot.until_it_acts()
     robot.wait(4.0)

@@ -32,7 +32,8 @@ def bags(tmp_path_factory):
     excited, circle, still = (directory / name for name in ('excited', 'circle', 'still'))
     assert run('simulate', 'excitation', '--duration', 15, *TRUE, '--out', excited) == 0
     assert run('simulate', 'paper_circle', '--duration', 6, *TRUE, '--out', circle) == 0
-    hold = ['--set', 'trajectory.shape=hold', '--set', 'plant.initial_pose=[0.52,0.37,1.570796]']
+    hold = ['--set', 'trajectory.shape=hold', '--set', 'hold.pose=[0.52,0.37,1.5707963]']
+    hold += ['--set', 'plant.initial_pose=[0.52,0.37,1.570796]']
     assert run('simulate', 'paper_circle', '--duration', 2, *hold, '--out', still) == 0
     return excited, circle, still
 
@@ -72,6 +73,7 @@ def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
     ('words', 'message'),
     [
         (['{still}'], 'the robot stood still'),
+        (['{still}', '--rest', '--out', '{tmp}/y'], '--rest identifies no robot'),
         (['{tmp}/none'], 'none'),
         (['{excited}', '--validate', '{excited}'], '--validate needs another bag'),
         (['{excited}', '--validate', '{still}'], 'the robot stood still'),
@@ -97,6 +99,18 @@ def test_what_is_wrong_costs_one_line(bags, tmp_path, capsys, words, message):
     error = capsys.readouterr().err
     assert message in error and error.count('\n') == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_robot_that_only_rests_tells_its_noise(tmp_path, capsys):
+    bag, noise = tmp_path / 'noisy', ['--set', 'sensor.position_noise=2e-5']
+    hold = ['--set', 'trajectory.shape=hold', '--set', 'actuator.effectiveness=0.0']
+    assert run('simulate', 'paper_circle', '--duration', 2, *hold, *noise, '--out', bag) == 0
+    capsys.readouterr()
+    assert run('identify', bag, '--rest', '--format', 'json') == 0
+    found = json.loads(capsys.readouterr().out)['rest']
+    np.testing.assert_allclose(found['position_noise_rad'], 2e-5, rtol=0.1)
+    assert run('identify', bag, '--rest') == 0
+    assert 'estimator.position_noise: [' in capsys.readouterr().out
 
 
 def test_nothing_is_overwritten(bags, tmp_path, capsys):

@@ -55,7 +55,9 @@ def test_commands_of_the_command_line_parse_and_their_keys_resolve(command, monk
         config.resolve(arguments.scenario, given(arguments))
 
 
-@pytest.mark.parametrize('command', [c for c in COMMANDS if c.startswith('ros2 run')])
+@pytest.mark.parametrize(
+    'command', [c for c in COMMANDS if c.startswith('ros2 run parallel_robot ')]
+)
 def test_executables_exist_and_their_parameters_resolve(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     words = shlex.split(command)

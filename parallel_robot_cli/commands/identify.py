@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from parallel_robot_analysis.report import figures
-from parallel_robot_bags import new_files
+from parallel_robot_bags import new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_base import assignments
 from parallel_robot_base.errors import BagError, InputError
@@ -35,6 +35,11 @@ SEED = 0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument('bag', type=Path, nargs='?', help='bag with a motion that excites')
+    parser.add_argument(
+        '--rest',
+        action='store_true',
+        help='only the noise of the sensors, e.g. of a robot whose drives are off',
+    )
     parser.add_argument(
         '--validate', type=Path, metavar='BAG', help='another bag, whose torques are predicted'
     )
@@ -76,7 +81,23 @@ def execute(arguments: argparse.Namespace) -> int:
         return _design(arguments)
     if arguments.assignments:
         raise InputError('--set goes with --design alone')
+    if arguments.rest:
+        return _rest(arguments)
     return _identify(arguments)
+
+
+def _rest(arguments: argparse.Namespace) -> int:
+    """Tell the noise of the sensors alone."""
+    if arguments.out or arguments.validate or arguments.figure:
+        raise InputError('--rest identifies no robot: no --out, --validate or --figure')
+    still = rest.of(run_log.read(arguments.bag, arguments.max_memory))
+    if still is None:
+        raise BagError(f'{arguments.bag}: {rest.NONE}')
+    if arguments.format == 'json':
+        print(json.dumps({'rest': still.as_data()}, indent=2))
+    else:
+        print('\n'.join(still.lines()))
+    return 0
 
 
 def _identify(arguments: argparse.Namespace) -> int:
