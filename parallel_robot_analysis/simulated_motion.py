@@ -29,7 +29,7 @@ class SimulatedMotion(NamedTuple):
     def of(cls, made: Simulation) -> SimulatedMotion:
         """The joints of a simulation as their messages tell them: as old as their stamps say."""
         run, period, heard = made.run, made.experiment.loop.period, made.course.heard
-        late, rows = round(made.age / period), np.flatnonzero(heard.told)
+        late, rows = round(made.age / period), np.flatnonzero(heard.answered)
         measured = rows - heard.late[rows]
         return cls(
             period * (measured - late),

@@ -131,8 +131,8 @@ def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
         states: Stamp of the state that each command answers [ns], shape (M,).
     """
     order = np.argsort(stamps, kind='stable')
-    at = np.searchsorted(stamps, states, sorter=order)
-    at = order[np.minimum(at, len(stamps) - 1)]
+    at = np.searchsorted(stamps, states, side='right', sorter=order) - 1
+    at = order[np.maximum(at, 0)]  # the last one of those with this stamp
     found = stamps[at] == states
     command = np.full(len(stamps), -1)
     command[at[found]] = np.flatnonzero(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import queue
 import threading
 import time
@@ -83,7 +84,9 @@ class Recorder:
         self._last_heard = time.monotonic()
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
         self._lockstep = loop.lockstep
-        self._times = HazardTimes(parse(loop.hazards), loop.period)
+        self._times = HazardTimes(
+            parse(loop.hazards), loop.period, float(values.get('safety.state_age', math.inf))
+        )
         self._answered = filter(self._times.is_answered, itertools.count())  # samples
         self._expected: dict[Topic, int] = {}  # messages of the whole motion
         self._suite = suite

@@ -57,7 +57,8 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     measured = acts - round(age * NANOSECONDS)
     slow = due = samples[:: topics.SLOW]
     if loop.hazards:
-        times = HazardTimes(experiment.plant.hazards, loop.period)
+        age_limit = experiment.plant.safety.state_age
+        times = HazardTimes(experiment.plant.hazards, loop.period, age_limit)
         due = np.array(times.due(count, topics.SLOW), np.int64)
     passive = run.passive_position.shape[1] if values['plant.publish_passive'] else 0
     late = age + simulation.delay[due]
@@ -97,17 +98,18 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
         status, phases = None, simulation.phases
         known_stamps = STEP_START + course.known * loop.period_ns
-        answers, written = [], dict.fromkeys(records, 0)
+        answers, last, written = [], 0, dict.fromkeys(records, 0)
         estimator = experiment.control.setup.estimator
         acted = told_limits(run.acted[:count], measured, heard.answered, course.renewals)
         logged = {*due.tolist(), count - 1}
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
             delay = told_delay(estimator, int(phases[k]))
-            now = Status(law.name, known.get(int(run.fault[k])), int(acted[k]), delay)
-            if now != status and heard.answered[k]:
-                status = now
-                writer.write(topics.STATUS.name, log_time, status_message(int(acts[k]), status))
+            last = k if heard.answered[k] else last
+            now = Status(law.name, known.get(int(run.fault[k])), int(acted[last]), delay)
+            if now != status and (heard.answered[k] or k in course.lost):
+                status, told_at = now, int(acts[last])
+                writer.write(topics.STATUS.name, told_at, status_message(told_at, status))
             if heard.answered[k]:
                 answers.append((measured[k], known_stamps[k - heard.late[k]], acts[k]))
             if k in logged and answers:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 from parallel_robot_base.hazards import Hazard
 
+SIGNS = {'states_late': (1,), 'states_ahead': (-1,)}
+EARLY = 1e-6  # of a period, by which a time may be missed by rounding
 UNTOLD = {'states_lost', 'controller_paused', 'controller_restarted', 'plant_paused'}
+
+
+REFUSED = 0.1  # s, for which all states are refused before that is a fault
 
 
 class HazardTimes:
@@ -17,22 +23,31 @@ class HazardTimes:
         renewals: Samples from which on the next state is the first that a new controller hears.
     """
 
-    def __init__(self, hazards: Sequence[Hazard], period: float) -> None:
-        """Take the hazards; `period` of the samples [s]."""
+    def __init__(self, hazards: Sequence[Hazard], period: float, state_age: float) -> None:
+        """Take the hazards.
+
+        Args:
+            hazards: The hazards.
+            period: Of the samples [s].
+            state_age: Age of a state from which on it is not answered [s].
+        """
         times = [(hazard, *hazard.samples(period)) for hazard in hazards]
         self._untold = [(begin, end) for each, begin, end in times if each.what in UNTOLD]
         self._paused = [(begin, end) for each, begin, end in times if each.what == 'plant_paused']
         self._invalid = [(begin, end) for each, begin, end in times if each.what == 'velocity_nan']
         self._lost = [(begin, end) for each, begin, end in times if each.what == 'references_lost']
         self._late = [
-            (begin, end, round(each.size / period))
+            (begin, end, round(sign * each.size / period))
             for each, begin, end in times
-            if each.what == 'states_late'
+            for sign in SIGNS.get(each.what, ())
         ]
         self.clears = sorted(begin for each, begin, _ in times if each.what == 'clear_fault')
         self.renewals = sorted(
             end for each, _, end in times if each.what == 'controller_restarted'
         )
+        self._oldest, self._patience = state_age / period + EARLY, round(REFUSED / period)
+        self._losses: dict[int, str] = {}  # sample to the reason
+        self._looked_at, self._spell = 0, ('', 0)  # samples; reason, and since which
 
     def is_told(self, sample: int) -> bool:
         """Whether there is a state message at a sample; one that is late is not there at first."""
@@ -41,14 +56,43 @@ class HazardTimes:
 
     def is_answered(self, sample: int) -> bool:
         """Whether a controller answers the state at a sample."""
-        return self.is_told(sample) and not _within(sample, self._invalid)
+        return self.is_told(sample) and not self.refusal(sample)
+
+    def refusal(self, sample: int) -> str:
+        """Code of the fault that states as that at a sample lead to; empty for none."""
+        late = self.late(sample)
+        if _within(sample, self._invalid):
+            return 'states_invalid'
+        if abs(late) > self._oldest:
+            return 'states_late' if late > 0 else 'states_ahead'
+        return ''
+
+    def loss(self, sample: int) -> str:
+        """The same where it is a fault at a sample: all states have been refused for too long."""
+        for k in range(self._looked_at, sample + 1):
+            if not self.is_told(k):
+                continue
+            reason, since = self.refusal(k), self._spell[1]
+            if reason != self._spell[0]:
+                self._spell = reason, k
+            elif reason and k - since > self._patience:
+                self._losses[k] = reason
+                self._spell = reason, sys.maxsize  # told once
+        self._looked_at = max(self._looked_at, sample + 1)
+        return self._losses.get(sample, '')
+
+    def sample_of(self, index: int, before: int) -> int:
+        """Sample at which the state that was measured at `index` is told, after another one."""
+        found = (index + late for late in (0, *(late for _, _, late in self._late)))
+        known = [k for k in found if k > before and k - self.late(k) == index]
+        return min(known, default=index)
 
     def is_shown(self, sample: int) -> bool:
         """Whether the pose at a sample is told."""
         return not _within(sample, self._paused)
 
     def late(self, sample: int) -> int:
-        """Samples since that which is told at a sample."""
+        """Samples since that which is told at a sample; negative if its stamp is ahead."""
         return sum(late for begin, end, late in self._late if begin <= sample < end)
 
     def last_told(self, last: int) -> int:

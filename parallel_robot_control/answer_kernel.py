@@ -83,6 +83,9 @@ OLD = -4  # the state is too old
 STALE = -5  # no state was answered for too long: the controller itself was stalled
 EARLY = -6  # the state is from before the start
 AHEAD = -7  # its stamp is ahead of the clock
+# Of hazards in lockstep, see controller.py:
+REFUSED = -8  # a state is one of those
+REFUSED_LONG = -9  # all of them have been for so long that it is a fault
 
 
 @kernel

@@ -20,6 +20,8 @@ from parallel_robot_control.answer_kernel import (
     ANSWERED,
     NO_REFERENCE,
     OUT_OF_ORDER,
+    REFUSED,
+    REFUSED_LONG,
     STATUS,
 )
 from parallel_robot_control.answer_log import AnswerLog
@@ -43,6 +45,7 @@ from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import (
     ACTED,
     AGE,
+    ANSWERS,
     CAUSE,
     HEARD,
     LAST,
@@ -100,7 +103,9 @@ class Controller(ControllerState):
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
         hazards = parse(loop.hazards)
-        self._times = HazardTimes(hazards, loop.period) if hazards else None
+        self._times = (
+            HazardTimes(hazards, loop.period, configuration.safety.state_age) if hazards else None
+        )
         self._sample = -1  # of the last state that was heard, for hazards
         self.command = b''
         self.code = 0
@@ -235,7 +240,9 @@ class Controller(ControllerState):
         """
         states = self._states if wire is None else wire
         if self._times is not None:
-            self._befall(self._times, data)
+            self.code = self._befall(self._times, data)
+            if self.code < 0:
+                return self.code
         monotonic = time.monotonic_ns()
         code = self._core.answer(states, data, now, monotonic)
         if code > 0:
@@ -280,23 +287,34 @@ class Controller(ControllerState):
             numbers[HEARD] = heard
         return self._answer() if self.code > 0 else None
 
-    def _befall(self, times: HazardTimes, data: bytes) -> None:
-        """Let happen what hazards do to a controller before it answers a state."""
+    def _befall(self, times: HazardTimes, data: bytes) -> int:
+        """Let happen what hazards do to a controller before it answers a state.
+
+        Returns:
+            ANSWERED, unless it is not to be answered: REFUSED, or REFUSED_LONG.
+        """
         numbers = self._numbers
         stamp, start = cdr_reader.header_stamp(data), int(numbers[START])
         if stamp is None or start == NEVER:
-            return
+            return ANSWERED
         age = start - stamp if numbers[LAST] == NEVER else int(numbers[AGE])
-        sample = (stamp + (age if 0 < age <= OLDEST else 0) - start) // self._loop.period_ns
-        before = self._sample if sample >= self._sample else -1  # else the plant was reset
+        index = (stamp + (age if 0 < age <= OLDEST else 0) - start) // self._loop.period_ns
+        before = self._sample if index > 0 else -1  # else the plant was reset
+        sample = times.sample_of(index, before)
         self._sample = sample
+        reason = faults.NUMBERS.get(times.refusal(sample), faults.NONE)
+        if reason != faults.NONE and self._loop.lockstep:
+            self._refused = reason, int(numbers[ANSWERS]), 0
         if any(before < renewal <= sample for renewal in times.renewals):
             self._store(self.state._replace(fault=faults.NONE))
             self._reset()
             self._fault_seen, self._changed = faults.NONE, True
         if any(before < clear <= sample for clear in times.clears):
             self._changed |= self.fault != faults.NONE and not self.clear_fault()
-        numbers[UNTIL] = start + times.newest_reference(sample) * self._loop.period_ns
+        numbers[UNTIL] = start + times.newest_reference(index) * self._loop.period_ns
+        if reason == faults.NONE or not self._loop.lockstep:
+            return ANSWERED
+        return REFUSED_LONG if times.loss(sample) and self.lose(reason) else REFUSED
 
     def _answer(self) -> Answer:
         return Answer(self._arrays.torques.copy(), self.telemetry, self.status)

@@ -25,6 +25,8 @@ from parallel_robot_control.answer_kernel import (
     ANSWERED,
     EARLY,
     NO_REFERENCE,
+    REFUSED,
+    REFUSED_LONG,
     STALE,
     UNKNOWN,
 )
@@ -209,7 +211,9 @@ class ControllerNode(SuiteNode):
             self._topics.publish_command()
         elif code > 0:
             self._topics.publish_answer(code)
-        elif code not in (EARLY, NO_REFERENCE) or self.lockstep:
+        elif code == REFUSED_LONG:
+            self._tell_now()
+        elif code != REFUSED and (code not in (EARLY, NO_REFERENCE) or self.lockstep):
             self._on_odd_state(code, data)
 
     def _on_odd_state(self, code: int, data: bytes) -> None:

@@ -62,6 +62,8 @@ FAULTS = {
     ),
 }
 
+NUMBERS = {fault.key: number for number, fault in FAULTS.items()}
+
 
 def of(robot: Robot) -> Mapping[int, Fault]:
     """All faults that a controller of this robot can be in, by number."""

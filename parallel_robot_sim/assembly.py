@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_base.custom_module import blaming
-from parallel_robot_base.hazards import Hazard, parse
+from parallel_robot_base.errors import InputError
+from parallel_robot_base.hazards import KEY, Hazard, parse
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import assembly as control
@@ -16,7 +17,7 @@ from parallel_robot_control.safety import SafetyParameters, safe_action
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.hazards import table_of
 from parallel_robot_sim.motor_timeout import Patience
-from parallel_robot_sim.plant import PlantSetup, PlantState, stepping
+from parallel_robot_sim.plant import MUJOCO, PlantSetup, PlantState, stepping
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Trajectory
 
@@ -73,7 +74,7 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         InputError: the robot does not reach that pose.
     """
     robot, loop = configuration.robot, configuration.loop
-    hazards = parse(loop.hazards)
+    hazards = _hazards(configuration)
     module, parameters = robot.module, robot.parameters
     load = Boxed(configuration.load)
     pose = np.array(robot.pose_of('plant.initial_pose', configuration.parameters.initial_pose))
@@ -96,3 +97,20 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         Boxed(table_of(hazards, loop.joints, loop.period)),
     )
     return Plant(setup, PlantState(start, still, torque, 0.0), hazards, configuration.safety)
+
+
+def _hazards(configuration: PlantConfiguration) -> tuple[Hazard, ...]:
+    """The hazards of a loop.
+
+    Raises:
+        InputError: one cannot happen to this plant.
+    """
+    found, least = parse(configuration.loop.hazards), configuration.safety.state_age
+    for k, hazard in enumerate(found):
+        what = f'{KEY}[{k}]: {hazard.what}'
+        if hazard.what == 'states_ahead' and hazard.size <= least:
+            text = f'{what} needs a size above safety.state_age, {least:g} s, not {hazard.size:g}'
+            raise InputError(text, KEY)
+        if hazard.what == 'brakes' and configuration.parameters.engine == MUJOCO:
+            raise InputError(f'{what} needs plant.engine analytic', KEY)
+    return found

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +53,7 @@ class Course(NamedTuple):
         shown: Whether the pose of a sample is told, shape (N,).
         stale: Samples at which a state is answered and that is too old, shape (N,).
         late: Samples at which the first state comes after too long.
+        lost: Samples at which states have been refused for too long, and the fault that it is.
         clears: Samples at which the first state comes after a call of ``~/clear_fault``.
         renewals: Samples at which a controller hears its first state; 0 is not among them.
     """
@@ -61,13 +64,14 @@ class Course(NamedTuple):
     shown: NDArray[np.bool_]
     stale: NDArray[np.bool_]
     late: frozenset[int] = frozenset()
+    lost: Mapping[int, int] = MappingProxyType({})
     clears: frozenset[int] = frozenset()
     renewals: frozenset[int] = frozenset()
 
     @property
     def cuts(self) -> list[int]:
         """Samples at which something happens to the controller before it answers."""
-        found = {0, *self.late, *self.clears, *self.renewals}
+        found = {0, *self.late, *self.lost, *self.clears, *self.renewals}
         rows = np.flatnonzero(self.heard.answered)
         begun = np.diff(self.stale[rows], prepend=False) & self.stale[rows]
         count = len(self.heard.answered)
@@ -99,9 +103,12 @@ class Course(NamedTuple):
             cycle, memory = joining(control.state, effort), control.law.memory
             cause = faults.NONE
         before = np.flatnonzero(self.heard.answered[:sample])[-1:]
-        lasts = cause != faults.NONE or self.stale[before].any()
+        refused = ~self.heard.answered[np.flatnonzero(self.heard.told[:sample])[-1:]]
+        lasts = cause != faults.NONE or self.stale[before].any() or refused.any()
         if sample in self.clears and cycle.fault != faults.NONE and not lasts:
             cycle, memory = cleared(cycle), control.law.memory
+        if sample in self.lost:
+            cycle = without_torque(tripped(cycle, self.lost[sample]))
         if sample in self.late:
             cycle = without_torque(tripped(cycle, faults.STATES_STALE))
         if len(self.stale) and self.stale[sample]:
@@ -122,7 +129,7 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     if not plant.hazards:
         all_, none = np.ones(count, bool), np.zeros(count, np.int64)
         return Course(Heard(all_, all_, none, dt), reference, samples, all_, none.astype(bool))
-    times = HazardTimes(plant.hazards, period)
+    times = HazardTimes(plant.hazards, period, plant.safety.state_age)
     told, answered, late, known, shown = (
         np.array([find(k) for k in range(count)])
         for find in (
@@ -138,7 +145,7 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     measured = (samples - late)[rows]
     steps = tick * np.diff(measured)
     dt[rows[1:]] = steps / NANOSECONDS
-    renewed = {*_first(rows, measured, times.renewals), *rows[:1].tolist()}
+    renewed = {*_first(rows, times.renewals), *rows[:1].tolist()}
     dt[[*renewed]] = period
     gaps = {*rows[1:][steps > round(plant.safety.state_timeout * NANOSECONDS)].tolist()} - renewed
     # 2. References.
@@ -153,14 +160,15 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
         shown,
         stale,
         frozenset(gaps),
-        frozenset(_first(rows, measured, times.clears)),
+        {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
+        frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
         frozenset(renewed - {0}),
     )
 
 
-def _first(rows: NDArray[np.int64], measured: NDArray[np.int64], samples: list[int]) -> list[int]:
-    """Rows of the first states that were not measured before some samples; fewer at the end."""
-    found = np.searchsorted(measured, samples)
+def _first(rows: NDArray[np.int64], samples: list[int]) -> list[int]:
+    """The first rows from some samples on; fewer at the end."""
+    found = np.searchsorted(rows, samples)
     return [int(row) for row in rows[found[found < len(rows)]]]
 
 

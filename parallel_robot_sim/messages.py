@@ -34,13 +34,16 @@ def state_messages(
         stamps: Of the states [ns], shape (N,).
         run: The run.
         late: Samples from the measurement of a state to its row in the run.
-        further: Samples by which it comes later still, shape (N,).
+        further: Samples by which it comes later still, shape (N,); negative if only its stamp is
+            ahead.
     """
     records = layout.records(run.steps, stamps)
     rows, n = slice(run.steps), run.position.shape[1]
     records['position'][:, :n] = run.position[rows]
     records['velocity'][:, :n] = run.velocity[rows]
-    records['effort'][:, :n] = told_effort(run.effort[rows], late)[np.arange(run.steps) - further]
+    records['effort'][:, :n] = told_effort(run.effort[rows], late)[
+        np.arange(run.steps) - np.maximum(further, 0)
+    ]
     if records['position'].shape[1] > n:
         records['position'][:, n:] = run.passive_position[rows]
         records['velocity'][:, n:] = run.passive_velocity[rows]

@@ -37,7 +37,8 @@ class Simulator:
         axes = robot.module.coordinates(robot.parameters)
         self._units = ', '.join(axis.unit for axis in axes)
         self._setup, start, hazards, _ = assemble_plant(configuration)
-        self._times = HazardTimes(hazards, loop.period) if hazards else None
+        age = configuration.safety.state_age
+        self._times = HazardTimes(hazards, loop.period, age) if hazards else None
         self._period = loop.period
         self._patience = self._setup.patience.samples
         n = len(loop.joints)

@@ -198,7 +198,8 @@ class TrajectoryNode(SuiteNode):
         if k < 0 or (self.last_index is not None and k > self.last_index):
             self.counts['joint states that are not of this motion'] += 1
             return
-        if not self._start or stamp <= self._asked:
+        again = stamp <= self._asked and not (self.loop.hazards and k)  # stamps may be ahead
+        if not self._start or again:
             self._sent = k - 1  # a new run, or the plant repeats a state: references are missing
         self._start, self._asked = start, stamp
         if self._sent < k + BATCH // 2:

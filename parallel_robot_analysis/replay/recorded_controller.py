@@ -43,6 +43,15 @@ OUTSIDE = {  # faults that states and references do not show
     faults.REFERENCES_DISAGREE,
     faults.EMERGENCY_STOP,
     faults.COMMANDS_DISAGREE,
+    faults.STATES_LATE,
+    faults.STATES_AHEAD,
+    faults.STATES_INVALID,
+}
+LOST = {  # those in which the torque is zero at once
+    faults.STATES_STALE,
+    faults.STATES_LATE,
+    faults.STATES_AHEAD,
+    faults.STATES_INVALID,
 }
 
 
@@ -154,7 +163,7 @@ class RecordedController:
 
     def _renewed(self, samples: np.ndarray) -> np.ndarray:
         """Rows of the first states that new controllers hear; `samples` of the states."""
-        ends = HazardTimes(parse(self._loop.hazards), self._loop.period).renewals
+        ends = HazardTimes(parse(self._loop.hazards), self._loop.period, np.inf).renewals
         rows = np.searchsorted(samples, ends)
         return rows[(rows > 0) & (rows < len(samples))]
 
@@ -308,7 +317,7 @@ def after(moment: Moment, event: Event) -> Moment:
         state, memory = cleared(state), control.law.memory
     elif event.fault and state.fault == faults.NONE:
         state = tripped(state, event.fault)
-        if event.fault == faults.STATES_STALE:
+        if event.fault in LOST:
             state = without_torque(state)
     return Moment(configuration, control, state, memory, past)
 
