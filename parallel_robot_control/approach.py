@@ -30,7 +30,7 @@ class ApproachParameters(NamedTuple):
 
 
 START, BACK = -1.0, -2.0  # `elapsed` before an approach: to a start, and on a way back
-SHORTEST = 1e-3  # s, of the time over which a rate is faded
+SHORTEST, LONGEST = 1e-3, 0.3  # times over which a rate is faded: s, share of the way back
 BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
 
 
@@ -99,6 +99,8 @@ def approached(
             duration = math.sqrt(BENT * largest(e) / fast)
             duration = select(duration > least, duration, least)
             braking = BRAKED * largest(v) / fast
+            most = LONGEST * parameters.way_back
+            braking = select(braking < most, braking, most)
             braking = select(braking > SHORTEST, braking, SHORTEST)
     after = Approach(e, v, t, duration, braking)
     if not (t < duration or t < braking):

@@ -21,6 +21,7 @@ from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
 from parallel_robot_control.safety import (
     EFFORT,
+    ZERO,
     Last,
     Limits,
     find_fault,
@@ -29,6 +30,7 @@ from parallel_robot_control.safety import (
 )
 from parallel_robot_control.state_consistency import inconsistent
 from parallel_robot_control.torque_arrival import TOLD, arrival
+from parallel_robot_control.torque_effect import is_resisted
 from parallel_robot_model.contract import Model
 
 
@@ -219,13 +221,17 @@ def sense(
     late: float,
     lost: bool,
     losing: int,
+    memory: int,
+    acted: Array,
+    comparable: bool,
 ) -> Sensed:
     """Find the pose, look for faults, compute the model.
 
     Arguments as of :func:`run_cycle`, and of the state only what counts: a whole one takes long to
     hand over. `doubt` is a fault that torques and states show, `since` the time between the
     moments of the two references [s]. A fault in the motion of the joints comes before that, one
-    of the robot after it, one ahead of the robot last.
+    of the robot after it, one ahead of the robot last. `acted` is the torque since the
+    state before [N m], and `comparable` whether there was one not long before.
     """
     found = estimate(robot, limits.margins, position, velocity, pose)
     cause = find_fault(limits, reference, position, velocity, last, dt, since)
@@ -234,6 +240,11 @@ def sense(
     if cause == faults.NONE and way_to_rest(limits, multiply(found.model.M, velocity)) > SHORT:
         fast = too_fast(estimate, robot, limits, position, velocity, found, last, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
+    resisted = is_resisted(
+        memory, limits.residual, limits.safe.damping, found.model, velocity, acted, comparable, dt
+    )
+    if resisted and cause == faults.NONE:
+        cause = faults.TORQUE_RESISTED
     fault = select(latched == faults.NONE, cause, latched)
     lost = lost | ((losing >> found.fault) & 1 != 0)
     return Sensed(cause, fault, found.pose, found.model, lost)
@@ -250,6 +261,7 @@ def act(
     latched: int,
     fault: int,
     blind: bool,
+    gravity: Array,
     asked: Asked,
     dt: float,
 ) -> Limited:
@@ -264,7 +276,8 @@ def act(
         held: Joint angles at the moment of the fault [rad], shape (n,).
         latched: Fault after the cycle before.
         fault: Fault before the law was asked.
-        blind: Whether positions and rates are not to be believed: then the safe torque is zero.
+        blind: Whether positions and rates are not to be believed: then nothing is damped.
+        gravity: Torque that holds the robot against gravity [N m], shape (n,).
         asked: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
     """
@@ -278,6 +291,7 @@ def act(
     held = select(new, position, held)
     zero = np.zeros_like(position)
     safe = select(blind, zero, safe_torque(limits.safe, held, position, velocity))
+    safe = safe + select(limits.safe.action == ZERO, zero, gravity)
     demand = select(failed, safe, demand)
     sliding_variable = select(failed, zero, sliding_variable)
     coupled_error = select(failed, reference.position - position, coupled_error)
@@ -405,6 +419,9 @@ def run_cycle(
         late,
         state.lost,
         setup.losing,
+        filter_.memory,
+        select(effort - effort == 0.0, effort, last.torque),
+        known and not gap,
     )
     feedback = Feedback(position, velocity, excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
@@ -449,6 +466,7 @@ def run_cycle(
         state.fault,
         sensed.fault,
         wrong != faults.NONE,
+        sensed.model.gravity,
         asked,
         dt,
     )

@@ -16,7 +16,8 @@ SAMPLE, RUNNING, SPELL, LOST, AGE = range(5)
 MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the torques, begin
 WAYS = TORQUE + SIZE  # row where those of state_consistency.py begin
 OF_WAYS = 6
-ROWS = WAYS + OF_WAYS
+MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
+ROWS = MOMENTUM + 4
 
 
 def made_for(like: Array) -> Space:

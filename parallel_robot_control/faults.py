@@ -24,13 +24,14 @@ STATES_AHEAD = 23
 STATES_INVALID = 24
 COMMANDS_DISAGREE = 25
 TOO_FAST = 27
+TORQUE_RESISTED = 28
 
 FAULTS = {
     TORQUE_NOT_FINITE: Fault('torque_not_finite', 'the law gave a torque that is not finite'),
     SPEED: Fault('speed', 'a joint is faster than its limit'),
     POSITION_JUMP: Fault(
         'position_jump',
-        'a joint angle jumped: faster than its limit from one state to the next',
+        'a joint angle jumped: faster than its limit or its rate from one state to the next',
     ),
     REFERENCE_JUMP: Fault(
         'reference_jump',
@@ -53,6 +54,9 @@ FAULTS = {
     STATES_LATE: Fault('states_late', 'joint states come too late'),
     STATES_AHEAD: Fault('states_ahead', 'joint states are stamped ahead of the clock'),
     STATES_INVALID: Fault('states_invalid', 'joint states have no usable numbers'),
+    TORQUE_RESISTED: Fault(
+        'torque_resisted', 'the robot does not move as the torque should move it'
+    ),
     TOO_FAST: Fault(
         'too_fast',
         'the robot was about to be too fast to be stopped before a limit, e.g. a singularity',

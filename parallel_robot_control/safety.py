@@ -65,6 +65,10 @@ class SafetyParameters(NamedTuple):
         Field('N m', 'efforts so far from all late commands do not obey; 0: not looked at', 0.0),
     ]
     effort_timeout: Annotated[float, Field('s', 'time without obedience that is a fault', 1e-3)]
+    residual_limit: Annotated[
+        PerJoint,
+        Field('N m', 'torque beside friction that resists the motors; 0: not looked at', 0.0),
+    ]
     rate_tolerance: Annotated[
         float,
         Field('rad', 'by which ways may differ from integrals of rates; 0: not looked at', 0.0),
@@ -93,6 +97,7 @@ class Limits(NamedTuple):
     gap: float
     effort_tolerance: Array
     effort_timeout: float
+    residual: Array
     rate_tolerance: float
     margins: Any
 
@@ -113,6 +118,7 @@ def limits_of(parameters: SafetyParameters, margins: Any, period: float) -> Limi
         max(parameters.gap, LEAST * period),
         vector(_unless_off(parameters.effort_tolerance)),
         parameters.effort_timeout,
+        vector(_unless_off(parameters.residual_limit)),
         float(_unless_off(parameters.rate_tolerance)),
         margins,
     )

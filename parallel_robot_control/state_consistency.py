@@ -16,6 +16,7 @@ from parallel_robot_control import cycle_memory, faults
 WINDOW = 0.06  # s, time constant with which ways are forgotten
 ALIKE = 0.01  # of the tolerance, within which a way and a rate of one state agree
 SHARE = 0.5  # of the tolerance, that a single state adds at most: one odd state is no proof
+JUMP = 2.0  # tolerances: a single way so much longer than its rate says is a jump
 LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
 
 
@@ -51,6 +52,7 @@ def inconsistent(
     write_at(memory, row, zero + select(comparable, 1.0, 0.0))
     if not comparable:
         return faults.NONE
+    jumped = np.abs(went) > JUMP * tolerance + (1.0 + LAG) * np.abs(told)
     left, most = WINDOW / (WINDOW + dt), SHARE * tolerance
     went, told = clip(went, -most, most), clip(told, -most, most)
     told = select(told - told == 0.0, told, went)  # what is not finite is another fault
@@ -68,6 +70,7 @@ def inconsistent(
     wrong = wrong | (np.abs(unsaid) > tolerance)
     fault = select(some(wrong), faults.VELOCITIES_WRONG, faults.NONE)
     fault = select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
+    fault = select(some(jumped), faults.POSITION_JUMP, fault)
     if every(np.abs(apart) + np.abs(still) + np.abs(unsaid) <= ALIKE * tolerance):
         write_at(memory, row, zero)
     return fault
