@@ -30,7 +30,7 @@ class ApproachParameters(NamedTuple):
 
 
 START, BACK = -1.0, -2.0  # `elapsed` before an approach: to a start, and on a way back
-SHORTEST, LONGEST = 1e-3, 0.3  # times over which a rate is faded: s, share of the way back
+SHORTEST, LONGEST = 0.02, 0.3  # times over which a rate is faded: s, share of the way back
 BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
 
 
