@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_base import config, layouts, topics
 from parallel_robot_control import controller, controller_state
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.faults import EMERGENCY_STOP, NONE, STATES_STALE
+from parallel_robot_control.faults import EMERGENCY_STOP, NONE, STATES_LATE, STATES_STALE
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import trajectory_of
@@ -22,6 +22,7 @@ pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.parametrize('node', ['wall'], indirect=True)
 
 SECOND, MS = 10**9, 10**6  # ns
+AGE = round(config.resolve('paper_circle')['safety.state_age'] * 1e9)  # ns
 TIMEOUT = round(config.resolve('paper_circle')['safety.state_timeout'] * 1e9)  # ns
 
 
@@ -61,13 +62,13 @@ def loop(node, monkeypatch):
     return Loop(node, monkeypatch)
 
 
-def test_a_state_that_is_older_than_the_timeout_is_as_none(loop):
-    assert len(loop.give(SECOND, TIMEOUT)) == 1
-    assert loop.give(SECOND + MS, TIMEOUT + MS) == [] and loop.fault == NONE
+def test_states_that_are_too_old_are_as_none_and_a_fault_of_their_own(loop):
+    assert len(loop.give(SECOND, AGE)) == 1
+    assert loop.give(SECOND + MS, AGE + MS) == [] and loop.fault == NONE
     assert loop.controller.counts['joint states that are too old'] == 1
     loop.stands = TIMEOUT * 1e-9 + 1e-3  # s
     loop.controller._watch()
-    assert loop.fault == STATES_STALE
+    assert loop.fault == STATES_LATE
 
 
 def test_a_node_that_stood_still_does_not_go_on_as_if_nothing_were(loop):
