@@ -147,7 +147,7 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
     controller, commands = node(ControllerNode, topics.COMMANDS)
     answered = []
 
-    @settings(max_examples=150)
+    @settings(max_examples=250)
     @given(st.lists(MESSAGE, min_size=BATCH, max_size=BATCH))
     def check(messages):
         commands.clear()
