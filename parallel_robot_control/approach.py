@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
-from parallel_robot_compiler import inner, select, vector
+from parallel_robot_compiler import clip, inner, select, vector
 from parallel_robot_control.braking import largest
 from parallel_robot_control.contract import JointReference
 
@@ -22,15 +22,17 @@ class ApproachParameters(NamedTuple):
     ]
     way_back: Annotated[
         float,
-        Field('s', 'the same, at least, after a fault, a gap or a take-over', 0.001, 100.0),
+        Field('s', 'the same after a fault, a gap or a take-over, at most', 0.001, 100.0),
     ]
     acceleration: Annotated[
-        float, Field('rad/s^2', 'with which offset and rate are faded then, about', 1e-3)
+        float, Field('rad/s^2', 'most with which offset and rate are faded then, about', 1e-3)
     ]
 
 
 START, BACK = -1.0, -2.0  # `elapsed` before an approach: to a start, and on a way back
-SHORTEST, LONGEST = 0.02, 0.3  # times over which a rate is faded: s, share of the way back
+SHORTEST = 0.02  # s, of the time over which a rate is faded
+SHARE = 0.3  # of the way back: shortest time for an offset, longest for a rate
+GENTLE = 2.0  # times as long as a small offset would need
 BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
 
 
@@ -94,14 +96,13 @@ def approached(
         e, v, t = position - reference.position, velocity - reference.velocity, 0.0
         duration = braking = parameters.duration
         if before.elapsed == BACK:
-            fast = parameters.acceleration
-            least = select(duration > parameters.way_back, duration, parameters.way_back)
-            duration = math.sqrt(BENT * largest(e) / fast)
-            duration = select(duration > least, duration, least)
+            fast, most = parameters.acceleration, parameters.way_back
+            bent = math.sqrt(BENT * largest(e) / fast)
+            gentle = clip(GENTLE * bent, SHARE * most, most)
+            gentle = select(gentle > bent, gentle, bent)
+            duration = select(duration > gentle, duration, gentle)
             braking = BRAKED * largest(v) / fast
-            most = LONGEST * parameters.way_back
-            braking = select(braking < most, braking, most)
-            braking = select(braking > SHORTEST, braking, SHORTEST)
+            braking = clip(braking, SHORTEST, SHARE * most)
     after = Approach(e, v, t, duration, braking)
     if not (t < duration or t < braking):
         return reference, after

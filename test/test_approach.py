@@ -64,7 +64,8 @@ def test_on_a_way_back_the_rate_is_braked_with_the_acceleration_that_is_given():
     found = courses(0.0, 230, BACK, 0.2, 40.0)[:, 0]
     braking = 3.943 * 0.4 / 40.0
     turned = faded(braking, 0 * OFFSET, RATE, 230)
-    assert np.allclose(found, faded(0.2, OFFSET, 0 * RATE, 230) + turned, atol=1e-12)
+    gentle = 2.0 * np.sqrt(5.774 * 0.05 / 40.0)  # s, for a small offset
+    assert np.allclose(found, faded(gentle, OFFSET, 0 * RATE, 230) + turned, atol=1e-12)
     assert np.abs(np.diff(turned, 2, axis=0)).max() / DT**2 == pytest.approx(40.0, rel=0.01)
     far = courses(0.0, 130, BACK, 0.01, 40.0)[:, 0]
     assert not far[round(np.sqrt(5.774 * 0.05 / 40.0) / DT) + 1 :].any() and far[80].any()

