@@ -110,7 +110,7 @@ def test_a_change_during_the_run_is_in_the_bag_and_replayed(start, peer, tmp_pat
 
 def under_way(process, bag):
     """Wait until there is motion in the bag; return the nodes."""
-    process.until(lambda: any(file.stat().st_size > 30_000 for file in bag.glob('*.mcap')))
+    process.until(lambda: any(file.stat().st_size > 60_000 for file in bag.glob('*.mcap')))
     nodes = process.children()
     assert set(nodes) == set(MODULES.values())
     return nodes
@@ -196,7 +196,7 @@ def test_a_full_disk_ends_the_run_in_one_line(begin, tmp_path):
 def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
     process = launch(COMMAND_LINE, 'simulate', 'paper_circle', '--duration', 60, '--out', 'bag')
     file = tmp_path / 'bag' / 'bag_0.mcap'
-    process.until(lambda: file.exists() and file.stat().st_size > 30_000)
+    process.until(lambda: file.exists() and file.stat().st_size > 60_000)
     assert process.end(getattr(signal, name)) == ENDS[name]
     assert process.stderr == ''
     log = run_log.read(tmp_path / 'bag')
@@ -247,7 +247,7 @@ def test_the_end_of_its_terminal_ends_the_run_in_order(domain, compiled, tmp_pat
         os.environ['PYTHONPATH'] = str(ROOT)
         os.execv(sys.executable, command('parallel_robot_cli', *words))
     files = tmp_path / 'bag'
-    until(lambda: any(file.stat().st_size > 30_000 for file in files.glob('*.mcap')))
+    until(lambda: any(file.stat().st_size > 60_000 for file in files.glob('*.mcap')))
     nodes = {module: Child(one, os.pidfd_open(one)) for module, one in children(pid).items()}
     assert set(nodes) == set(MODULES.values())
     os.close(terminal)
