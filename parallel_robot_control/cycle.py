@@ -7,7 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import FirstClass, every, inner, kernel, multiply, select, vector
+from parallel_robot_compiler import (
+    FirstClass,
+    every,
+    inner,
+    kernel,
+    multiply,
+    select,
+    some,
+    vector,
+)
 from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in
 from parallel_robot_control.approach import (
     BACK,
@@ -30,7 +39,7 @@ from parallel_robot_control.safety import (
 )
 from parallel_robot_control.state_consistency import inconsistent
 from parallel_robot_control.torque_arrival import TOLD, arrival
-from parallel_robot_control.torque_effect import is_resisted
+from parallel_robot_control.torque_effect import LOOKED_AT, is_resisted
 from parallel_robot_model.contract import Model
 
 
@@ -222,6 +231,7 @@ def sense(
     lost: bool,
     losing: int,
     memory: int,
+    sample: int,
     acted: Array,
     comparable: bool,
 ) -> Sensed:
@@ -240,11 +250,20 @@ def sense(
     if cause == faults.NONE and way_to_rest(limits, multiply(found.model.M, velocity)) > SHORT:
         fast = too_fast(estimate, robot, limits, position, velocity, found, last, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
-    resisted = is_resisted(
-        memory, limits.residual, limits.safe.damping, found.model, velocity, acted, comparable, dt
-    )
-    if resisted and cause == faults.NONE:
-        cause = faults.TORQUE_RESISTED
+    if some(np.abs(acted) > LOOKED_AT * limits.residual):
+        resisted = is_resisted(
+            memory,
+            sample,
+            limits.residual,
+            limits.safe.damping,
+            found.model,
+            velocity,
+            acted,
+            comparable,
+            dt,
+        )
+        if resisted and cause == faults.NONE:
+            cause = faults.TORQUE_RESISTED
     fault = select(latched == faults.NONE, cause, latched)
     lost = lost | ((losing >> found.fault) & 1 != 0)
     return Sensed(cause, fault, found.pose, found.model, lost)
@@ -420,6 +439,7 @@ def run_cycle(
         state.lost,
         setup.losing,
         filter_.memory,
+        when.sample,
         select(effort - effort == 0.0, effort, last.torque),
         known and not gap,
     )

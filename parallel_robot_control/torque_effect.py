@@ -17,12 +17,14 @@ from parallel_robot_model.contract import Model
 BANDWIDTH = 20.0  # 1/s
 SHARE = 0.25  # of the damping of the safe action, times the speed: friction that does not count
 LASTS = 0.1  # s, for which the residual must be above the limit
-LOOKED_AT = 0.5  # of the limit: a torque from which on the residual is computed
+LATELY = 32.0  # samples after which it begins anew
+LOOKED_AT = 0.5  # of the limit: a torque from which on the residual is looked at
 
 
 @inner
 def is_resisted(
     memory: int,
+    sample: int,
     limit: Array,
     damping: Array,
     model: Model,
@@ -35,6 +37,7 @@ def is_resisted(
 
     Args:
         memory: Address of the memory of the cycle.
+        sample: Index of the sample from which on the next torque acts.
         limit: Residual that does not count [N m], shape (n,).
         damping: Damping of the safe action [N m s/rad], shape (n,).
         model: Nominal model at the state; none in a fault of the robot.
@@ -44,22 +47,21 @@ def is_resisted(
         dt: Time since then [s].
     """
     row = cycle_memory.MOMENTUM
-    since = read_at(memory, row, velocity)  # 0: not looked at; 1 and more: 1 + s above the limit
-    look = comparable and some(np.abs(torque) > LOOKED_AT * limit) and model.M[0, 0] > 0.0
-    if not look:
-        if since[0] != 0.0:
-            write_at(memory, row, np.zeros_like(velocity))
+    since = sample - read_at(memory, row, velocity)[0]  # samples since it looked
+    follows = comparable and since >= 0.0 and since <= LATELY
+    if not model.M[0, 0] > 0.0:
         return False
     before = Observed(
         read_at(memory, row + 1, velocity),
         read_at(memory, row + 2, velocity),
         read_at(memory, row + 3, velocity),
     )
-    now = observed(BANDWIDTH, before, since[0] != 0.0, model, velocity, torque, dt)
+    now = observed(BANDWIDTH, before, follows, model, velocity, torque, dt)
     write_at(memory, row + 1, now.momentum)
     write_at(memory, row + 2, now.drift)
     write_at(memory, row + 3, now.residual)
     above = some(np.abs(now.residual) - SHARE * damping * np.abs(velocity) > limit)
-    lasts = select(above, select(since[0] > 1.0, since[0], 1.0) + dt, 1.0)
-    write_at(memory, row, np.zeros_like(velocity) + lasts)
-    return lasts - 1.0 > LASTS
+    lasts = select(above and follows, read_at(memory, row + 4, velocity)[0] + dt, 0.0)
+    write_at(memory, row, np.zeros_like(velocity) + float(sample))
+    write_at(memory, row + 4, np.zeros_like(velocity) + lasts)
+    return lasts > LASTS
