@@ -15,7 +15,7 @@ from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel, read_row, select, write_row
 from parallel_robot_control import faults, lock_in
-from parallel_robot_control.approach import BACK, Approach
+from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
     Acted,
@@ -34,14 +34,10 @@ from parallel_robot_control.shared_arrays import (
     AGE,
     AGES,
     ANSWERS,
-    APART,
-    APART_RATE,
-    BRAKING,
+    BEGINS,
     CAUSE,
     COUPLED,
-    DURATION,
     EFFORT,
-    ELAPSED,
     END,
     ERROR,
     ERROR_RATE,
@@ -263,7 +259,7 @@ def _open(
             write_row(vectors, TORQUE, applied)
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
-            vectors[ELAPSED, 0] = BACK
+            numbers[BEGINS] = BACK
         numbers[LAST] = stamp
     last = Last(
         read_row(vectors, POSITION, row),
@@ -280,13 +276,7 @@ def _open(
         read_row(vectors, HELD, row),
         numbers[FAULT],
         Estimated(read_row(vectors, TRACKED, row), read_row(vectors, RATE, row)),
-        Approach(
-            read_row(vectors, APART, row),
-            read_row(vectors, APART_RATE, row),
-            vectors[ELAPSED, 0],
-            vectors[DURATION, 0],
-            vectors[BRAKING, 0],
-        ),
+        numbers[BEGINS],
         numbers[POSE_LOST] != 0,
     )
     age = (acts - stamp) / NANOSECONDS
@@ -337,11 +327,7 @@ def _close(
     write_row(v, HELD, after.held)
     write_row(v, TRACKED, after.estimated.position)
     write_row(v, RATE, after.estimated.velocity)
-    write_row(v, APART, after.approach.offset)
-    write_row(v, APART_RATE, after.approach.rate)
-    v[ELAPSED, 0] = after.approach.elapsed
-    v[DURATION, 0] = after.approach.duration
-    v[BRAKING, 0] = after.approach.braking
+    numbers[BEGINS] = after.begins
     numbers[CAUSE] = done.cause
     if question.stale and done.cause == faults.NONE:
         numbers[CAUSE] = faults.REFERENCE_STALE

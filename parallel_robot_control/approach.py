@@ -9,7 +9,8 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.fields import Field
-from parallel_robot_compiler import clip, inner, select, vector
+from parallel_robot_compiler import clip, inner, read_at, select, write_at
+from parallel_robot_control import cycle_memory
 from parallel_robot_control.braking import largest
 from parallel_robot_control.contract import JointReference
 
@@ -29,46 +30,51 @@ class ApproachParameters(NamedTuple):
     ]
 
 
-START, BACK = -1.0, -2.0  # `elapsed` before an approach: to a start, and on a way back
+GOES_ON, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start, a way back
+ENDED = -1.0  # s, time since the begin where there is no approach
+OFFSET, RATE, ELAPSED, LENGTH, BRAKING = range(5)  # rows in the memory of the cycle
 SHORTEST = 0.02  # s, of the time over which a rate is faded
 SHARE = 0.3  # of the way back: shortest time for an offset, longest for a rate
 GENTLE = 2.0  # times as long as a small offset would need
 BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
 
 
-class Approach(NamedTuple):
-    """Where the robot was at the first state, relative to the reference.
-
-    Attributes:
-        offset: Of the positions [rad], shape (n,).
-        rate: Of the velocities [rad/s], shape (n,).
-        elapsed: Time since then [s]; START or BACK before the first state.
-        duration: Time over which the offset is faded [s].
-        braking: Time over which the rate is faded [s].
-    """
-
-    offset: Array
-    rate: Array
-    elapsed: float
-    duration: float
-    braking: float
-
-
-def not_begun(joints: int, elapsed: float = START) -> Approach:
-    """Before an approach, START or BACK; `joints` is n."""
-    zero = vector(np.zeros(joints))
-    return Approach(zero, zero, elapsed, 0.0, 0.0)
+@inner
+def _begin(
+    parameters: ApproachParameters,
+    memory: int,
+    begins: int,
+    reference: JointReference,
+    position: Array,
+    velocity: Array,
+) -> None:
+    """Begin an approach; the arguments are those of :func:`approached`."""
+    row, zero = cycle_memory.APPROACH, np.zeros_like(position)
+    e, v = position - reference.position, velocity - reference.velocity
+    duration = braking = parameters.duration
+    if begins == BACK:
+        fast, most = parameters.acceleration, parameters.way_back
+        bent = math.sqrt(BENT * largest(e) / fast)
+        gentle = clip(GENTLE * bent, SHARE * most, most)
+        gentle = select(gentle > bent, gentle, bent)
+        duration = select(duration > gentle, duration, gentle)
+        braking = clip(BRAKED * largest(v) / fast, SHORTEST, SHARE * most)
+    write_at(memory, row + OFFSET, e)
+    write_at(memory, row + RATE, v)
+    write_at(memory, row + LENGTH, zero + duration)
+    write_at(memory, row + BRAKING, zero + braking)
 
 
 @inner
 def approached(
     parameters: ApproachParameters,
-    before: Approach,
+    memory: int,
+    begins: int,
     reference: JointReference,
     position: Array,
     velocity: Array,
     dt: float,
-) -> tuple[JointReference, Approach]:
+) -> JointReference:
     """The reference with what is left of the initial offset.
 
     With e and e' the offsets at the first state, x = t / T and y = t / B, it is added
@@ -81,31 +87,29 @@ def approached(
 
     Args:
         parameters: T at a start and on a way back; with 0, the reference stays as it is.
-        before: The approach at the state before.
+        memory: Address of the memory of the cycle, which has e, e', t, T and B.
+        begins: Whether an approach begins: GOES_ON, START or BACK.
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         dt: Time since the state before [s].
-
-    Returns:
-        The reference, and the approach for the next state.
     """
-    e, v, t = before.offset, before.rate, before.elapsed + dt
-    duration, braking = before.duration, before.braking
-    if before.elapsed < 0.0:
-        e, v, t = position - reference.position, velocity - reference.velocity, 0.0
-        duration = braking = parameters.duration
-        if before.elapsed == BACK:
-            fast, most = parameters.acceleration, parameters.way_back
-            bent = math.sqrt(BENT * largest(e) / fast)
-            gentle = clip(GENTLE * bent, SHARE * most, most)
-            gentle = select(gentle > bent, gentle, bent)
-            duration = select(duration > gentle, duration, gentle)
-            braking = BRAKED * largest(v) / fast
-            braking = clip(braking, SHORTEST, SHARE * most)
-    after = Approach(e, v, t, duration, braking)
-    if not (t < duration or t < braking):
-        return reference, after
+    row = cycle_memory.APPROACH
+    t = read_at(memory, row + ELAPSED, position)[0]
+    if begins == GOES_ON:
+        if t == ENDED:
+            return reference
+        t += dt
+    else:
+        t = 0.0
+        _begin(parameters, memory, begins, reference, position, velocity)
+    duration = read_at(memory, row + LENGTH, position)[0]
+    braking = read_at(memory, row + BRAKING, position)[0]
+    goes_on = t < duration or t < braking
+    write_at(memory, row + ELAPSED, np.zeros_like(position) + select(goes_on, t, ENDED))
+    if not goes_on:
+        return reference
+    e, v = read_at(memory, row + OFFSET, position), read_at(memory, row + RATE, position)
     per_time = 1.0 / duration
     x = select(t < duration, t * per_time, 1.0)
     xx = x * x
@@ -118,9 +122,8 @@ def approached(
     turn = braking * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)))
     turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x))
     turn_acceleration = -x * (36.0 - x * (96.0 - 60.0 * x)) * per_time
-    joined = JointReference(
+    return JointReference(
         reference.position + (e * left + v * turn),
         reference.velocity + (e * left_rate + v * turn_rate),
         reference.acceleration + (e * left_acceleration + v * turn_acceleration),
     )
-    return joined, after

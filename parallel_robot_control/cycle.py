@@ -18,13 +18,7 @@ from parallel_robot_compiler import (
     vector,
 )
 from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in
-from parallel_robot_control.approach import (
-    BACK,
-    Approach,
-    ApproachParameters,
-    approached,
-    not_begun,
-)
+from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
@@ -53,7 +47,7 @@ class CycleState(NamedTuple):
         held: Joint angles at the moment of the fault [rad], shape (n,).
         fault: NONE or the number of the fault, see faults.py; it is latched.
         estimated: Estimates of filter and differentiator; not used without one.
-        approach: How the robot joins the desired motion.
+        begins: What the next cycle begins: GOES_ON, START or BACK.
         lost: Whether the pose may be that of another assembly mode, see assembly_mode.py; it is
             latched.
     """
@@ -64,7 +58,7 @@ class CycleState(NamedTuple):
     held: Array
     fault: int
     estimated: Estimated
-    approach: Approach
+    begins: int
     lost: bool
 
 
@@ -202,7 +196,7 @@ def initial_state(pose: Array, joints: int) -> CycleState:
         zero,
         faults.NONE,
         Estimated(zero, zero),
-        not_begun(joints),
+        START,
         False,
     )
 
@@ -378,7 +372,7 @@ def run_cycle(
     delay = lock_in.delay_at(identified, estimator.delay, known, position)
     tracks, late = estimator.kind == KALMAN, when.age + delay
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
-    gap, last, begun = known and dt > limits.gap, state.last, state.approach
+    gap, last, begun = known and dt > limits.gap, state.last, state.begins
     told = arrival(
         filter_.memory,
         filter_.period,
@@ -392,9 +386,9 @@ def run_cycle(
     excess = state.excess + told.missing
     if (gap or told.back) and state.fault == faults.NONE:
         last, memory = taking_over(last, effort), setup.begin.memory
-        begun = Approach(begun.offset, begun.rate, BACK, begun.duration, begun.braking)
+        begun = BACK
         excess = np.zeros_like(excess)
-    if begun.elapsed == BACK:
+    if begun == BACK:
         kalman_memory.forget(filter_.memory)
     since = dt
     if tracks:
@@ -408,7 +402,7 @@ def run_cycle(
         velocity = np.zeros_like(velocity)
         if kalman_memory.running(filter_, when.sample, state.last.known):
             velocity = kalman_memory.known_velocity(filter_, velocity)
-    joined, approach = approached(setup.approach, begun, desired, position, velocity, dt)
+    joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, dt)
     reference = at_measurement(joined, late)
     error = position - reference.position
     measured = estimator.kind == NONE or (tracks and filter_.velocities)
@@ -517,7 +511,7 @@ def run_cycle(
             done.held,
             done.fault,
             found,
-            approach,
+            GOES_ON,
             sensed.lost,
         ),
         select(done.fault == faults.NONE, advanced, memory),

@@ -17,7 +17,8 @@ MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the to
 WAYS = TORQUE + SIZE  # row where those of state_consistency.py begin
 OF_WAYS = 6
 MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
-ROWS = MOMENTUM + 5
+APPROACH = MOMENTUM + 5  # of approach.py
+ROWS = APPROACH + 5
 
 
 def made_for(like: Array) -> Space:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from parallel_robot_base import layouts
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import vector
-from parallel_robot_control.approach import Approach
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
@@ -22,9 +21,8 @@ AGES = 4096  # answers for which the age of the state is kept
 # Rows of Shared.vectors,
 (
     POSITION, REFERENCE, TORQUE, OFFSET, EXCESS, HELD, TRACKED, RATE,  # of the cycle,
-    APART, APART_RATE, ELAPSED, DURATION, BRAKING,  # of its approach,
     VELOCITY, EFFORT,  # and as measured
-) = range(15)  # fmt: skip
+) = range(10)  # fmt: skip
 MEASURED = [POSITION, VELOCITY, EFFORT]
 # of Shared.telemetry,
 ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
@@ -39,8 +37,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     CAUSE,  # fault whose cause was there at the last state
     ACTED_AT,  # stamp of the last state at which a limit acted
     UNTIL,  # stamp of the newest reference that counts
-    POSE_LOST,  # of the cycle
-) = range(18)  # fmt: skip
+    POSE_LOST, BEGINS,  # of the cycle
+) = range(19)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -48,9 +46,9 @@ class Shared(NamedTuple):
 
     Attributes:
         pose: Pose of the last cycle, shape (m,).
-        vectors: State of the cycle, one row a vector, shape (15, n).
+        vectors: State of the cycle, one row a vector, shape (10, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (18,).
+        numbers: Fault, stamps and counts, shape (19,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -74,9 +72,9 @@ def shared(state: CycleState) -> Shared:
     command = layouts.float64_multi_array(joints).draft()
     made = Shared(
         np.array(state.pose),
-        np.zeros((15, joints)),
+        np.zeros((10, joints)),
         np.zeros((4, joints)),
-        np.zeros(18, np.int64),
+        np.zeros(19, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
@@ -100,12 +98,11 @@ def stored(arrays: Shared) -> CycleState:
         bool(numbers[KNOWN]),
     )
     estimated = Estimated(v[TRACKED], v[RATE])
-    times = arrays.vectors[[ELAPSED, DURATION, BRAKING], 0]
-    approach = Approach(v[APART], v[APART_RATE], *map(float, times))
+    begins = int(numbers[BEGINS])
     fault = int(numbers[FAULT])
     lost = bool(numbers[POSE_LOST])
     return CycleState(
-        vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, approach, lost
+        vector(arrays.pose), last, v[EXCESS], v[HELD], fault, estimated, begins, lost
     )
 
 
@@ -121,11 +118,6 @@ def store(arrays: Shared, state: CycleState) -> None:
         state.excess,
         state.held,
         *state.estimated,
-        state.approach.offset,
-        state.approach.rate,
-        np.full_like(state.held, state.approach.elapsed),
-        np.full_like(state.held, state.approach.duration),
-        np.full_like(state.held, state.approach.braking),
     )
     arrays.numbers[[FAULT, TAKES_OVER, KNOWN]] = state.fault, last.takes_over, last.known
-    arrays.numbers[POSE_LOST] = state.lost
+    arrays.numbers[[POSE_LOST, BEGINS]] = state.lost, state.begins

@@ -12,14 +12,14 @@ import numpy as np
 from parallel_robot_base.arrays import Array
 from parallel_robot_compiler import vector
 from parallel_robot_control import faults
-from parallel_robot_control.approach import BACK, not_begun
+from parallel_robot_control.approach import BACK
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
 
 
 def joining(state: CycleState, torque: Array) -> CycleState:
     """Let the law begin anew: torque as of :func:`taking_over`, an approach from where it is."""
-    return taking_over(state, torque)._replace(approach=not_begun(len(state.held), BACK))
+    return taking_over(state, torque)._replace(begins=BACK)
 
 
 def taking_over(state: CycleState, torque: Array) -> CycleState:

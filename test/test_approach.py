@@ -5,7 +5,8 @@ import pytest
 from assembly import simulate
 
 from parallel_robot_compiler import kernel, vector
-from parallel_robot_control.approach import BACK, START, ApproachParameters, approached, not_begun
+from parallel_robot_control import cycle_memory
+from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import JointReference
 
 DT = 1e-3
@@ -14,19 +15,20 @@ OFFSET, RATE = np.array([0.02, -0.05]), np.array([0.3, -0.4])
 
 
 @kernel
-def _approached(parameters, before, reference, position, velocity, dt):
-    return approached(parameters, before, reference, position, velocity, dt)
+def _approached(parameters, memory, begins, reference, position, velocity, dt):
+    return approached(parameters, memory, begins, reference, position, velocity, dt)
 
 
 def courses(duration, count, begin=START, way_back=1.0, acceleration=1.0):
     """What is added to a reference that stands still, its rate and acceleration."""
-    before, rows = not_begun(2, begin), []
-    parameters = ApproachParameters(duration, way_back, acceleration)
+    parameters, rows = ApproachParameters(duration, way_back, acceleration), []
+    memory = cycle_memory.made_for(vector(OFFSET))
     position = vector(np.asarray(REFERENCE.position) + OFFSET)
     velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
     for _ in range(count):
-        joined, before = _approached(parameters, before, REFERENCE, position, velocity, DT)
+        joined = _approached(parameters, memory, begin, REFERENCE, position, velocity, DT)
         position = velocity = vector([np.nan, np.nan])  # only the first state counts
+        begin = GOES_ON
         rows.append(
             [np.asarray(a) - np.asarray(b) for a, b in zip(joined, REFERENCE, strict=True)]
         )
