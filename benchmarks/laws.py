@@ -19,7 +19,7 @@ from rclpy.context import Context
 from rows import row, show
 
 from parallel_robot_base import layouts, topics
-from parallel_robot_compiler import kernel, vector
+from parallel_robot_compiler import kernel, select, vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
@@ -47,12 +47,13 @@ def repeat(
     memory: Any,
     dt: float,
 ) -> float:
-    """Run a cycle `count` times."""
-    total, zero = 0.0, np.zeros_like(velocity)
+    """Run a cycle `count` times, while the joints go to and fro and the motors obey."""
+    total, effort, ahead = 0.0, np.zeros_like(velocity), position + dt * velocity
     for k in range(count):
-        when = When(k, 0.0, dt)
-        cycle = run_cycle(setup, reference, position, velocity, zero, state, memory, when)
-        state, memory = cycle.state, cycle.memory
+        when, there = When(k, 0.0, dt), k % 2 == 1
+        at, rate = select(there, ahead, position), select(there, velocity, -velocity)
+        cycle = run_cycle(setup, reference, at, rate, effort, state, memory, when)
+        state, memory, effort = cycle.state, cycle.memory, cycle.torque
         total += cycle.torque[0]
     return total
 
@@ -64,7 +65,8 @@ def chosen(law: str) -> dict[str, Any]:
 
 def experiment(law: str) -> Experiment:
     """The paper's circle under a law."""
-    return assemble(configure(resolve('paper_circle', {'duration': 1.0, **chosen(law)})))
+    held = {'safety.residual_limit': 0.0}  # it does not go where it is pushed
+    return assemble(configure(resolve('paper_circle', {'duration': 1.0, **held, **chosen(law)})))
 
 
 def kernel_cost(law: str, count: int) -> list[float]:
@@ -73,7 +75,7 @@ def kernel_cost(law: str, count: int) -> list[float]:
     motion = parts.trajectory.sample(0.0)
     theta, still = vector(motion.position[0]), vector(np.zeros(3))
     arguments = (
-        parts.control.setup, JointReference(theta, still, still), theta + 1e-4, still + 1e-2,
+        parts.control.setup, JointReference(theta, still, still), theta + 1e-4, still + 1e-4,
         parts.control.state, parts.control.law.memory, 1e-3,
     )  # fmt: skip
     repeat(1, *arguments)
@@ -103,7 +105,11 @@ def node_cost(law: str, count: int) -> list[float]:
     joints = node.loop.joints
     references = reference_messages(joints, stamps, motion)
     states = layouts.joint_state(joints).records(
-        len(stamps), stamps, position=motion.position + 1e-4, velocity=motion.velocity
+        len(stamps),
+        stamps,
+        position=motion.position + 1e-4,
+        velocity=motion.velocity,
+        effort=np.full_like(motion.position, np.nan),
     )
     node.set_start(int(stamps[0]))
     figures = []
