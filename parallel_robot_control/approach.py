@@ -34,6 +34,7 @@ GOES_ON, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start
 ENDED = -1.0  # s, time since the begin where there is no approach
 OFFSET, RATE, ELAPSED, LENGTH, BRAKING = range(5)  # rows in the memory of the cycle
 SHORTEST = 0.02  # s, of the time over which a rate is faded
+SLOW, DRIFT = 1e-6, 0.005  # rad/s; rad, five times by which a rate may go on at the least
 SHARE = 0.3  # of the way back: shortest time for an offset, longest for a rate
 GENTLE = 2.0  # times as long as a small offset would need
 BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
@@ -58,7 +59,9 @@ def _begin(
         gentle = clip(GENTLE * bent, SHARE * most, most)
         gentle = select(gentle > bent, gentle, bent)
         duration = select(duration > gentle, duration, gentle)
-        braking = clip(BRAKED * largest(v) / fast, SHORTEST, SHARE * most)
+        speed = largest(v) + SLOW
+        bent, drifts = BRAKED * speed / fast, DRIFT / speed
+        braking = clip(select(drifts > bent, drifts, bent), SHORTEST, SHARE * most)
     write_at(memory, row + OFFSET, e)
     write_at(memory, row + RATE, v)
     write_at(memory, row + LENGTH, zero + duration)

@@ -24,6 +24,7 @@ from parallel_robot_model.robots import RobotModel
 TURNS = 8  # guesses on a turn of each angle of the pose
 SHIFT = 0.4  # of the largest coordinate that is no angle: how far guesses lie beside it
 SAME = 1e-6  # m or rad, between two poses that are one
+CLOSE = 1e-2  # the same, where one is measured by other sensors
 
 
 def losing(robot: RobotModel, margins: Any, position: Array, guess: Array) -> int:
@@ -97,6 +98,11 @@ class AssemblyModes:
             return None
         pose: Array = tells(self._robot.parameters, position, passive)
         return self.near(position, pose) if np.isfinite(pose).all() else None
+
+    def is_as(self, guess: Sequence[float], position: Array, pose: Array) -> bool:
+        """Whether a pose is that which joint angles have on the assembly mode of a guess."""
+        found = self.near(position, np.array(guess))
+        return found is not None and self._apart(found, pose) < CLOSE
 
     def told(self, poses: Sequence[Array]) -> str:
         """Some poses for people."""

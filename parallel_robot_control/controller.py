@@ -310,7 +310,8 @@ class Controller(ControllerState):
             self._reset()
             self._fault_seen, self._changed = faults.NONE, True
         if any(before < clear <= sample for clear in times.clears):
-            self._changed |= self.fault != faults.NONE and not self.clear_fault()
+            known = self.fault != faults.NONE and not self.state.lost
+            self._changed |= known and not self.clear_fault()
         numbers[UNTIL] = start + times.newest_reference(index) * self._loop.period_ns
         if reason == faults.NONE or not self._loop.lockstep:
             return ANSWERED

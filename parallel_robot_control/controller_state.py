@@ -172,11 +172,17 @@ class ControllerState:
         state = self.state
         if not state.lost:
             return ''
-        pose = self._modes.by_passive_joints(self._heard)
-        if pose is not None:
+        position, pose = np.array(state.last.position), self._modes.by_passive_joints(self._heard)
+        if pose is not None and self._modes.is_as(self.configuration.guess, position, pose):
             self.place(pose)
             return ''
-        poses = self._modes.all(np.array(state.last.position), np.array(state.pose))
+        if pose is not None:
+            self._offered = pose
+            return (
+                f'the robot is at {self._modes.told([pose])}, in another assembly mode than that '
+                'in which its motion begins: move it back, or ~/confirm_pose to go on in this one'
+            )
+        poses = self._modes.all(position, np.array(state.pose))
         if not poses:
             return 'no pose fits the joint angles: move the robot away from the singularity'
         self._offered = poses[0]

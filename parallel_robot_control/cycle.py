@@ -36,6 +36,8 @@ from parallel_robot_control.torque_arrival import TOLD, arrival
 from parallel_robot_control.torque_effect import LOOKED_AT, is_resisted
 from parallel_robot_model.contract import Model
 
+LEAP = 0.05  # rad, of a joint between two states, after which nobody knows how the robot got there
+
 
 class CycleState(NamedTuple):
     """What one cycle hands to the next.
@@ -259,7 +261,9 @@ def sense(
         if resisted and cause == faults.NONE:
             cause = faults.TORQUE_RESISTED
     fault = select(latched == faults.NONE, cause, latched)
-    lost = lost | ((losing >> found.fault) & 1 != 0)
+    leap = select(limits.speed * dt < LEAP, LEAP, limits.speed * dt)
+    leapt = last.known and some(np.abs(position - last.position) > leap)
+    lost = lost | ((losing >> found.fault) & 1 != 0) | (leapt and losing != 0)
     return Sensed(cause, fault, found.pose, found.model, lost)
 
 

@@ -83,4 +83,4 @@ def between(memory: int, age: float, known: bool, dt: float) -> float:
     """
     before = read_at(memory, AGE, 0.0)
     write_at(memory, AGE, age)
-    return select(known, dt + age - before, dt)
+    return select(known and age != before, dt + age - before, dt)  # exact where they are equal

@@ -104,7 +104,7 @@ class Course(NamedTuple):
             cause = faults.NONE
         before = np.flatnonzero(self.heard.answered[:sample])[-1:]
         refused = ~self.heard.answered[np.flatnonzero(self.heard.told[:sample])[-1:]]
-        lasts = cause != faults.NONE or self.stale[before].any() or refused.any()
+        lasts = cause != faults.NONE or self.stale[before].any() or refused.any() or cycle.lost
         if sample in self.clears and cycle.fault != faults.NONE and not lasts:
             cycle, memory = cleared(cycle), control.law.memory
         if sample in self.lost:
