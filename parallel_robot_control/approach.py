@@ -95,7 +95,7 @@ def approached(
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        dt: Time since the state before [s].
+        dt: Time since the moment at which the torque before acted [s].
     """
     row = cycle_memory.APPROACH
     t = read_at(memory, row + ELAPSED, position)[0]

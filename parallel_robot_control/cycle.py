@@ -384,11 +384,12 @@ def run_cycle(
         effort,
         when.sample,
         when.age,
+        known,
         known and not gap,
         dt,
     )
     excess = state.excess + told.missing
-    if (gap or told.back) and state.fault == faults.NONE:
+    if (gap or told.back or told.waits) and state.fault == faults.NONE:
         last, memory = taking_over(last, effort), setup.begin.memory
         begun = BACK
         excess = np.zeros_like(excess)
@@ -406,7 +407,7 @@ def run_cycle(
         velocity = np.zeros_like(velocity)
         if kalman_memory.running(filter_, when.sample, state.last.known):
             velocity = kalman_memory.known_velocity(filter_, velocity)
-    joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, dt)
+    joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, since)
     reference = at_measurement(joined, late)
     error = position - reference.position
     measured = estimator.kind == NONE or (tracks and filter_.velocities)
@@ -419,7 +420,8 @@ def run_cycle(
         known and measured and not gap,
         dt,
     )
-    doubt = select(told.spell >= limits.effort_timeout, faults.TORQUE_LOST, wrong)
+    obeys = told.waits or told.spell < limits.effort_timeout
+    doubt = select(obeys, wrong, faults.TORQUE_LOST)
     sensed = sense(
         setup.estimate,
         setup.robot,
@@ -468,7 +470,8 @@ def run_cycle(
     advanced = memory
     if sensed.fault == faults.NONE:
         output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
-        torque = select(told.spell > 0.0, last.torque, output.torque)  # asked for in vain
+        in_vain = told.spell > 0.0 and not told.waits
+        torque = select(in_vain, last.torque, output.torque)
         if identified.on:
             torque = torque + lock_in.added(identified, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)

@@ -11,7 +11,7 @@ from parallel_robot_control import lock_in
 
 SIZE = 128  # torques that are remembered
 # Floats in the first rows: newest sample; whether the filter ran at it; how long torque has been
-# missing [s]; whether it is; age of the last state [s].
+# missing [s]; whether it is, see torque_arrival.py; age of the last state [s].
 SAMPLE, RUNNING, SPELL, LOST, AGE = range(5)
 MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the torques, begin
 WAYS = TORQUE + SIZE  # row where those of state_consistency.py begin

@@ -18,6 +18,8 @@ from parallel_robot_control.cycle_memory import LOST, SPELL
 
 LATELY = 32  # samples within which a command acts
 TOLD = 0.02  # s of a spell after which it is told, and its end is a way back
+PROOF = 2.0  # tolerances of a command that proves, if it acts, that the motors obey
+OBEYED, MISSING, FORGETTING, UNPROVEN = 0.0, 1.0, 2.0, 3.0  # what the memory knows of them
 FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers may alternate
 
 
@@ -28,11 +30,13 @@ class Arrival(NamedTuple):
         missing: Torque commanded less torque that acted [N m], shape (n,); zero where it acted.
         spell: For how long torque has been missing [s]; 0 while it acts.
         back: Whether torque acts again after a spell.
+        waits: Whether no torque has acted since the start: drives that are not on yet are no fault.
     """
 
     missing: Array
     spell: float
     back: bool
+    waits: bool
 
 
 @inner
@@ -43,6 +47,7 @@ def arrival(
     effort: Array,
     sample: int,
     age: float,
+    known: bool,
     comparable: bool,
     dt: float,
 ) -> Arrival:
@@ -56,15 +61,17 @@ def arrival(
             is not known.
         sample: Index of the sample from which on the next torque acts.
         age: From the measurement to that sample [s].
-        comparable: Whether there was a state not long before; if not, what acts is what is told.
+        known: Whether there was a state before.
+        comparable: Whether there was one not long before; if not, what acts is what is told.
         dt: Time since the state before [s].
     """
     nothing, newest = np.zeros_like(effort), cycle_memory.newest(memory)
+    before = read_at(memory, LOST, 0.0)
     if not comparable or sample < newest:  # nothing was commanded lately
         cycle_memory.fill(memory, select(effort - effort == 0.0, effort, nothing))
         write_at(memory, SPELL, 0.0)
-        write_at(memory, LOST, 0.0)
-        return Arrival(nothing, 0.0, False)
+        write_at(memory, LOST, select(known and before != UNPROVEN, OBEYED, UNPROVEN))
+        return Arrival(nothing, 0.0, False, False)
     # 1. The usual case: the last command acted.
     last = sample - 1
     if age > 0.0:
@@ -72,10 +79,10 @@ def arrival(
     last = select(last > newest, newest, last)
     asked, spell = cycle_memory.torque_at(memory, last, effort), read_at(memory, SPELL, 0.0)
     apart = some(np.abs(asked - effort) > tolerance)
-    if not apart and spell == 0.0:
-        return Arrival(nothing, 0.0, False)
+    if not apart and before == OBEYED:
+        return Arrival(nothing, 0.0, False, False)
     # 2. A late command, or one behind a lag, is none that is missing.
-    missing, lost = nothing, 0.0
+    missing, lost = nothing, False
     if apart:
         low, high = asked, asked
         for k in range(last - LATELY, newest + 1):
@@ -83,12 +90,14 @@ def arrival(
             low, high = select(torque < low, torque, low), select(torque > high, torque, high)
         outside = np.abs(clip(effort, low, high) - effort) > tolerance
         missing = select(outside, asked - effort, nothing)
-        lost = select(some(outside), 1.0, 0.0)
-    # 3. How long torque has been missing.
+        lost = some(outside)
+    # 3. How long torque has been missing, and whether any has ever acted.
     step = select(dt < period * LATELY, dt, period)
-    spell = select(lost != 0.0, spell + step, spell - FORGETS * step)
+    spell = select(lost, spell + step, spell - FORGETS * step)
     spell = select(spell > 0.0, spell, 0.0)
-    back = lost == 0.0 and read_at(memory, LOST, 0.0) != 0.0 and spell >= TOLD
+    waits = before == UNPROVEN and (lost or not some(np.abs(asked) > PROOF * tolerance))
+    now = select(lost, MISSING, select(spell > 0.0, FORGETTING, OBEYED))
     write_at(memory, SPELL, spell)
-    write_at(memory, LOST, lost)
-    return Arrival(missing, select(lost != 0.0, spell, 0.0), back)
+    write_at(memory, LOST, select(waits, UNPROVEN, now))
+    back = not lost and spell >= TOLD and (before == MISSING or before == UNPROVEN) and not waits
+    return Arrival(missing, select(lost, spell, 0.0), back, waits and lost)
