@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.hazard_times import HazardTimes
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control import faults
+from parallel_robot_control import faults, safety
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
@@ -52,6 +52,7 @@ class Course(NamedTuple):
         known: Sample of the newest reference that it knows, shape (N,).
         shown: Whether the pose of a sample is told, shape (N,).
         stale: Samples at which a state is answered and that is too old, shape (N,).
+        overdue: Samples at which a state is answered and that is told to be old, shape (N,).
         late: Samples at which the first state comes after too long.
         lost: Samples at which states have been refused for too long, and the fault that it is.
         clears: Samples at which the first state comes after a call of ``~/clear_fault``.
@@ -63,6 +64,7 @@ class Course(NamedTuple):
     known: NDArray[np.int64]
     shown: NDArray[np.bool_]
     stale: NDArray[np.bool_]
+    overdue: NDArray[np.bool_]
     late: frozenset[int] = frozenset()
     lost: Mapping[int, int] = MappingProxyType({})
     clears: frozenset[int] = frozenset()
@@ -128,7 +130,8 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     samples, dt = np.arange(count), np.full(count, period)
     if not plant.hazards:
         all_, none = np.ones(count, bool), np.zeros(count, np.int64)
-        return Course(Heard(all_, all_, none, dt), reference, samples, all_, none.astype(bool))
+        never = none.astype(bool)
+        return Course(Heard(all_, all_, none, dt), reference, samples, all_, never, never)
     times = HazardTimes(plant.hazards, period, plant.safety.state_age)
     told, answered, late, known, shown = (
         np.array([find(k) for k in range(count)])
@@ -151,14 +154,16 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     # 2. References.
     age = tick * (samples - known)
     old = age > round(plant.safety.reference_timeout * NANOSECONDS)
-    stale = np.zeros(count, bool)
+    stale, overdue = np.zeros((2, count), bool)
     stale[rows] = old[measured]
+    overdue[rows] = age[measured] > round(safety.OVERDUE * NANOSECONDS)
     return Course(
         Heard(told, answered, late, dt),
         _known(reference, known, age, old),
         known,
         shown,
         stale,
+        overdue,
         frozenset(gaps),
         {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
         frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
