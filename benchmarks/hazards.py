@@ -70,8 +70,8 @@ class Cell(NamedTuple):
         share: Largest torque after the hazard, of what an approach from there takes.
         driven_out: Whether the robot left its workspace.
         last: Code of the fault at the end; empty for none.
-        stays: Whether it stays, rightly: the robot may be in another assembly mode, and a person
-            has not confirmed its pose.
+        stays: Whether it stays, rightly: the robot is where its cause, or another, lasts, or a
+            person must confirm its pose.
     """
 
     scenario: str
@@ -172,7 +172,7 @@ def simulated(scenario: str, law: str, hazard: Hazard) -> Cell:
         float(share),
         steps < count,
         code(made.fault[steps - 1]),
-        made.cycle.lost,
+        bool(made.cycle.lost or (made.cause and made.fault[steps - 1])),
     )
 
 
@@ -273,7 +273,7 @@ def table(found: Sequence[Cell], law: str) -> str:
             f'; not told: {len(some) - len(told)} of {len(some)}' if len(told) < len(some) else ''
         )
         stopped = sum(cell.stays for cell in some)
-        stays = f'; the pose must be confirmed: {stopped} of {len(some)}' if stopped else ''
+        stays = f'; a person must help it: {stopped} of {len(some)}' if stopped else ''
         times = f'{min(told):.2f} to {max(told):.2f} s' if told else ''
         cells = [
             f'`{what}`',

@@ -64,6 +64,7 @@ from parallel_robot_control.shared_arrays import (
     TRACKED,
     UNTIL,
     VELOCITY,
+    WAITS,
 )
 
 # Return value of answer: bits, if the state was answered ...
@@ -260,6 +261,12 @@ def _open(
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
             numbers[BEGINS] = BACK
+        overdue = acts - known > OVERDUE * NANOSECONDS
+        if numbers[WAITS] and not overdue:  # see transitions.rejoined
+            write_row(vectors, EXCESS, np.zeros_like(row))
+            numbers[TAKES_OVER] = 1
+            numbers[BEGINS] = BACK
+        numbers[WAITS] = overdue
         numbers[LAST] = stamp
     last = Last(
         read_row(vectors, POSITION, row),
@@ -314,8 +321,7 @@ def _close(
     numbers[FAULT] = after.fault
     numbers[TAKES_OVER] = after.last.takes_over
     numbers[KNOWN] = after.last.known
-    overdue = question.acts - question.known > OVERDUE * NANOSECONDS
-    acts = done.acted + select(overdue, safety.REFERENCE, 0)
+    acts = done.acted + select(numbers[WAITS] != 0, safety.REFERENCE, 0)
     if acts:
         numbers[ACTED] |= acts
         numbers[ACTED_AT] = question.stamp

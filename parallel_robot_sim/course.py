@@ -17,7 +17,7 @@ from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
-from parallel_robot_control.transitions import cleared, joining, tripped, without_torque
+from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
 from parallel_robot_sim.assembly import Plant
 from trajectory_gen.trajectory import Reference
 
@@ -57,6 +57,7 @@ class Course(NamedTuple):
         lost: Samples at which states have been refused for too long, and the fault that it is.
         clears: Samples at which the first state comes after a call of ``~/clear_fault``.
         renewals: Samples at which a controller hears its first state; 0 is not among them.
+        returns: Samples at which references are there again.
     """
 
     heard: Heard
@@ -69,11 +70,12 @@ class Course(NamedTuple):
     lost: Mapping[int, int] = MappingProxyType({})
     clears: frozenset[int] = frozenset()
     renewals: frozenset[int] = frozenset()
+    returns: frozenset[int] = frozenset()
 
     @property
     def cuts(self) -> list[int]:
         """Samples at which something happens to the controller before it answers."""
-        found = {0, *self.late, *self.lost, *self.clears, *self.renewals}
+        found = {0, *self.late, *self.lost, *self.clears, *self.renewals, *self.returns}
         rows = np.flatnonzero(self.heard.answered)
         begun = np.diff(self.stale[rows], prepend=False) & self.stale[rows]
         count = len(self.heard.answered)
@@ -113,6 +115,8 @@ class Course(NamedTuple):
             cycle = without_torque(tripped(cycle, self.lost[sample]))
         if sample in self.late:
             cycle = without_torque(tripped(cycle, faults.STATES_STALE))
+        if sample in self.returns:
+            cycle = rejoined(cycle)
         if len(self.stale) and self.stale[sample]:
             cycle = tripped(cycle, faults.REFERENCE_STALE)
         return cycle, memory
@@ -168,6 +172,7 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
         {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
         frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
         frozenset(renewed - {0}),
+        frozenset(rows[1:][overdue[rows[:-1]] & ~overdue[rows[1:]]].tolist()),
     )
 
 

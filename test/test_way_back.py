@@ -25,10 +25,11 @@ HAZARDS = {  # at 4 s of the paper's circle: for how long [s], and by which code
     'states_late delay 0.05': (0.4, 'states_late'),
     'states_ahead size 0.3': (0.4, 'states_ahead'),
     'controller_paused': (0.4, 'command time-out of the motors'),
+    'references_lost': (0.4, 'reference'),
 }
 
 
-@pytest.mark.parametrize('law', ['s_fotsmc', 'observer_s_fotsmc', 'pid'])
+@pytest.mark.parametrize('law', ['s_fotsmc', 'lqg_tracking', 'pid'])
 @pytest.mark.parametrize('what', HAZARDS)
 def test_the_way_back_is_calm_and_somebody_is_told(what, law):
     lasts, code = HAZARDS[what]
