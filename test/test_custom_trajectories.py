@@ -90,7 +90,7 @@ WRONG = {
         'speed: rate[',
     ),
     'sign': ([('- w * sine', '+ w * sine')], 'sign: acceleration['),
-    'jump': ([('+ a * sine', '+ a * sine + (t > 5.0)')], 'jump: pose[0] jumps by 0.999527'),
+    'jump': ([('+ a * sine', '+ a * sine + (t > 5.0)')], 'jump: pose[0] jumps by 0.99'),
     'goes_on': ([('quintic(parameters.duration, t)', '1e-3 * t, 1e-3, 0.0')],
            'goes_on: pose[0] at t = 12.'),
     'not_finite': ([('sine, cosine =', 'a = a / (t > 6.0)\n    sine, cosine =')], 's is ['),
