@@ -91,6 +91,8 @@ WRONG = {
     ),
     'sign': ([('- w * sine', '+ w * sine')], 'sign: acceleration['),
     'jump': ([('+ a * sine', '+ a * sine + (t > 5.0)')], 'jump: pose[0] jumps by 0.99'),
+    'step': ([('+ a * sine', '+ a * sine + 2e-3 * (t > 5.003)')], 'step: pose[0] jumps by 0.00'),
+    'spike': ([('+ a * sine', '+ a * sine + 3e-3 * (abs(t - 5.0) < 2.2e-3)')], 'pose[0] jumps by'),
     'goes_on': ([('quintic(parameters.duration, t)', '1e-3 * t, 1e-3, 0.0')],
            'goes_on: pose[0] at t = 12.'),
     'not_finite': ([('sine, cosine =', 'a = a / (t > 6.0)\n    sine, cosine =')], 's is ['),
