@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot_bags.run_log import RunLog, head
+from parallel_robot_bags.run_log import RunLog, head, with_reference
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_control.configuration import nominal_of
@@ -156,14 +156,17 @@ def poses_of(robot: RobotModel, guess: Array, motion: Motion) -> Poses:
 
 
 def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
-    """The run up to the first sample that has no pose.
+    """The run up to the first sample that has no pose, without states that have no reference.
 
     Returns:
         The run, its poses, and why it was cut off; empty when it was not.
 
     Raises:
-        KinematicsError: not even the first sample has a pose.
+        KinematicsError: not even the first sample has a pose, or none has a reference of its time.
     """
+    log = with_reference(log)
+    if not len(log.time):
+        raise KinematicsError('no state has a reference of its time')
     try:
         return log, poses(log), ''
     except KinematicsError as error:

@@ -63,15 +63,19 @@ def columns(
         sliding_variable: Sliding variable in the unit of the law, NaN where it is not known,
             shape (N, n).
     """
+    reference, rate, acceleration = (
+        np.where(log.referenced[:, np.newaxis], each, np.nan)
+        for each in (log.reference_position, log.reference_velocity, log.reference_acceleration)
+    )
     quantities = {
         'position_rad': log.position,
         'velocity_rad_per_s': log.velocity,
         'effort_nm': log.effort if log.has_efforts else np.full_like(log.effort, np.nan),
-        'reference_position_rad': log.reference_position,
-        'reference_velocity_rad_per_s': log.reference_velocity,
-        'reference_acceleration_rad_per_s2': log.reference_acceleration,
+        'reference_position_rad': reference,
+        'reference_velocity_rad_per_s': rate,
+        'reference_acceleration_rad_per_s2': acceleration,
         'command_nm': log.answer,
-        'synchronisation_error_rad': synchronisation_error(log.reference_position - log.position),
+        'synchronisation_error_rad': synchronisation_error(reference - log.position),
         'sliding_variable': sliding_variable,
     }
     return (
@@ -116,7 +120,7 @@ def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
         found = Poses(nothing, nothing, robot.module.PLANAR)
         warnings = (f'no pose of the robot: {error}',)
     prefix = 'platform' if found.planar else 'pose'
-    actual, reference = (_padded(pose, len(log.time)) for pose in (found.actual, found.reference))
+    actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
     columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
     columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
     if found.planar:
@@ -124,7 +128,8 @@ def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     return columns, warnings
 
 
-def _padded(rows: np.ndarray, count: int) -> np.ndarray:
-    """Rows, then NaN, `count` in all."""
-    missing = np.full((count - len(rows), rows.shape[1]), np.nan)
-    return np.concatenate([rows, missing])
+def _spread(rows: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Rows at the first places that are wanted, NaN elsewhere, one for each of `where`."""
+    whole = np.full((len(where), rows.shape[1]), np.nan)
+    whole[np.flatnonzero(where)[: len(rows)]] = rows
+    return whole
