@@ -80,7 +80,8 @@ def _section(
         'runs': runs,
         'metrics': [
             (metric, _best([metric.value(run.metrics) for run in good]))
-            for metric in defined(METRICS, runs[0].metrics)
+            for metric in METRICS
+            if any(defined([metric], run.metrics) for run in runs)
         ],
         'verdicts': claims.verify(name, first),
         'repeated': len(first) < len(good),

@@ -11,15 +11,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics, timing, true_motion
+from parallel_robot_analysis import metrics, recorded_motions, timing
 from parallel_robot_analysis.readable_metrics import (
+    AS_SEEN,
     EFFORT,
     STEADY,
     TORQUE,
     as_data,
     defined,
     head,
-    sensor_remarks,
 )
 from parallel_robot_analysis.report import figures
 from parallel_robot_analysis.report.scale import add_scale_argument
@@ -57,12 +57,13 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {warning}', file=sys.stderr)
     timed = timing.evaluate(log, past)
     try:
-        log, poses, cut = metrics.with_poses(log)
+        part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
         raise BagError(f'{arguments.bag}: {error}') from None
-    if cut:
-        print(f'warning: {cut}', file=sys.stderr)
-    found = metrics.evaluate(log, poses)
+    log = part.log
+    if part.cut:
+        print(f'warning: {part.cut}', file=sys.stderr)
+    found = metrics.figures(part.motions)
     result = summarise(log, found, timed)
     kept = not arguments.figure and os.path.lexists(figure)
     try:
@@ -70,7 +71,7 @@ def execute(arguments: argparse.Namespace) -> int:
             if arguments.json:
                 written.enter_context(new_files.written(arguments.json, as_json(result)))
             if not kept:
-                figures.draw_run(log, poses, figure, arguments.scale)
+                figures.draw_run(part.shown, part.motions.best.poses, figure, arguments.scale)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):
@@ -79,7 +80,7 @@ def execute(arguments: argparse.Namespace) -> int:
     quiet = ['no limit acted, no fault'] if past.statuses else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
     remarks += history.new_motions(past, log.start_stamp)
-    remarks += sensor_remarks(log.config, lambda: true_motion.of_bag(arguments.bag, log, memory))
+    remarks += [part.remark] if part.remark else []
     for text in remarks:
         print(f'  {text}')
     old = ' exists and is kept; --figure draws another' if kept else ''
@@ -114,8 +115,8 @@ def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) 
     """
     lines = [head(result['scenario'], result['law'], result['duration_s'], planned)]
     lines += [
-        f'  {metric.name:<28}{metric.value(found):>12.3f} {metric.unit}'
-        for metric in defined((*STEADY, *TORQUE, *EFFORT), found)
+        f'  {metric.name:<32}{metric.value(found):>12.3f} {metric.unit}'
+        for metric in defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
     ]
     lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
     lines += [
