@@ -363,18 +363,24 @@ def _by_robot(cell: Cell) -> tuple[str, int]:
 def draw(found: Sequence[Cell]) -> None:
     """The picture: the worst law of each hazard and duration."""
     from matplotlib import pyplot
+    from matplotlib.colors import LogNorm
 
     circle = [cell for cell in found if cell.scenario == 'paper_circle']
     kinds = sorted({cell.what for cell in circle}, key=[*KINDS].index)
     durations = sorted({cell.lasts for cell in circle})
-    panels: list[tuple[str, str, Callable[[Cell], float]]] = [
-        ('while it lasts [mm]', '%.1f', lambda cell: 1e3 * cell.distance[0]),
-        ('after it [mm]', '%.1f', lambda cell: 1e3 * max(cell.distance[1:])),
-        ('torque after it, of an approach', '%.2f', lambda cell: cell.share),
-        ('told after [s]', '%.2f', lambda cell: np.nan if cell.told is None else cell.told),
+    panels: list[tuple[str, str, tuple[float, float], Callable[[Cell], float]]] = [
+        ('while it lasts [mm]', '%.1f', (1.0, 300.0), lambda cell: 1e3 * cell.distance[0]),
+        ('after it [mm]', '%.1f', (1.0, 300.0), lambda cell: 1e3 * max(cell.distance[1:])),
+        ('torque after it, of an approach', '%.2f', (0.9, 4.0), lambda cell: cell.share),
+        (
+            'told after [s]',
+            '%.2f',
+            (5e-3, 1.0),
+            lambda cell: np.nan if cell.told is None else cell.told,
+        ),
     ]
     figure, axes = pyplot.subplots(1, len(panels), figsize=(16, 7), sharey=True, layout='tight')
-    for axis, (title, form, number) in zip(axes, panels, strict=True):
+    for axis, (title, form, limits, number) in zip(axes, panels, strict=True):
         numbers = np.array([
             [
                 max(number(c) for c in circle if (c.what, c.lasts) == (kind, lasts))
@@ -382,7 +388,8 @@ def draw(found: Sequence[Cell]) -> None:
             ]
             for kind in kinds
         ])  # fmt: skip
-        axis.imshow(np.log10(np.maximum(numbers, 1e-3)), aspect='auto', cmap='YlOrRd')
+        shade = LogNorm(*limits)
+        axis.imshow(np.maximum(numbers, limits[0]), norm=shade, aspect='auto', cmap='YlOrRd')
         for (k, j), value in np.ndenumerate(numbers):
             axis.text(j, k, form % value if value == value else '-', ha='center', va='center')
         axis.set_title(title)
