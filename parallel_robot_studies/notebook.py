@@ -120,7 +120,7 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
         part.poses.planar,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
-        (*log.warnings, *filter(None, (part.cut, part.remark)), *part.doubts),
+        (*log.warnings, *filter(None, [part.cut]), *part.remarks, *part.doubts),
         motions=part.motions,
     )
 
