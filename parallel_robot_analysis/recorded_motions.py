@@ -17,7 +17,15 @@ from parallel_robot_model.configuration import is_known, robot_of
 from parallel_robot_sim import plant_again
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.imperfections import told_age
-from parallel_robot_sim.motions import Motions, Moved, Poses, poses_of, told_remarks, untrue
+from parallel_robot_sim.motions import (
+    Motions,
+    Moved,
+    Poses,
+    poses_of,
+    saturation,
+    told_remarks,
+    untrue,
+)
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.configuration import trajectory_of
 
@@ -37,6 +45,7 @@ class Recorded(NamedTuple):
         motions: Its motions.
         cut: Why only a part of it is there; empty when all of it is.
         remark: Why there is no true motion; empty when there is one.
+        saturated: For how long the motors of a plant that is known gave all they can.
     """
 
     log: RunLog
@@ -44,6 +53,12 @@ class Recorded(NamedTuple):
     motions: Motions
     cut: str
     remark: str
+    saturated: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of the figures, one line each."""
+        return [*filter(None, [self.remark]), *self.saturated]
 
     @property
     def doubts(self) -> list[str]:
@@ -87,19 +102,19 @@ def of_bag(log: RunLog, past: History) -> Recorded:
     seen = Moved(part.time, part.position, part.reference_position, part.effort, poses)
     if not (is_known(log.config) and of_plant(past)):
         return Recorded(part, poses, Motions(None, seen), cut, UNKNOWN)
-    hidden = untrue(log.config)
+    hidden, saturated = untrue(log.config), tuple(saturation(log.config, part.effort))
     if not hidden:
         if robot_of(log.config) == robot_of(log.config, 'true_robot'):
-            return Recorded(part, poses, Motions(seen, None), cut, '')
+            return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
         true = seen._replace(poses=metrics.poses(part, true=True))
-        return Recorded(part, poses, Motions(true, seen), cut, '')
+        return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
     try:
         again = _again(log, past)
         reason = 'it is not the motion of the plant as it is now' if again is None else ''
     except ParallelRobotError as error:
         again, reason = None, str(error)
     remark = HIDDEN.format(', '.join(hidden), reason) if reason else ''
-    return Recorded(part, poses, Motions(again, seen), cut, remark)
+    return Recorded(part, poses, Motions(again, seen), cut, remark, saturated)
 
 
 def of_plant(past: History) -> bool:

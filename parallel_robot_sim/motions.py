@@ -22,6 +22,8 @@ AS_TOLD = (
     'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
 )
 
+SATURATED = 'the motors were at their limit (plant.torque_limit, {0} N m) in {1} % of the samples'
+
 
 class Poses(NamedTuple):
     """Poses by forward kinematics of the joints.
@@ -54,6 +56,18 @@ class Moved(NamedTuple):
     effort: np.ndarray
     poses: Poses
 
+    def between(self, begin: float, end: float) -> Moved:
+        """The part from one time on, up to another one [s]."""
+        rows = slice(*np.searchsorted(self.time, [begin, end]))
+        actual, reference, planar = self.poses
+        return Moved(
+            self.time[rows],
+            self.position[rows],
+            self.reference_position[rows],
+            self.effort[rows],
+            Poses(actual[rows], reference[rows], planar),
+        )
+
 
 class Motions(NamedTuple):
     """A run as it was, and as it was seen.
@@ -74,10 +88,32 @@ class Motions(NamedTuple):
         assert found is not None
         return found
 
+    def between(self, begin: float, end: float) -> Motions:
+        """The part from one time on, up to another one [s]."""
+        true, seen = (each and each.between(begin, end) for each in self)
+        return Motions(true, seen)
+
 
 def untrue(values: Mapping[str, Any]) -> list[str]:
     """Parameters of a resolved configuration by which told joints are not the true ones."""
     return [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0), object) != 0.0)]
+
+
+def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
+    """A line that says for how long the motors of the plant gave all they can, if they did.
+
+    Args:
+        values: The resolved configuration.
+        effort: Torques of the motors [N m], shape (N, n).
+    """
+    limit = np.asarray(values['plant.torque_limit'], np.float64)
+    if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
+        return []
+    share = float(np.mean((np.abs(effort) >= limit).any(axis=1)))
+    if not share:
+        return []
+    told = ', '.join(f'{each:g}' for each in np.unique(limit))
+    return [SATURATED.format(told, f'{100.0 * share:.3g}')]
 
 
 def told_remarks(values: Mapping[str, Any]) -> list[str]:

@@ -22,7 +22,7 @@ from parallel_robot_control.messages import limits_text
 from parallel_robot_model.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.motions import Motions, told_remarks
+from parallel_robot_sim.motions import Motions, saturation, told_remarks
 from parallel_robot_sim.simulation import Simulation
 
 File = str | Path
@@ -214,7 +214,11 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         made.experiment.trajectory.robot.module.PLANAR,
         None if fault is None else (fault[0], fault[1].text),
         limits_text(acted) if acted else '',
-        (*made.experiment.control.law.warnings, *told_remarks(values)),
+        (
+            *made.experiment.control.law.warnings,
+            *told_remarks(values),
+            *saturation(values, record.effort),
+        ),
         made,
     )
 

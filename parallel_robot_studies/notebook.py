@@ -120,7 +120,7 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
         part.poses.planar,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
-        (*log.warnings, *filter(None, (part.cut, part.remark)), *part.doubts),
+        (*log.warnings, *filter(None, [part.cut]), *part.remarks, *part.doubts),
         motions=part.motions,
     )
 
@@ -174,8 +174,9 @@ def metrics(run: Run) -> RunMetrics:
     >>> round(found.torque.max_nm, 2)
     8.24
     """
+    motions = _motions(run)
     ideal = None if run.simulation is None else torque_of(run.simulation.configuration)
-    return RunMetrics(*evaluation.figures(_motions(run), ideal))
+    return RunMetrics(*evaluation.figures(motions, ideal))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:

@@ -13,7 +13,7 @@ from parallel_robot_analysis import metrics, recorded_motions, timing
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.labels import label, law_label
 from parallel_robot_analysis.timing import Timing
-from parallel_robot_bags import history, run_log, telemetry
+from parallel_robot_bags import history, run_log, stretches, telemetry
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.message_arrays import physical
 from parallel_robot_bags.progress import tracked
@@ -49,7 +49,7 @@ class Run(NamedTuple):
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
         timing: How the run kept its time.
         cut: Why only a part of it was evaluated; empty when all of it was.
-        doubts: Why its errors are not the true ones, see docs/noise.md.
+        doubts: What else to know of its figures, e.g. that they are not the true ones.
         faulted: Whether the controller was in a fault: its metrics are not those of the law.
     """
 
@@ -115,8 +115,13 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
         raise BagError(f'{bag}: {error}') from None
     log, poses, result = part.shown, part.motions.best.poses, metrics.figures(part.motions)
     coupling = cross_coupling(bag, part.log, memory)
-    doubts = [part.remark] if part.remark else []
-    return Run(bag, name, style, log, poses, result, coupling, timed, part.cut, doubts, faulted)
+    parts = stretches.stretches(past, log.law, log.start_stamp, int(part.log.stamps[-1]))
+    laws = stretches.laws(parts)
+    if len(laws) > 1:  # it is no run of its first law
+        name = ', then '.join(map(law_label, laws))
+        log = log._replace(law=', then '.join(laws))
+    told = [*part.remarks, *stretches.told(parts)]
+    return Run(bag, name, style, log, poses, result, coupling, timed, part.cut, told, faulted)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot_analysis import metrics, readable_metrics, recorded_motions, timing
-from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_bags import history, new_files, run_log, stretches
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
@@ -183,9 +183,11 @@ def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
     part = recorded_motions.of_bag(log, past)
     found = metrics.figures(part.motions)
     planned = float(log.config['duration'])
-    head = readable_metrics.head(log.scenario, log.law, found.duration_s, planned)
+    parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
+    laws = ', then '.join(stretches.laws(parts))
+    head = readable_metrics.head(log.scenario, laws, found.duration_s, planned)
     lines = [head, *readable_metrics.brief(found, log.messages)]
-    return [*lines, f'  {part.remark}'] if part.remark else lines
+    return [*lines, *(f'  {text}' for text in (*part.remarks, *stretches.told(parts)))]
 
 
 def node_parameters(

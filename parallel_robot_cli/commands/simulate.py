@@ -26,7 +26,7 @@ from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
-from parallel_robot_sim.motions import of_simulation
+from parallel_robot_sim.motions import of_simulation, saturation
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import Simulation, simulate
 
@@ -152,6 +152,7 @@ def remarks(simulation: Simulation) -> list[str]:
     return [
         *simulation.experiment.control.law.warnings,
         *([f'hazards: {", ".join(acting)}'] if acting else []),
+        *saturation(simulation.configuration.values, simulation.run.effort),
         *remark_lines(limits, simulation.faults),
     ]
 
