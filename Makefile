@@ -57,10 +57,10 @@ site: setup ## write the documentation as a site, site/index.html
 bench: setup ## measure all, beside the peers, a quarter of an hour; writes docs/benchmarks.md
 	$(BIN)/python benchmarks/all.py
 
-faults: setup ## inject faults into a running loop, a quarter of an hour; writes docs/reliability.md
+faults: setup ## inject faults into a running loop, a quarter of an hour; writes docs/safety.md
 	$(BIN)/python benchmarks/faults.py
 
-soak: setup ## run the loop for ten minutes, look at memory and losses; writes docs/reliability.md
+soak: setup ## run the loop for ten minutes, look at memory and losses; writes docs/safety.md
 	$(BIN)/python benchmarks/soak.py
 
 style: setup

@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/faults.py [--quick] [--only WORDS] [--set KEY=VALUE] [--json FILE]
 
-The whole campaign writes its section of docs/reliability.md. The exit code is 1 when something
+The whole campaign writes its section of docs/safety.md. The exit code is 1 when something
 happened in a row that must not happen.
 """
 

@@ -2,7 +2,7 @@
 
 Usage: python benchmarks/soak.py [--duration SECONDS] [--json FILE]
 
-Writes its section of docs/reliability.md when the duration is at least the default. The exit code
+Writes its section of docs/safety.md when the duration is at least the default. The exit code
 is 1 when memory grows, a state is missing, or a message is lost.
 """
 

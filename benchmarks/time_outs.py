@@ -62,7 +62,7 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
             command = command if sample is None else sample.torque
             simulator.advance(command)
         if k >= first:
-            distance = np.linalg.norm((simulator.state.pose - motion.pose[k + 1])[:2])
+            distance = np.linalg.norm((simulator.pose - motion.pose[k + 1])[:2])
             worst = max(worst, float(distance))
     return worst
 

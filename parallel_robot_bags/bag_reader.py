@@ -81,6 +81,7 @@ def read(
     facts: dict[str, str] = {}
     notes: dict[str, list[dict[str, str]]] = {}
     sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
+    doubled: set[tuple[str, str]] = set()
     damage: list[Damage] = []
     understood = False
     held = Allowance(bag, 0, memory)
@@ -110,7 +111,8 @@ def read(
                 if named:
                     key, name = named
                     held.hold(len(record.data))
-                    sources[key][name] = record.data
+                    if sources[key].setdefault(name, record.data) != record.data:
+                        doubled.add((key, name))
                 if sum(map(len, sources.values())) > SOURCES:
                     raise BagError(f'{file} holds more than {SOURCES} custom laws and robots')
             elif isinstance(record, Damage):
@@ -126,8 +128,11 @@ def read(
         facts = custom_data(bag) or facts
     if plain_data.whole_number(facts.get('start_stamp', '0')) is None:
         raise BagError(f'{bag}: its start_stamp must be a whole number of nanoseconds')
-    warnings = (warning(bag, damage),) if damage else ()
-    return Bag(streams, facts, warnings, notes, sources)
+    warnings = [warning(bag, damage)] if damage else []
+    for key, name in sorted(doubled):
+        del sources[key][name]
+        warnings.append(f'{bag} holds several files {key}/{name}; none of them is used')
+    return Bag(streams, facts, tuple(warnings), notes, sources)
 
 
 def warning(bag: Path, damage: Iterable[Damage]) -> str:

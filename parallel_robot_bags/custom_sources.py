@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -43,15 +45,23 @@ def attachment(key: str, path: str) -> tuple[str, bytes]:
         path: The file, absolute: a node may have another current directory.
 
     Raises:
-        InputError: there is no such file, it cannot be read, or it is too large.
+        InputError: there is no such file, it or what a link leads to is no .py file, it cannot
+            be read, or it is too large.
     """
-    file, what = Path(path), f'the {KINDS[key]} file {path}'
+    what = f'the {KINDS[key]} file {path}'
     try:
-        if not (file.is_absolute() and file.suffix == '.py' and file.is_file()):
+        if not Path(path).is_absolute() or not Path(path).exists():
             raise InputError(f'{what} is not on this machine')
-        with file.open('rb') as stream:
+        file = Path(path).resolve(strict=True)  # as it is loaded: a link has no name of its own
+        if file.suffix != '.py' or not file.is_file():
+            raise InputError(f'{what} is no .py file{"" if str(file) == path else f" but {file}"}')
+        descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        with os.fdopen(descriptor, 'rb') as stream:
+            opened = Path(os.readlink(f'/proc/self/fd/{descriptor}'))
+            if opened != file or not stat.S_ISREG(os.fstat(descriptor).st_mode):
+                raise InputError(f'{what} has been replaced while it was opened')
             source = stream.read(SOURCE + 1)
-    except (OSError, ValueError) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise InputError(f'{what} cannot be read: {error}') from None
     if len(source) > SOURCE:
         raise InputError(f'{what} has more than {SOURCE} bytes')

@@ -7,11 +7,12 @@ import hashlib
 import os
 import sys
 from collections.abc import Mapping
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from parallel_robot_bags import near_modules, shown_code
 from parallel_robot_bags.custom_sources import KINDS, Sources
+from parallel_robot_base import custom_module
 from parallel_robot_base.errors import BagError
 
 TRUSTED = Path('parallel_robot', 'trusted_laws')  # in the user's configuration
@@ -75,8 +76,14 @@ def custom_files(
             f'{bag} holds the code of {_words(strange)}, which would run with all your '
             f'rights; --trust runs {"it" if count == 1 else "them"}'
         )
+    texts = {}
+    for name, source in (pair for found in strange.values() for pair in found.items()):
+        texts[f'{name}.py, sha256 {hashlib.sha256(source).hexdigest()}'] = shown_code.decoded(
+            f'{bag}: {name}.py', source
+        )
+    near_modules.refuse(bag, texts)
     if count and sys.stdin.isatty() and sys.stderr.isatty():
-        _ask(strange)
+        _ask(texts)
     names = [name for found in used.values() for name in found]
     if names:
         print(f'runs the code of {", ".join(names)}, which the bag holds', file=sys.stderr)
@@ -93,11 +100,15 @@ def _words(sources: Sources) -> str:
 
 
 def _write(sources: Mapping[str, bytes], directory: Path) -> list[str]:
-    """Write sources by name into a new directory and return the files."""
+    """Write sources by name into a new directory and return the files.
+
+    What runs is what was shown, whatever becomes of the files.
+    """
     directory.mkdir()
     files = {directory / f'{name}.py': source for name, source in sources.items()}
     for file, source in files.items():
         file.write_bytes(source)
+        custom_module.hold(file, source)
     return list(map(str, files))
 
 
@@ -111,15 +122,22 @@ def _noted() -> set[str]:
     return {line.split()[0].lower() for line in lines if line.strip()}
 
 
-def _ask(sources: Sources) -> None:
+def _ask(texts: Mapping[str, str]) -> None:
     """Show code on the terminal and ask whether to run it.
+
+    Args:
+        texts: The code by title.
 
     Raises:
         BagError: the user refuses.
     """
-    for name, source in chain.from_iterable(found.items() for found in sources.values()):
-        print(f'---- {name}.py, sha256 {hashlib.sha256(source).hexdigest()}', file=sys.stderr)
-        print(source.decode(errors='replace'), file=sys.stderr)
-    print('---- run this code? [y/N] ', end='', file=sys.stderr, flush=True)
+    encoding = getattr(sys.stderr, 'encoding', None) or 'ascii'
+    for title, text in texts.items():
+        print(f'---- {shown_code.spelled(title, encoding)[0]}', file=sys.stderr)
+        for line in shown_code.lines(text, encoding):
+            print(line, file=sys.stderr)
+    count = sum(len(shown_code.ENDS.split(text)) for text in texts.values())
+    question = f'---- run this code, {count} lines? [y/N] '
+    print(question, end='', file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ('y', 'yes'):
         raise BagError('the code of the bag is not run')

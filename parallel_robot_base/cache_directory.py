@@ -19,7 +19,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-from parallel_robot_base.user_directory import user_directories
+from parallel_robot_base.user_directory import is_private, user_directories
 
 NOTICE = 'compiling; after an installation this takes about a minute, once'
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
@@ -47,9 +47,10 @@ def directory() -> str:
             new = not found.exists()
             found.mkdir(exist_ok=True)
             os.utime(found)
+            private = is_private(found)
         except OSError:
             continue
-        if os.access(found, os.W_OK):
+        if private and os.access(found, os.W_OK):
             if new:
                 prune(root)
             return str(found)

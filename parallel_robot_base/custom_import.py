@@ -33,11 +33,12 @@ def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
     Raises:
         InputError: it cannot be imported, or it ends its process, or does not return.
     """
-    mark = f'imported_{hashlib.sha256(source).hexdigest()[:16]}'
+    digest = hashlib.sha256(source).hexdigest()
+    mark = f'imported_{digest[:16]}'
     if cache_directory.marked(mark) is not None:
         return
     names = [rehearse.__module__, rehearse.__name__]
-    ended = trial_process.run(__name__, {'file': str(file), 'rehearse': names})
+    ended = trial_process.run(__name__, {'file': str(file), 'digest': digest, 'rehearse': names})
     if not ended.returned:
         raise InputError(f'{file}: {ended.how}')
     cache_directory.mark(mark)
@@ -67,8 +68,11 @@ def import_file(file: Path, source: bytes) -> ModuleType:
 def _trial(task: dict[str, Any]) -> None:
     """Import the file of a task, and call what it has in Python."""
     file = Path(task['file'])
+    source = file.read_bytes()
+    if hashlib.sha256(source).hexdigest() != task['digest']:
+        raise InputError('has changed since it was read')
     with trial_process.step('its import'):
-        module = import_file(file, file.read_bytes())
+        module = import_file(file, source)
     where, name = task['rehearse']
     getattr(import_module(where), name)(module)
 

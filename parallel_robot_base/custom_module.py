@@ -19,6 +19,7 @@ SLOW = 3.0  # s, after which the file being loaded is named
 RAISED = (Exception, SystemExit)  # by custom code: sys.exit() is a mistake, too
 
 _loaded: dict[tuple[str, bytes], ModuleType] = {}  # by name and source
+_held: dict[Path, bytes] = {}  # source by file, whatever is in the file
 
 
 def load(
@@ -82,10 +83,15 @@ def source_of(module: ModuleType) -> bytes:
     return next(source for (_, source), loaded in _loaded.items() if loaded is module)
 
 
+def hold(file: Path, source: bytes) -> None:
+    """Let a file that was written here have this source, whoever changes it from now on."""
+    _held[file.resolve()] = source
+
+
 @functools.cache
 def _module(file: Path, rehearse: Rehearse) -> ModuleType:
     """The module of a file; a copy of a file that was loaded is the same module."""
-    key = file.stem, file.read_bytes()
+    key = file.stem, _held[file] if file in _held else file.read_bytes()
     if key not in _loaded:
         with _telling(f'loading {file} has taken {SLOW:g} s so far'):
             try_file(file, key[1], rehearse)

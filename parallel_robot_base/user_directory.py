@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import grp
 import os
+import pwd
 import stat
 import tempfile
 from collections.abc import Iterator
@@ -13,12 +15,17 @@ from typing import IO
 from parallel_robot_base.errors import RunError
 
 CACHE, STATE = 'XDG_CACHE_HOME', 'XDG_STATE_HOME'  # variables of the environment
+ROOT, NOBODY = (
+    0,
+    65534,
+)  # who owns what lies above; NOBODY in a container stands for any other user
 
 
 def user_directories() -> Iterator[Path]:
     """Directories that are the user's own and exist: in CACHE, then a temporary one.
 
-    One that belongs to another user, or is reached by another user's link, is left out.
+    One that belongs to another user, is reached by another user's link, or can be written by
+    others is left out.
     """
     return _own_directories(CACHE, '~/.cache')
 
@@ -36,8 +43,41 @@ def _own_directories(variable: str, usual: str) -> Iterator[Path]:
     ):
         with contextlib.suppress(OSError):
             found.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if {found.lstat().st_uid, found.stat().st_uid} == {os.getuid()}:
+            if {found.lstat().st_uid, found.stat().st_uid} == {os.getuid()} and is_private(found):
                 yield found
+
+
+def is_private(directory: str | Path) -> bool:
+    """Whether no other user can write into a directory, or put another one in its place.
+
+    Args:
+        directory: It exists.
+    """
+    found = Path(directory).resolve()
+    if not _is_ours(found.stat()):
+        return False
+    for above in map(Path.stat, found.parents):
+        kept = above.st_mode & stat.S_ISVTX  # as /tmp: others cannot rename what is there
+        if above.st_uid not in (os.getuid(), ROOT, NOBODY) or not (kept or _is_closed(above)):
+            return False
+    return True
+
+
+def _is_ours(status: os.stat_result) -> bool:
+    return status.st_uid in (os.getuid(), ROOT) and _is_closed(status)
+
+
+def _is_closed(status: os.stat_result) -> bool:
+    """Whether only the owner can write; a group of the user's name has no other members."""
+    if status.st_mode & stat.S_IWOTH:
+        return False
+    if not status.st_mode & stat.S_IWGRP or status.st_gid == ROOT:
+        return True
+    try:
+        group = grp.getgrgid(status.st_gid)
+        return not group.gr_mem and group.gr_name == pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return False
 
 
 def open_own(name: str, directories: Iterator[Path], variable: str) -> IO[bytes]:

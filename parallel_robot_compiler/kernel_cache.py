@@ -25,6 +25,7 @@ from typing import Any
 
 from parallel_robot_base import cache_directory
 from parallel_robot_base.cache_directory import NOTICE, PREFIX
+from parallel_robot_base.user_directory import is_private
 from parallel_robot_compiler.numba_parts import (
     CompileResultCacheImpl,
     FunctionCache,
@@ -83,6 +84,7 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
         self._lineno = function.__code__.co_firstlineno
         self._locator = _Place(function)
         self._locator.ensure_cache_path()
+        _check_private(self._locator.get_cache_path())
         name = f'{function.__module__.rpartition(".")[2]}.{function.__qualname__}'
         self._filename_base = self.get_filename_base(name, getattr(sys, 'abiflags', ''))
 
@@ -152,6 +154,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         if custom:
             folder = cache_directory.custom('_and_'.join(custom))
             base, stamp = f'{self._py_func.__module__}.{base}', ''
+            if os.path.exists(folder):
+                _check_private(folder)
         base = f'{base}.{hashlib.sha256(text.encode()).hexdigest()[:16]}'
         self._cache_file: Any = IndexDataCacheFile(folder, base, stamp)
         try:
@@ -195,6 +199,26 @@ def cache_of(function: Any) -> KernelCache | NoCache:
         with contextlib.suppress(OSError):
             return KernelCache(function)
     return NoCache()
+
+
+@functools.cache
+def _check_private(folder: str) -> None:
+    """Check that no other user could have written what would be run.
+
+    Raises:
+        PermissionError: one could.
+    """
+    if not is_private(folder):
+        _warn(os.environ.get('NUMBA_CACHE_DIR') or folder)
+        raise PermissionError(folder)
+
+
+@functools.cache
+def _warn(folder: str) -> None:
+    """Say once whose machine code is not used."""
+    logging.getLogger('parallel_robot').warning(
+        f'{folder} can be written by other users: machine code is neither read nor kept there'
+    )
 
 
 @functools.cache

@@ -14,7 +14,7 @@ from parallel_robot_base.loop import OLDEST
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_compiler import inner, kernel, read_row, select, write_row
-from parallel_robot_control import faults, lock_in
+from parallel_robot_control import faults, lock_in, safety
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
@@ -27,7 +27,7 @@ from parallel_robot_control.cycle import (
 from parallel_robot_control.estimator import KALMAN, Estimated
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
-from parallel_robot_control.safety import QUIET, Last
+from parallel_robot_control.safety import OVERDUE, QUIET, Last
 from parallel_robot_control.shared_arrays import (
     ACTED,
     ACTED_AT,
@@ -64,6 +64,7 @@ from parallel_robot_control.shared_arrays import (
     TRACKED,
     UNTIL,
     VELOCITY,
+    WAITS,
 )
 
 # Return value of answer: bits, if the state was answered ...
@@ -260,6 +261,12 @@ def _open(
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
             numbers[BEGINS] = BACK
+        overdue = acts - known > OVERDUE * NANOSECONDS
+        if numbers[WAITS] and not overdue:  # see transitions.rejoined
+            write_row(vectors, EXCESS, np.zeros_like(row))
+            numbers[TAKES_OVER] = 1
+            numbers[BEGINS] = BACK
+        numbers[WAITS] = overdue
         numbers[LAST] = stamp
     last = Last(
         read_row(vectors, POSITION, row),
@@ -314,8 +321,9 @@ def _close(
     numbers[FAULT] = after.fault
     numbers[TAKES_OVER] = after.last.takes_over
     numbers[KNOWN] = after.last.known
-    if done.acted:
-        numbers[ACTED] |= done.acted
+    acts = done.acted + select(numbers[WAITS] != 0, safety.REFERENCE, 0)
+    if acts:
+        numbers[ACTED] |= acts
         numbers[ACTED_AT] = question.stamp
     elif numbers[ACTED] and question.stamp - numbers[ACTED_AT] >= QUIET * NANOSECONDS:
         numbers[ACTED] = 0  # what acts next is told

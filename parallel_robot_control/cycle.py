@@ -389,7 +389,7 @@ def run_cycle(
         dt,
     )
     excess = state.excess + told.missing
-    if (gap or told.back or told.waits) and state.fault == faults.NONE:
+    if (gap or told.back) and state.fault == faults.NONE:
         last, memory = taking_over(last, effort), setup.begin.memory
         begun = BACK
         excess = np.zeros_like(excess)

@@ -44,10 +44,12 @@ FAULTS = {
     STATES_STALE: Fault('states_stale', 'no joint state came for too long'),
     REFERENCE_STALE: Fault('reference_stale', 'no reference came for too long'),
     STATES_DISAGREE: Fault(
-        'states_disagree', 'joint states contradict one another: two publishers'
+        'states_disagree',
+        'joint states contradict one another: two publishers, or stamps that jump',
     ),
     REFERENCES_DISAGREE: Fault(
-        'references_disagree', 'references contradict one another: two publishers'
+        'references_disagree',
+        'references contradict one another: two publishers, or stamps that jump',
     ),
     EMERGENCY_STOP: Fault('emergency_stop', 'emergency stop'),
     TORQUE_LOST: Fault('torque_lost', 'the motors do not apply the commanded torque'),

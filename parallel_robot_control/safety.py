@@ -12,19 +12,22 @@ from parallel_robot_compiler import clip, inlined, kernel, select, some, vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 
-TORQUE, RATE, RAMP, EFFORT = 1, 2, 4, 8  # bits of the limits that acted
+TORQUE, RATE, RAMP, EFFORT, REFERENCE = 1, 2, 4, 8, 16  # bits of the limits that acted
 ACTED_TEXT = {
     TORQUE: 'torque limit',
     RATE: 'torque rate limit',
     RAMP: 'ramp after a take-over',
     EFFORT: 'motors that do not apply the torque',
+    REFERENCE: 'no new reference',
 }
 ACTED_CODE = {
     TORQUE: 'torque',
     RATE: 'rate',
     RAMP: 'ramp',
     EFFORT: 'effort',
+    REFERENCE: 'reference',
 }  # in bags: never changed
+OVERDUE = 0.1  # s, age of a reference above which it is told
 QUIET = 1.0  # s without limits, after which they are told anew
 ZERO, DAMP, HOLD = 0, 1, 2
 LEAST = 3.5  # periods, of a gap

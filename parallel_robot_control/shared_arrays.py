@@ -38,7 +38,8 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     ACTED_AT,  # stamp of the last state at which a limit acted
     UNTIL,  # stamp of the newest reference that counts
     POSE_LOST, BEGINS,  # of the cycle
-) = range(19)  # fmt: skip
+    WAITS,  # whether the last reference was overdue
+) = range(20)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -48,7 +49,7 @@ class Shared(NamedTuple):
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (10, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (19,).
+        numbers: Fault, stamps and counts, shape (20,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -74,7 +75,7 @@ def shared(state: CycleState) -> Shared:
         np.array(state.pose),
         np.zeros((10, joints)),
         np.zeros((4, joints)),
-        np.zeros(19, np.int64),
+        np.zeros(20, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),

@@ -16,9 +16,9 @@ from parallel_robot_compiler import clip, inner, read_at, select, some, write_at
 from parallel_robot_control import cycle_memory
 from parallel_robot_control.cycle_memory import LOST, SPELL
 
-LATELY = 32  # samples within which a command acts
+LATELY, SOON = 32, 8  # samples within which a command acts; where none has acted yet
 TOLD = 0.02  # s of a spell after which it is told, and its end is a way back
-PROOF = 2.0  # tolerances of a command that proves, if it acts, that the motors obey
+PROOF = 2.0  # tolerances of an effort that proves, if it was commanded, that the motors obey
 OBEYED, MISSING, FORGETTING, UNPROVEN = 0.0, 1.0, 2.0, 3.0  # what the memory knows of them
 FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers may alternate
 
@@ -29,8 +29,8 @@ class Arrival(NamedTuple):
     Attributes:
         missing: Torque commanded less torque that acted [N m], shape (n,); zero where it acted.
         spell: For how long torque has been missing [s]; 0 while it acts.
-        back: Whether torque acts again after a spell.
-        waits: Whether no torque has acted since the start: drives that are not on yet are no fault.
+        back: Whether the law begins anew: torque acts again after a spell, or has never acted.
+        waits: Whether no torque has acted since the start: drives may be enabled late.
     """
 
     missing: Array
@@ -82,10 +82,10 @@ def arrival(
     if not apart and before == OBEYED:
         return Arrival(nothing, 0.0, False, False)
     # 2. A late command, or one behind a lag, is none that is missing.
-    missing, lost = nothing, False
+    unproven, missing, lost = before == UNPROVEN, nothing, False
     if apart:
         low, high = asked, asked
-        for k in range(last - LATELY, newest + 1):
+        for k in range(last - select(unproven and spell > 0.0, SOON, LATELY), newest + 1):
             torque = cycle_memory.torque_at(memory, k, effort)
             low, high = select(torque < low, torque, low), select(torque > high, torque, high)
         outside = np.abs(clip(effort, low, high) - effort) > tolerance
@@ -93,11 +93,12 @@ def arrival(
         lost = some(outside)
     # 3. How long torque has been missing, and whether any has ever acted.
     step = select(dt < period * LATELY, dt, period)
-    spell = select(lost, spell + step, spell - FORGETS * step)
+    waits = unproven and (lost or not some(np.abs(effort) > PROOF * tolerance))
+    misses = lost or (waits and spell > 0.0)
+    spell = select(misses, spell + step, spell - FORGETS * step)
     spell = select(spell > 0.0, spell, 0.0)
-    waits = before == UNPROVEN and (lost or not some(np.abs(asked) > PROOF * tolerance))
     now = select(lost, MISSING, select(spell > 0.0, FORGETTING, OBEYED))
     write_at(memory, SPELL, spell)
     write_at(memory, LOST, select(waits, UNPROVEN, now))
-    back = not lost and spell >= TOLD and (before == MISSING or before == UNPROVEN) and not waits
-    return Arrival(missing, select(lost, spell, 0.0), back, waits and lost)
+    again = not misses and spell >= TOLD and (unproven or before == MISSING)
+    return Arrival(missing, select(misses, spell, 0.0), again or (waits and lost), waits)

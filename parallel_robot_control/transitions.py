@@ -30,6 +30,11 @@ def taking_over(state: CycleState, torque: Array) -> CycleState:
     )
 
 
+def rejoined(state: CycleState) -> CycleState:
+    """References are there again: an approach to them, torque from the last one."""
+    return joining(state, state.last.torque)
+
+
 def tripped(state: CycleState, fault: int) -> CycleState:
     """Enter a fault, unless the controller already is in one."""
     if state.fault != faults.NONE:

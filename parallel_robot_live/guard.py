@@ -43,7 +43,8 @@ class Guard:
 
     def knows_token(self, authorization: str) -> bool:
         """Whether an Authorization header has the token."""
-        return secrets.compare_digest(authorization.encode(), f'Bearer {self.token}'.encode())
+        given = authorization.encode(errors='surrogateescape')  # any bytes may have been sent
+        return secrets.compare_digest(given, f'Bearer {self.token}'.encode())
 
     def has_time(self) -> bool:
         """Whether one more request may change something now."""

@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from aiohttp import WSMsgType, web
 
 from parallel_robot_base.errors import ParallelRobotError
+from parallel_robot_live.connections import Connections
 from parallel_robot_live.guard import Guard
 from parallel_robot_live.hub import Hub
 from parallel_robot_live.page import files
@@ -38,6 +39,7 @@ class LiveServer:
 
     Attributes:
         guard: Who may ask for what.
+        connections: What is held open.
     """
 
     def __init__(self, source: Source, host: str, read_only: bool = False) -> None:
@@ -48,7 +50,7 @@ class LiveServer:
             host: Name or address that the server listens on.
             read_only: Whether nothing can be changed by the page.
         """
-        self.guard = Guard(host)
+        self.guard, self.connections = Guard(host), Connections()
         self._source, self._read_only = source, read_only
         self._hub = Hub()
         self._files = files()
@@ -65,12 +67,13 @@ class LiveServer:
         return application
 
     async def _looking(self, _: web.Application) -> AsyncIterator[None]:
-        """Look at the source while the server runs."""
-        task = asyncio.create_task(self._look())
+        """Look at the source and the connections while the server runs."""
+        tasks = [asyncio.create_task(work) for work in (self._look(), self.connections.watch())]
         yield
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await task
+        for task in tasks:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
 
     async def _look(self) -> None:
         loop = asyncio.get_running_loop()
@@ -90,7 +93,8 @@ class LiveServer:
                 raise web.HTTPForbidden(text='not the name of this server')
             if len(origins) > 1 or not self.guard.knows_origin(next(iter(origins), None), *hosts):
                 raise web.HTTPForbidden(text='not from the page of this server')
-            response = await handler(request)
+            with self.connections.busy(request.protocol):
+                response = await handler(request)
         except web.HTTPException as refused:
             refused.headers.update(HEADERS)
             raise
@@ -136,7 +140,8 @@ class LiveServer:
             raise web.HTTPUnsupportedMediaType(text='JSON is taken')
         try:
             value = json.loads(await request.read())
-        except (ValueError, RecursionError):
+            json.dumps(value, ensure_ascii=False).encode()  # texts that are none: half a pair
+        except (ValueError, RecursionError, web.RequestPayloadError):
             raise web.HTTPBadRequest(text='not JSON') from None
         try:
             if action == STOP:

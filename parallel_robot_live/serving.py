@@ -5,14 +5,18 @@ from __future__ import annotations
 import asyncio
 import socket
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from functools import partial
+from typing import Any
 
 from aiohttp import web
 
 from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError
+from parallel_robot_live.connections import BATCH, KEPT, QUEUE
 from parallel_robot_live.guard import OPEN, is_loopback
+from parallel_robot_live.protocol import LOG, Protocol, tell
 from parallel_robot_live.server import LiveServer
 from parallel_robot_live.source import Source
 
@@ -67,19 +71,37 @@ def _bind(host: str, port: int) -> socket.socket:
     return made
 
 
-async def _serve(listening: socket.socket, host: str, source: Source, read_only: bool) -> None:
-    server = LiveServer(source, host, read_only)
+@asynccontextmanager
+async def accepting(listening: socket.socket, server: LiveServer) -> AsyncIterator[None]:
+    """Answer who connects to a socket within the context."""
     runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=LAST)
     await runner.setup()
-    await web.SockSite(runner, listening).start()
-    name = f'[{host}]' if ':' in host else host
-    token = '' if read_only else f'#{server.guard.token}'
-    print(f'page    http://{name}:{listening.getsockname()[1]}/{token}', flush=True)
-    if not is_loopback(listening.getsockname()[0]):
-        print(OPEN, file=sys.stderr)
-    ended = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in ending_signals():
-        loop.add_signal_handler(number, ended.set)
-    await ended.wait()
-    await runner.cleanup()
+    manager, loop = runner.server, asyncio.get_running_loop()
+    assert manager is not None  # after the set-up
+    loop.set_exception_handler(tell)
+    words: dict[str, Any] = {'logger': LOG, 'access_log': None, 'keepalive_timeout': KEPT}
+    words['auto_decompress'] = False  # no page compresses
+    make = partial(Protocol, manager, loop=loop, **words)
+    taking = server.connections.taking(make)
+    taken = await loop.create_server(taking, sock=listening, backlog=BATCH)
+    listening.listen(QUEUE)
+    try:
+        yield
+    finally:
+        taken.close()
+        await runner.cleanup()
+
+
+async def _serve(listening: socket.socket, host: str, source: Source, read_only: bool) -> None:
+    server = LiveServer(source, host, read_only)
+    async with accepting(listening, server):
+        name = f'[{host}]' if ':' in host else host
+        token = '' if read_only else f'#{server.guard.token}'
+        print(f'page    http://{name}:{listening.getsockname()[1]}/{token}', flush=True)
+        if not is_loopback(listening.getsockname()[0]):
+            print(OPEN, file=sys.stderr)
+        ended = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in ending_signals():
+            loop.add_signal_handler(number, ended.set)
+        await ended.wait()

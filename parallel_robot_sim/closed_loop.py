@@ -20,6 +20,7 @@ from parallel_robot_control import faults
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite
+from parallel_robot_control.safety import REFERENCE
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.course import Heard, course_of
 from parallel_robot_sim.hazards import commanded, told
@@ -124,7 +125,9 @@ def run(
         state = LoopState(part.plant, part.cycle, part.memory, part.waiting, part.sent, part.cause)
         if part.steps < stop - first:
             break
-    return parts[0] if len(parts) == 1 else _joined(parts)
+    found = parts[0] if len(parts) == 1 else _joined(parts)
+    found.acted[course.overdue[: len(found.acted)]] |= REFERENCE
+    return found
 
 
 def _joined(parts: list[ClosedLoopRun]) -> ClosedLoopRun:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.hazard_times import HazardTimes
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control import faults
+from parallel_robot_control import faults, safety
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
-from parallel_robot_control.transitions import cleared, joining, tripped, without_torque
+from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
 from parallel_robot_sim.assembly import Plant
 from trajectory_gen.trajectory import Reference
 
@@ -52,10 +52,12 @@ class Course(NamedTuple):
         known: Sample of the newest reference that it knows, shape (N,).
         shown: Whether the pose of a sample is told, shape (N,).
         stale: Samples at which a state is answered and that is too old, shape (N,).
+        overdue: Samples at which a state is answered and that is told to be old, shape (N,).
         late: Samples at which the first state comes after too long.
         lost: Samples at which states have been refused for too long, and the fault that it is.
         clears: Samples at which the first state comes after a call of ``~/clear_fault``.
         renewals: Samples at which a controller hears its first state; 0 is not among them.
+        returns: Samples at which references are there again.
     """
 
     heard: Heard
@@ -63,15 +65,17 @@ class Course(NamedTuple):
     known: NDArray[np.int64]
     shown: NDArray[np.bool_]
     stale: NDArray[np.bool_]
+    overdue: NDArray[np.bool_]
     late: frozenset[int] = frozenset()
     lost: Mapping[int, int] = MappingProxyType({})
     clears: frozenset[int] = frozenset()
     renewals: frozenset[int] = frozenset()
+    returns: frozenset[int] = frozenset()
 
     @property
     def cuts(self) -> list[int]:
         """Samples at which something happens to the controller before it answers."""
-        found = {0, *self.late, *self.lost, *self.clears, *self.renewals}
+        found = {0, *self.late, *self.lost, *self.clears, *self.renewals, *self.returns}
         rows = np.flatnonzero(self.heard.answered)
         begun = np.diff(self.stale[rows], prepend=False) & self.stale[rows]
         count = len(self.heard.answered)
@@ -111,6 +115,8 @@ class Course(NamedTuple):
             cycle = without_torque(tripped(cycle, self.lost[sample]))
         if sample in self.late:
             cycle = without_torque(tripped(cycle, faults.STATES_STALE))
+        if sample in self.returns:
+            cycle = rejoined(cycle)
         if len(self.stale) and self.stale[sample]:
             cycle = tripped(cycle, faults.REFERENCE_STALE)
         return cycle, memory
@@ -128,7 +134,8 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     samples, dt = np.arange(count), np.full(count, period)
     if not plant.hazards:
         all_, none = np.ones(count, bool), np.zeros(count, np.int64)
-        return Course(Heard(all_, all_, none, dt), reference, samples, all_, none.astype(bool))
+        never = none.astype(bool)
+        return Course(Heard(all_, all_, none, dt), reference, samples, all_, never, never)
     times = HazardTimes(plant.hazards, period, plant.safety.state_age)
     told, answered, late, known, shown = (
         np.array([find(k) for k in range(count)])
@@ -151,18 +158,21 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     # 2. References.
     age = tick * (samples - known)
     old = age > round(plant.safety.reference_timeout * NANOSECONDS)
-    stale = np.zeros(count, bool)
+    stale, overdue = np.zeros((2, count), bool)
     stale[rows] = old[measured]
+    overdue[rows] = age[measured] > round(safety.OVERDUE * NANOSECONDS)
     return Course(
         Heard(told, answered, late, dt),
         _known(reference, known, age, old),
         known,
         shown,
         stale,
+        overdue,
         frozenset(gaps),
         {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
         frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
         frozenset(renewed - {0}),
+        frozenset(rows[1:][overdue[rows[:-1]] & ~overdue[rows[1:]]].tolist()),
     )
 
 

@@ -78,3 +78,21 @@ def test_the_page_has_a_section_for_each(modules):
         assert f'## {title}\n\n{words}\n' in text, 'run make bench'
     targets = re.findall(r'^\| MuJoCo, .*\| >= ([\d.]+): \w+ \|$', text, re.MULTILINE)
     assert targets == ['6', '20', '2.5']
+
+
+def test_the_programs_that_pages_cite_run(monkeypatch):
+    """Shortened; those that need nodes are left to the campaign."""
+    monkeypatch.syspath_prepend(ROOT / 'benchmarks')
+    noise, time_outs = map(importlib.import_module, ('noise', 'time_outs'))
+    monkeypatch.setattr(time_outs, 'AFTER', 0.02)
+    monkeypatch.setattr(noise, 'SEEDS', range(1))
+    assert 0.001 < time_outs.astray('pid', 0.01, 0.05, 0.05) < 0.1
+    assert noise._cell('pid', noise.ENCODER, 0.05).count(' / ') == 1
+
+
+def test_the_table_of_noise_has_every_law(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / 'benchmarks')
+    noise = importlib.import_module('noise')
+    text = (ROOT / 'docs' / 'noise.md').read_text()
+    table = text.partition('## What each law loses')[2].partition('\n## ')[0]
+    assert re.findall(r'^\| `(\w+)`', table, re.MULTILINE) == list(noise.LAWS)

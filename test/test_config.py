@@ -270,3 +270,19 @@ def test_files_of_laws_are_absolute(path, monkeypatch):
     assert values['custom_laws'] == [str(root / 'docs' / 'example_law.py')]
     name, _ = custom_sources.attachment('custom_laws', *values['custom_laws'])
     assert name == 'custom_laws/example_law'
+
+
+def test_a_link_is_attached_as_what_it_leads_to(tmp_path):
+    law, link = tmp_path / 'mine.py', tmp_path / 'link.py'
+    law.write_bytes(b'x = 1')
+    link.symlink_to(law)
+    assert custom_sources.attachment('custom_laws', str(link)) == ('custom_laws/mine', b'x = 1')
+    for target in ('secret', 'folder.py'):
+        link.unlink()
+        link.symlink_to(tmp_path / target)
+        (tmp_path / target).mkdir() if target == 'folder.py' else (tmp_path / target).touch()
+        with pytest.raises(InputError, match=f'link.py is no .py file but .*{target}'):
+            custom_sources.attachment('custom_laws', str(link))
+    (tmp_path / 'id_rsa').touch()
+    with pytest.raises(InputError, match=r'id_rsa is no \.py file'):
+        custom_sources.attachment('custom_laws', str(tmp_path / 'id_rsa'))

@@ -218,6 +218,18 @@ def test_the_users_own_cache_directory_is_respected(tmp_path):
     assert Path(found).parent == tmp_path
 
 
+@pytest.mark.parametrize('how', ['numba', 'own'])
+def test_a_cache_that_others_may_write_is_not_used(how, tmp_path):
+    place = tmp_path / how
+    place.mkdir()
+    place.chmod(0o777)
+    variables = (
+        {'NUMBA_CACHE_DIR': str(place)} if how == 'numba' else {'XDG_CACHE_HOME': str(place)}
+    )
+    found = print_in_python(WHERE, ROOT, TMPDIR=str(tmp_path), **variables)
+    assert not Path(found).is_relative_to(place)
+
+
 MOVE = """
 from trajectory_gen.circle import Parameters, motion
 motion(Parameters((0.0, 0.0), 1.0, 1.0, 0.0), 0.5)

@@ -2,17 +2,20 @@
 
 import asyncio
 import json
+import resource
+import socket
 import struct
-from contextlib import asynccontextmanager, suppress
+import time
+from contextlib import ExitStack, asynccontextmanager, suppress
 
 import aiohttp
 import pytest
-from aiohttp.test_utils import TestServer
 
 from parallel_robot_live.frames import HEADER
 from parallel_robot_live.guard import BURST, RATE, Guard
 from parallel_robot_live.hub import BACKLOG, Hub
 from parallel_robot_live.server import BROWSERS, LiveServer
+from parallel_robot_live.serving import accepting
 from parallel_robot_live.source import RefusedError
 
 PATIENCE = 20.0  # s
@@ -60,10 +63,10 @@ class Source:
 class Site:
     """A server and what a page of it would send."""
 
-    def __init__(self, source, server, guard, client):
-        self.source, self.client = source, client
-        self.url = f'http://127.0.0.1:{server.port}'
-        self.host = f'127.0.0.1:{server.port}'
+    def __init__(self, source, port, guard, client):
+        self.source, self.client, self.port = source, client, port
+        self.url = f'http://127.0.0.1:{port}'
+        self.host = f'127.0.0.1:{port}'
         self.headers = {'Authorization': f'Bearer {guard.token}', 'Origin': self.url}
 
     async def act(self, action='law', value='smc', **headers):
@@ -79,8 +82,9 @@ class Site:
 async def site(read_only=False):
     source = Source()
     live = LiveServer(source, '127.0.0.1', read_only)
-    async with TestServer(live.application()) as server, aiohttp.ClientSession() as client:
-        yield Site(source, server, live.guard, client)
+    listening = socket.create_server(('127.0.0.1', 0))
+    async with accepting(listening, live), aiohttp.ClientSession() as client:
+        yield Site(source, listening.getsockname()[1], live.guard, client)
 
 
 def run(test, **options):
@@ -307,3 +311,109 @@ def test_a_browser_that_begins_gets_the_past_and_after_a_jump_that_of_the_jump()
         task.cancel()
 
     asyncio.run(test())
+
+
+def stop_by_a_new_connection(site):
+    """How long the emergency stop took [s], and the answer."""
+    began = time.monotonic()
+    with socket.create_connection(('127.0.0.1', site.port), PATIENCE) as made:
+        made.sendall(request(site, b'POST /do/emergency_stop', body=b'null'))
+        answer = made.recv(4096)
+        return time.monotonic() - began, answer
+
+
+def request(site, start, *headers, body=b''):
+    lines = [
+        start + b' HTTP/1.1',
+        b'Host: ' + site.host.encode(),
+        b'Content-Type: application/json',
+        b'Content-Length: %d' % len(body),
+        b'Authorization: ' + site.headers['Authorization'].encode(),
+        b'Connection: close',
+        *headers,
+    ]
+    return b'\r\n'.join(lines) + b'\r\n\r\n' + body
+
+
+@pytest.fixture
+def many_files():
+    """Room for the other ends of many connections."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], min(4096, limits[1])), limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+@pytest.mark.parametrize('said', [b'', b'GET / HTTP/1.1\r\nHost: ', b'GET / HTTP/1.1\r\n\r\n'])
+def test_connections_that_only_wait_keep_no_emergency_stop_off(said, many_files):
+    async def test(site):
+        with ExitStack() as stack:
+            for _ in range(20):
+                for _ in range(100):
+                    made = stack.enter_context(socket.create_connection(('127.0.0.1', site.port)))
+                    made.sendall(said)
+                await asyncio.sleep(0)  # a turn of the server
+            took, answer = await asyncio.to_thread(stop_by_a_new_connection, site)
+            assert answer.startswith(b'HTTP/1.1 200') and site.source.done
+            assert took < 0.5
+
+    run(test)
+
+
+def test_a_connection_without_a_request_is_let_go(monkeypatch):
+    monkeypatch.setattr('parallel_robot_live.connections.HEADERS', 0.1)
+
+    async def test(site):
+        reader, writer = await asyncio.open_connection('127.0.0.1', site.port)
+        writer.write(b'GET / HTTP/1.1\r\n')
+        with suppress(ConnectionResetError):
+            assert await reader.read() == b''
+        writer.close()
+
+    run(test)
+
+
+BAD = {
+    'a token': (b'POST /do/law', b'Authorization: Bearer \xff'),
+    'a host': (b'GET /', b'Host: \xff'),
+    'an origin': (b'GET /', b'Origin: http://\xff'),
+    'a path': (b'GET /\xff\xfe',),
+    'an escaped path': (b'GET /%ff%00',),
+    'an action': (b'POST /do/%ff\xff',),
+    'a method': (b'\xffGET /',),
+    'a name of a header': (b'GET /', b'\xff: 1'),
+    'a length': (b'POST /do/law', b'Content-Length: \xff'),
+    'an encoding': (b'POST /do/law', b'Content-Encoding: gzip'),
+    'a chunk': (b'POST /do/law', b'Transfer-Encoding: chunked'),
+    'a transfer': (b'POST /do/law', b'Transfer-Encoding: \xff'),
+    'a type': (b'POST /do/law', b'Content-Type: \xff'),
+    'a key': (b'GET /frames', b'Upgrade: websocket', b'Sec-WebSocket-Key: \xff'),
+    'a long header': (b'GET /', b'X: ' + 20_000 * b'x'),
+    'no HTTP': (b'\x16\x03\x01\x02',),
+    'an absolute path': (b'GET http://[::1',),
+    'a place': (b'GET //[/',),
+}
+
+
+@pytest.mark.parametrize('what', BAD)
+def test_bad_bytes_are_refused_in_one_line(what, caplog):
+    async def test(site):
+        start, *headers = BAD[what]
+        reader, writer = await asyncio.open_connection('127.0.0.1', site.port)
+        writer.write(request(site, start, *headers, body=b'"\xff"'))
+        answer = await reader.read()
+        writer.close()
+        head, _, text = answer.partition(b'\r\n\r\n')
+        assert head.startswith(b'HTTP/1.1 4') or head.startswith(b'HTTP/1.0 4'), answer
+        assert b'\n' not in text.partition(b'HTTP/')[0].strip()
+        assert not caplog.records
+
+    run(test)
+
+
+@pytest.mark.parametrize('value', [b'"\xff"', b'"\\ud800"', b'[' * 4000, b''])
+def test_a_body_of_bad_bytes_is_no_json(value):
+    async def test(site):
+        assert (await site.act(value=value))[0] == 400
+
+    run(test)

@@ -7,7 +7,11 @@ import sys
 
 import pytest
 from custom_law import LAW
+from mcap.writer import Writer
 
+from parallel_robot_bags import bag_reader, shown_code, trust
+from parallel_robot_base import custom_module
+from parallel_robot_base.errors import BagError
 from parallel_robot_cli.command_line import main
 
 DIGEST = hashlib.sha256(LAW.encode()).hexdigest()
@@ -104,3 +108,99 @@ def test_other_commands_run_no_code(command, recorded, bag, capsys):
     words = ['--out', str(bag.with_name(out))] if out else []
     main([command, str(bag), *words])
     assert not law.with_name('ran').exists() and 'runs the code' not in capsys.readouterr().err
+
+
+CONFIG = {'robot_model': '', 'trajectory.shape': ''}
+
+
+def allowed(source, directory):
+    """The file that code of a bag is written to, after --trust."""
+    sources = {'custom_laws': {'mine': source}}
+    return trust.custom_files(directory / 'bag', sources, CONFIG, directory, True)['custom_laws']
+
+
+@pytest.mark.parametrize(
+    ('source', 'why'),
+    [
+        (b'# -*- coding: utf-7 -*-\n#+AAo-x = 1', 'encoding utf-7'),
+        (b'\r# coding: latin-1\rx = "\xc3\xa9"', 'encoding iso-8859-1'),
+        (b'\xef\xbb\xbf# coding: cp1252\n', 'no Python'),
+        (b'# coding: rot13\n', 'encoding rot13'),
+        ('x = 1'.encode('utf-16'), 'not UTF-8: byte 0'),
+        (b'x = "\xed\xa0\x80"', 'not UTF-8: byte 5'),
+        (b'x = 1\0\nimport os', 'no Python'),
+        (b'(' * 5000, 'no Python'),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(source, why, tmp_path):
+    with pytest.raises(BagError, match=why):
+        allowed(source, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    'hidden',
+    '\t\f\x0b\x1b\x7f\x85\xa0\xad\u034f\u115f\u200b\u202e\u2028\u2066\u2800\u3164\ufe0f\uff45\U000e0041',
+)
+def test_a_character_that_hides_is_spelled(hidden):
+    shown = list(shown_code.lines(f'x = 1  # {hidden}y', 'utf-8'))
+    assert all(line.isprintable() for line in shown) and hidden not in ''.join(shown)
+    assert '# \\' in shown[0] and shown[-1].endswith('escapes in the lines 1')
+
+
+def test_what_hides_nothing_stays():
+    assert list(shown_code.lines('x = 1  # größe 寸法 θ', 'utf-8')) == [
+        '    1 | x = 1  # größe 寸法 θ'
+    ]
+    assert '\\u0430' in next(shown_code.lines('p\u0430ss', 'utf-8'))  # a Cyrillic a
+    assert '\\xf6' in next(shown_code.lines('# größe', 'ascii'))
+
+
+def test_a_long_line_goes_on_in_the_next_and_a_lone_carriage_return_ends_one():
+    code = 'x = 1 ' + 5000 * ' ' + '; last()'
+    shown = list(shown_code.lines(f'# quiet\rhidden()\r\n{code}', 'utf-8'))
+    assert shown[:2] == ['    1 | # quiet\\r', '    2 | hidden()']
+    assert ''.join(line[8:] for line in shown[2:-1]) == code
+    assert max(map(len, shown)) < 100
+
+
+def test_the_bytes_that_were_shown_run(tmp_path):
+    (file,) = allowed(b'"""A law."""\nVALUE = 1\n', tmp_path)
+    with open(file, 'w') as stream:
+        stream.write('VALUE = 2')
+    with pytest.raises(custom_module.InputError, match='has changed since it was read'):
+        custom_module.load(file, 'custom_laws', ['VALUE'], [], custom_module.first_line)
+
+
+@pytest.mark.parametrize('line', ['import beside', 'def f():\n    from beside.more import x'])
+@pytest.mark.parametrize('kind', ['module', 'package', 'folder'])
+def test_a_module_beside_the_bag_is_not_imported(line, kind, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:/other')
+    place = tmp_path / ('beside.py' if kind == 'module' else 'beside')
+    if kind == 'module':
+        place.touch()
+    else:
+        place.mkdir()
+    if kind == 'package':
+        (place / '__init__.py').touch()
+    with pytest.raises(BagError, match=f'mine.py imports beside from {tmp_path}/beside'):
+        allowed(line.encode(), tmp_path)
+    allowed(b'import math, numpy, parallel_robot_base', tmp_path)
+    assert (
+        str(tmp_path) not in sys.path and trust.near_modules.os.environ['PYTHONPATH'] == '/other'
+    )
+
+
+def test_of_two_files_of_one_name_none_is_used(tmp_path):
+    for texts, left in (['a', 'a'], {'mine': b'a'}), (['a', 'b', 'a'], {}):
+        bag = tmp_path / 'bag.mcap'
+        with bag.open('wb') as stream:
+            writer = Writer(stream)
+            writer.start()
+            for text in texts:
+                writer.add_attachment(0, 0, 'custom_laws/mine', 'text/x-python', text.encode())
+            writer.finish()
+        found = bag_reader.read(bag, [], lambda topic, messages: None)
+        assert found.sources['custom_laws'] == left
+        assert len(found.warnings) == (not left)

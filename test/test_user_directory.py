@@ -40,3 +40,23 @@ def test_what_is_somebody_elses_is_left_out(what, places, tmp_path):
         given = {'link': places[1], 'target': other}[what]
         os.chown(given, 12345, 12345, follow_symlinks=False)
     assert tuple(user_directories()) == places[:1]
+
+
+@pytest.mark.parametrize(
+    ('mode', 'above', 'private'),
+    [
+        (0o755, 0o755, True),
+        (0o777, 0o755, False),
+        (0o1777, 0o755, False),
+        (0o700, 0o777, False),
+        (0o700, 0o1777, True),
+        (0o775, 0o755, False),
+    ],
+)
+def test_what_others_may_write_is_left_out(mode, above, private, places):
+    places[0].mkdir(parents=True)
+    if mode == 0o775 and os.getuid() == 0:
+        os.chown(places[0], 0, 12345)
+    places[0].chmod(mode)
+    places[0].parent.chmod(above)
+    assert (places[0] in user_directories()) == private

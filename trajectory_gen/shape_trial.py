@@ -7,6 +7,7 @@ compared with finite differences.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import tempfile
 from pathlib import Path
@@ -26,6 +27,7 @@ from parallel_robot_model.contract import PoseMotion
 from trajectory_gen.shapes import prepared
 
 SAMPLES = 500  # over the span, and over the next
+PERIOD, MOST = 1e-3, 20_000  # s, between samples that tell jumps; how many these are at most
 TRIED = 25  # in the separate process
 STEP = 1e-5  # s, of finite differences: they err by 1e-5 of the value at 100 Hz
 TOLERANCE = 1e-3  # of a derivative, relative to its largest value in the motion
@@ -85,15 +87,7 @@ def _compare(name: str, motion: Any, made: Any, span: float) -> None:
                 f'{name}: {NAMES[order]}[{i}] at t = {times[k]:.6g} s is {here[order][k, i]:.6g}, '
                 f'but {NAMES[order - 1]}[{i}] changes by {expected[k, i]:.6g} per second'
             )
-        jump = np.abs(np.diff(here[order - 1], axis=0))
-        most = 2.0 * np.abs(here[order]).max(axis=0) * (times[1] - times[0])
-        wrong = jump > LEAST + most
-        if wrong.any():
-            k, i = map(int, np.argwhere(wrong)[0])
-            raise InputError(
-                f'{name}: {NAMES[order - 1]}[{i}] jumps by {jump[k, i]:.6g} between '
-                f't = {times[k]:.6g} s and {times[k + 1]:.6g} s'
-            )
+    _look_for_jumps(name, motion, made, span)
     known, later = here[0][:SAMPLES], here[0][SAMPLES:]
     low, high = known.min(axis=0), known.max(axis=0)
     slack = LEAST + 0.01 * (high - low)
@@ -107,6 +101,32 @@ def _compare(name: str, motion: Any, made: Any, span: float) -> None:
         )
 
 
+def _look_for_jumps(name: str, motion: Any, made: Any, span: float) -> None:
+    """Look at the whole of a motion, as densely as a loop does.
+
+    Raises:
+        InputError: pose or rate jumps.
+    """
+    dt = max(PERIOD, span / MOST)
+    times = np.arange(0.5**0.5 * dt, span, dt)
+    pose, rate, acceleration = _sampled(name, motion, made, times)
+    if len(times) < 2:
+        return
+    bend = np.abs(acceleration).max(axis=0) * dt  # most that a rate changes from one to the next
+    steps = np.diff(pose, axis=0), np.diff(rate, axis=0)
+    wrong = (
+        np.abs(steps[0] - (rate[1:] + rate[:-1]) * dt / 2) > LEAST + bend * dt,
+        np.abs(steps[1]) > LEAST + 2.0 * bend,
+    )
+    for what, step_, bad in zip(NAMES, steps, wrong, strict=False):
+        if bad.any():
+            k, i = map(int, np.argwhere(bad)[0])
+            raise InputError(
+                f'{name}: {what}[{i}] jumps by {step_[k, i]:.6g} between '
+                f't = {times[k]:.6g} s and {times[k + 1]:.6g} s'
+            )
+
+
 def _sampled(
     name: str, motion: Any, made: Any, times: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
@@ -116,7 +136,11 @@ def _sampled(
         InputError: they are not of one size, or not finite.
     """
     found = [motion(made, float(t)) for t in times]
-    size = len(found[0].pose)
+    size = len(found[0].pose) if found else 0
+    with contextlib.suppress(ValueError):  # of different shapes
+        rows = np.array(found, dtype=float)
+        if rows.shape[1:] == (len(NAMES), size) and size and np.isfinite(rows).all():
+            return tuple(rows.transpose(1, 0, 2))
     for t, each in zip(times, found, strict=True):
         for what, row in zip(NAMES, each, strict=True):
             if np.shape(row) != (size,) or not size:

@@ -1,4 +1,4 @@
-"""docs/reliability.md: sections of one page, each written by its own command."""
+"""Sections of docs/safety.md, each written by its own command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from reliability.endurance import Soak
 from reliability.judging import BOUND, Outcome
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'reliability.md'
+PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
 
 
 HEAD = f"""\

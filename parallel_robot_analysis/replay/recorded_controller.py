@@ -24,10 +24,12 @@ from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.reference_buffer import RESTART
+from parallel_robot_control.safety import OVERDUE
 from parallel_robot_control.transitions import (
     cleared,
     joining,
     placed,
+    rejoined,
     restarted,
     switched,
     tripped,
@@ -155,11 +157,14 @@ class RecordedController:
             log.reference_position, log.reference_velocity, log.reference_acceleration
         )
         self._references = JointReference(*(row[self._rows] for row in self._known))
-        self._stale = np.zeros(len(self._rows), bool)
+        self._stale, overdue = np.zeros((2, len(self._rows)), bool)
         if log.used is not None:
             self._take_used(log.used, round(safety.reference_timeout * NANOSECONDS))
+            overdue = acts - log.used.stamps[self._rows] > OVERDUE * NANOSECONDS
         begun = np.flatnonzero(np.diff(self._stale, prepend=False) & self._stale)
-        self._edges = np.unique([*begun, *self._restarts, *self._gaps, *self._renewals])
+        self._returns = np.flatnonzero(overdue[:-1] & ~overdue[1:]) + 1
+        edges = (begun, self._restarts, self._gaps, self._renewals, self._returns)
+        self._edges = np.unique(np.concatenate(edges))
 
     def _renewed(self, samples: np.ndarray) -> np.ndarray:
         """Rows of the first states that new controllers hear; `samples` of the states."""
@@ -223,6 +228,8 @@ class RecordedController:
                 state, memory = joining(state, self._effort[begin]), control.law.memory
             elif begin in self._gaps:
                 state = without_torque(tripped(state, faults.STATES_STALE))
+            if begin in self._returns:
+                state = rejoined(state)
             if begin < stop and self._stale[begin]:
                 state = tripped(state, faults.REFERENCE_STALE)
             rows = slice(begin, end)
