@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import metrics
+from parallel_robot_analysis import metrics, recorded_motions
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_bags import command_states, run_log, telemetry
+from parallel_robot_bags import command_states, history, run_log, telemetry
+from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.data_frames import Frame, pandas
@@ -43,7 +44,7 @@ def read(bag: Path, memory: int = MEMORY) -> Table:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
     log = run_log.read(bag, memory)
-    poses, warnings = _poses(log)
+    poses, warnings = _poses(log, history.read(bag, memory))
     sliding = np.full(log.position.shape, np.nan)
     found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
     if found is not None:
@@ -100,10 +101,11 @@ def to_frame(bag: Path) -> Frame:
     return frame
 
 
-def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Columns of the pose, named after its coordinates, and what is wrong with them.
 
-    Those of a robot that moves in a plane are of its platform and hold its error.
+    Those of a robot that moves in a plane are of its platform and hold its error. They are true
+    where the plant is known; what is seen stands beside them where it is something else.
     """
     try:
         robot = robot_of(log.config)
@@ -112,9 +114,14 @@ def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     coordinates = robot.module.coordinates(robot.parameters)
     names = [f'{name}_{unit}' for name, unit in coordinates]
     warnings: tuple[str, ...] = ()
+    seen = None
     try:
-        _, found, cut = metrics.with_poses(log)
-        warnings = (f'the pose of the robot is {cut}',) if cut else ()
+        part = recorded_motions.of_bag(log, past)
+        found = part.poses._replace(actual=part.pose)
+        if part.motions.true is not None and part.motions.seen is not None:
+            seen = part.poses
+        warnings = (f'the pose of the robot is {part.cut}',) if part.cut else ()
+        warnings += (part.remark,) if part.remark not in ('', recorded_motions.UNKNOWN) else ()
     except ParallelRobotError as error:
         nothing = np.empty((0, len(names)))
         found = Poses(nothing, nothing, robot.module.PLANAR)
@@ -125,6 +132,11 @@ def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
     if found.planar:
         columns['platform_error_m'] = metrics.distances(Poses(actual, reference))
+    if seen is not None:
+        actual = _padded(seen.actual, len(log.time))
+        columns |= {f'seen_{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
+        if seen.planar:
+            columns['seen_platform_error_m'] = metrics.distances(Poses(actual, reference))
     return columns, warnings
 
 
