@@ -133,7 +133,7 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
     if found.planar:
         columns['platform_error_m'] = metrics.distances(Poses(actual, reference))
     if seen is not None:
-        actual = _padded(seen.actual, len(log.time))
+        actual = _spread(seen.actual, log.referenced)
         columns |= {f'seen_{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
         if seen.planar:
             columns['seen_platform_error_m'] = metrics.distances(Poses(actual, reference))
