@@ -9,16 +9,21 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from parallel_robot_bags.run_log import RunLog, head, with_reference
-from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.errors import InputError, KinematicsError
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.configuration import is_known, robot_of
-from parallel_robot_sim.motions import Motions, poses_of
+from parallel_robot_sim.motions import Motions, Moved, poses_of
 from parallel_robot_sim.motions import Poses as Poses
 
 TRUE: Literal['true'] = 'true'
 SEEN: Literal['seen'] = 'seen'
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
+BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
+FALLS = (
+    3.0  # ratio of the errors of a part's halves; where it is larger, the robot had not settled
+)
+SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
 
 
 class Errors(NamedTuple):
@@ -39,13 +44,13 @@ class Errors(NamedTuple):
 
 
 class Torque(NamedTuple):
-    """Motor torques over a whole run.
+    """Motor torques over a whole motion.
 
     Attributes:
         max_nm: Largest absolute torque of any joint [N m].
         total_variation_nm_per_s: Sum over the joints of |change of torque|, per second [N m/s].
-        chattering_nm: Root mean square, over all joints and the second half of the run, of the
-            torque minus its moving mean over SMOOTH [N m].
+        chattering_nm: Root mean square, over all joints and the window, of the torque minus its
+            moving mean over SMOOTH [N m].
     """
 
     max_nm: float
@@ -54,7 +59,7 @@ class Torque(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """What the motors are put to over the second half of a run.
+    """What the motors are put to over the window.
 
     Attributes:
         torque_rms_nm: Root mean square torque over all joints [N m].
@@ -74,8 +79,8 @@ class Transient(NamedTuple):
     """How fast the end effector reaches its reference and stays there.
 
     Attributes:
-        to_1_mm_s: Time after which the distance stays below 1 mm [s]; None if never, NaN for a
-            robot that does not move in a plane.
+        to_1_mm_s: Time after which the distance stays below 1 mm, for BELOW or more [s]; None if
+            never, NaN for a robot that does not move in a plane.
         to_0_1_mm_s: The same for 0.1 mm [s].
     """
 
@@ -83,8 +88,28 @@ class Transient(NamedTuple):
     to_0_1_mm_s: float | None
 
 
+class Window(NamedTuple):
+    """Over which part of a run errors, chattering and effort are taken: its window.
+
+    Attributes:
+        start_s: Its begin [s].
+        stop_s: Its end [s].
+        run_s: Duration of all of the run, also of what is not looked at [s].
+        asked: Whether somebody asked for this part; then all metrics are of it alone. Else it is
+            the second half of the motion, which ends when the reference rests for good.
+        falls: Root mean square joint errors of its halves [rad], where the second is much less:
+            the robot had not settled; None where it had.
+    """
+
+    start_s: float
+    stop_s: float
+    run_s: float
+    asked: bool = False
+    falls: tuple[float, float] | None = None
+
+
 class Metrics(NamedTuple):
-    """All metrics of a run; `steady` is over its second half.
+    """All metrics of a run, of its motion: without what follows where that has come to rest.
 
     Attributes:
         duration_s: Duration of the motion [s].
@@ -94,6 +119,7 @@ class Metrics(NamedTuple):
         effort: What the motors are put to.
         source: TRUE: of the true motion; SEEN: of what sensors and nominal robot show.
         seen: Those of what is seen; None where all that is seen is true.
+        window: Over which part errors, chattering and effort are taken.
     """
 
     duration_s: float
@@ -103,6 +129,7 @@ class Metrics(NamedTuple):
     effort: Effort = Effort()
     source: Literal['true', 'seen'] = TRUE
     seen: Metrics | None = None
+    window: Window = Window(math.nan, math.nan, math.nan)
 
 
 Value = Callable[[Metrics], float | None]
@@ -194,23 +221,84 @@ def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
     return part, poses(part, true), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
 
 
-def figures(motions: Motions, ideal: np.ndarray | None = None) -> Metrics:
+def figures(
+    motions: Motions,
+    ideal: np.ndarray | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Metrics:
     """Compute the metrics of a run: of its true motion, and of what is seen of it.
 
-    Where the true motion is not known, all metrics are of what is seen.
+    Where the true motion is not known, all metrics are of what is seen. A motion that has come
+    to rest is looked at up to there.
 
     Args:
         motions: The run.
         ideal: As of :func:`evaluate`, for the samples of the true motion.
+        start: Time from which on it is looked at [s]; None: from its first sample on.
+        stop: Time up to which it is looked at [s]; None: up to its last sample.
+
+    Raises:
+        InputError: there is none of the run between `start` and `stop`.
     """
-    seen = None if motions.seen is None else evaluate(motions.seen, motions.seen.poses)
+    whole, asked = motions.best, start is not None or stop is not None
+    end = None if asked else rest(whole)
+    if asked or end is not None:
+        first = -math.inf if start is None else start
+        last = stop if end is None else end
+        motions, ideal = _between(motions, ideal, first, math.inf if last is None else last)
+    found = Metrics(*_figures(motions, ideal, asked))
+    run = float(whole.time[-1] - whole.time[0])
+    return found._replace(window=found.window._replace(run_s=run, asked=asked))
+
+
+def _figures(motions: Motions, ideal: np.ndarray | None, asked: bool) -> Metrics:
+    seen = (
+        None if motions.seen is None else evaluate(motions.seen, motions.seen.poses, None, asked)
+    )
     if motions.true is None:
         assert seen is not None
         return seen._replace(source=SEEN, seen=seen)
-    return evaluate(motions.true, motions.true.poses, ideal)._replace(seen=seen)
+    return evaluate(motions.true, motions.true.poses, ideal, asked)._replace(seen=seen)
 
 
-def evaluate(log: Motion, pose: Poses, ideal: np.ndarray | None = None) -> Metrics:
+def _between(
+    motions: Motions, ideal: np.ndarray | None, first: float, last: float
+) -> tuple[Motions, np.ndarray | None]:
+    """The part of a run between two times [s], both included, and the ideal torque of it."""
+    end, time = np.nextafter(last, math.inf), motions.best.time
+    part = motions.between(first, end)
+    if not first < last or not len(part.best.time):
+        raise InputError(
+            f'the run is from {time[0]:g} to {time[-1]:g} s; there is no part of it from '
+            f'{max(first, time[0]):g} to {min(last, time[-1]):g} s'
+        )
+    if part.seen is not None and not len(part.seen.time):
+        part = part._replace(seen=None)
+    return part, None if ideal is None else ideal[slice(*np.searchsorted(time, [first, end]))]
+
+
+def rest(motion: Moved) -> float | None:
+    """Time from which on the reference of a run rests to the end [s]; None where it moves on."""
+    moves = np.flatnonzero(np.diff(motion.reference_position, axis=0).any(axis=1))
+    if not moves.size or moves[-1] + 2 == len(motion.time):
+        return None
+    return float(motion.time[moves[-1] + 1])
+
+
+def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
+    """Errors of the halves of a part of a run [rad], where it had not settled; else None."""
+    speeds = np.abs(np.diff(motion.reference_position, axis=0)).max(axis=1, initial=0.0)
+    if speeds.size and speeds[-1] < SLOW * speeds.max():
+        return None  # errors fall with the speed
+    error = (motion.reference_position - motion.position)[part]
+    before, after = (_rms(half) if len(half) else 0.0 for half in np.array_split(error, 2))
+    return (before, after) if before > FALLS * after > 0.0 else None
+
+
+def evaluate(
+    log: Motion, pose: Poses, ideal: np.ndarray | None = None, all_of_it: bool = False
+) -> Metrics:
     """Compute the metrics of a run.
 
     Args:
@@ -218,8 +306,10 @@ def evaluate(log: Motion, pose: Poses, ideal: np.ndarray | None = None) -> Metri
         pose: Poses of the run, see :func:`poses`.
         ideal: The ideal torque of each of its samples, see ideal_torque.py [N m], shape (N, n);
             None where it is not known.
+        all_of_it: Whether the window is all of it, else its second half.
     """
-    half = slice(len(log.time) // 2, None)
+    half = slice(0 if all_of_it else len(log.time) // 2, None)
+    times = log.time[half]
     distance = distances(pose)
     return Metrics(
         float(log.time[-1] - log.time[0]),
@@ -227,6 +317,12 @@ def evaluate(log: Motion, pose: Poses, ideal: np.ndarray | None = None) -> Metri
         errors(distance[half], (log.reference_position - log.position)[half]),
         torque(log.time, log.effort, half),
         effort(log, half, ideal),
+        window=Window(
+            float(times[0]),
+            float(times[-1]),
+            float(log.time[-1] - log.time[0]),
+            falls=None if all_of_it else _falls(log, half),
+        ),
     )
 
 
@@ -306,13 +402,18 @@ def excess_chattering(
 
 
 def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | None:
-    """Time from which the distance stays below `bound` [s]; None if never, NaN of NaN."""
+    """Time from which the distance stays below `bound` to the end, for BELOW or more [s].
+
+    None if it does not, NaN of NaN.
+    """
     if np.isnan(distance).any():
         return math.nan
     above = np.flatnonzero(distance >= bound)
     if not above.size:
         return 0.0
-    return float(time[above[-1] + 1] - time[0]) if above[-1] + 1 < len(time) else None
+    first = above[-1] + 1
+    stays = first < len(time) and time[-1] - time[first] >= BELOW - 1e-9
+    return float(time[first] - time[0]) if stays else None
 
 
 def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:

@@ -114,6 +114,8 @@ def as_data(found: Metrics) -> dict[str, dict[str, Any]]:
     data |= _groups(found, ('torque', 'effort'))
     if found.source == SEEN:
         data['effort'].pop('energy_j', None)
+    start, stop, run = found.window[:3]
+    data['window'] = {'start_s': start, 'stop_s': stop, 'run_s': run}
     if found.seen is not None:
         seen = _groups(found.seen, ('transient', 'steady'))
         energy = {'energy_j': found.seen.effort.energy_j}
@@ -132,17 +134,40 @@ def _groups(found: Metrics, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     }
 
 
-def head(scenario: str, law: str, duration: float, planned: float) -> str:
-    """What the metrics were computed from, in a line.
+def head(scenario: str, law: str, found: Metrics, planned: float) -> str:
+    """What the metrics were computed from, in lines.
 
     Args:
         scenario: Name of the scenario.
         law: Name of the law.
-        duration: Duration of the motion [s].
-        planned: How long it was to be [s]; 0 if not known.
+        found: The metrics.
+        planned: How long the run was to be [s]; 0 if not known.
     """
-    short = f' of {planned:g} s' if duration < planned - 1e-9 else ''
-    return f'{scenario}, {law}, {duration:g} s{short}; errors over the second half'
+    run = found.window.run_s
+    length = f'{run:g} s'
+    if run < planned - 1e-9:
+        length = f'ended early, after {run:g} s of {planned:g} s'
+    lines = [f'{scenario}, {law}, {length}; errors over {window(found)}', *unsettled(found)]
+    return '\n'.join(lines)
+
+
+def window(found: Metrics) -> str:
+    """Over which part of a run its errors, chattering and effort are taken, in words."""
+    part = found.window
+    times = f'{part.start_s:.6g} to {part.stop_s:.6g} s'
+    if part.asked:
+        return f'{times}, and all other figures, too'
+    if found.duration_s < part.run_s - 1e-9:
+        return f'the second half of its motion, {times}; then it is at rest'
+    return f'the second half, {times}'
+
+
+def unsettled(found: Metrics) -> list[str]:
+    """A line that says that errors are those of a robot that has not settled, if they are."""
+    if found.window.falls is None:
+        return []
+    before, after = (shown(1e6 * error) for error in found.window.falls)
+    return [f'not settled: in that time the joint error falls from {before} to {after} µrad rms']
 
 
 def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:

@@ -15,6 +15,7 @@ from parallel_robot_base import config, plain_data
 from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.topics import STATUS
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control import faults
 from parallel_robot_control.messages import NO_FAULT
 
 REALTIME = 'granted.realtime'  # parameter of a node
@@ -105,6 +106,16 @@ def remarks(history: History, start: int) -> list[str]:
     """
     codes = {code for status in history.statuses for code in status.limits}
     names = sorted(LIMIT_TEXT.get(code, code) for code in codes)
+    return remark_lines(', '.join(names), faults_in(history, start))
+
+
+def faults_in(history: History, start: int) -> list[tuple[float, str]]:
+    """When the controller entered a fault [s], and which; empty where it was cleared.
+
+    Args:
+        history: History of the run.
+        start: Stamp of t = 0 [ns].
+    """
     changes: list[tuple[float, str]] = []
     before = NO_FAULT
     for status in history.statuses:
@@ -112,7 +123,18 @@ def remarks(history: History, start: int) -> list[str]:
             text = status.fault_text if status.fault != NO_FAULT else ''
             changes.append(((status.stamp - start) / NANOSECONDS, text))
         before = status.fault
-    return remark_lines(', '.join(names), changes)
+    return changes
+
+
+def failure(history: History, start: int, last: int) -> str:
+    """Why a run has no figures, see :func:`faults.failure`; empty if it has them.
+
+    Args:
+        history: History of the run.
+        start: Stamp of t = 0 [ns].
+        last: Stamp of the last state [ns].
+    """
+    return faults.failure(faults_in(history, start), (last - start) / NANOSECONDS)
 
 
 def new_motions(history: History, start: int) -> list[str]:

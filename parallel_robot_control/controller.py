@@ -57,6 +57,7 @@ from parallel_robot_control.shared_arrays import (
     UNTIL,
 )
 
+NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
 REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 
 
@@ -102,6 +103,7 @@ class Controller(ControllerState):
         self.log = AnswerLog(self._arrays)
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
+        self._first: int | None = None  # stamp from which on the first torque of the run acted
         hazards = parse(loop.hazards)
         self._times = (
             HazardTimes(hazards, loop.period, configuration.safety.state_age) if hazards else None
@@ -200,6 +202,21 @@ class Controller(ControllerState):
             self._core.memory = self.law.memory
         return ''
 
+    def finish(self) -> bool:
+        """Wait for a new run if this one is over: no fault that its states do not come any more.
+
+        Returns:
+            Whether it has come to the end of its ``duration`` since the last call.
+        """
+        last, first = self._loop.last_index, self._first
+        if last is None or first is None or not self.stale():
+            return False
+        if abs(self.acts - first - last * self._loop.period_ns) > NEARLY:
+            return False
+        self._numbers[HEARD] = 0
+        self._reset()
+        return True
+
     def read_reference(self, data: bytes) -> bool:
         """Take a reference message; False if it must go through :meth:`add_reference`."""
         return self._references.read(data)
@@ -249,6 +266,8 @@ class Controller(ControllerState):
             self.command = self._arrays.command.tobytes()
             self._pending, self._lost, self._answered_at = None, False, monotonic
             self._heard = data
+            if self._first is None:
+                self._first = self.acts
             if code != ANSWERED or self._changed:
                 code |= STATUS if self._changed else 0
                 self._changed = False
@@ -325,7 +344,7 @@ class Controller(ControllerState):
         self._core.memory = self.law.memory
         self._numbers[[ACTED, CAUSE]] = 0, faults.NONE
         self._numbers[LAST] = NEVER
-        self._pending = None
+        self._pending = self._first = None
 
 
 def _equal(some: Iterable[Array], others: Iterable[Array]) -> bool:

@@ -265,7 +265,10 @@ class ControllerNode(SuiteNode):
             self._topics.publish_answer(self._controller.code)
 
     def _watch(self) -> None:
-        """Send zero torque when the joint states become stale."""
+        """Send zero torque when the joint states become stale, or the run is over."""
+        if self._controller.finish():
+            self._topics.publish_zero()
+            self.get_logger().info(f'the run of {self.loop.duration:g} s is over')
         self._lose_torque(self._controller.watch())
 
     def _watch_rivals(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from parallel_robot_model.contract import FOUND, Fault, Robot
 
@@ -69,6 +69,30 @@ FAULTS = {
 }
 
 NUMBERS = {fault.key: number for number, fault in FAULTS.items()}
+
+
+MOST = 0.5  # of a run; one that is in a fault for longer has no figures
+
+
+def failure(changes: Sequence[tuple[float, str]], end: float) -> str:
+    """Why a run has no figures: it was in a fault at its end, or for most of it; else empty.
+
+    Args:
+        changes: When the controller entered a fault [s], and which; empty where it was cleared.
+        end: Time of the last state [s].
+    """
+    times = [*(time for time, _ in changes), end]
+    spells = [
+        (later - time, time, text)
+        for (time, text), later in zip(changes, times[1:], strict=True)
+        if text
+    ]
+    lasted = sum(spell for spell, _, _ in spells)
+    if not spells or not (changes[-1][1] or lasted > MOST * end):
+        return ''
+    _, first, text = spells[0]
+    share = f'{100.0 * lasted / end:.3g} % of the run' if end > 0.0 else 'all of the run'
+    return f'in a fault for {share}, first at t = {first:.3f} s: {text}'
 
 
 def of(robot: Robot) -> Mapping[int, Fault]:

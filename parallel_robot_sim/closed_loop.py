@@ -76,6 +76,9 @@ class ClosedLoopRun(NamedTuple):
     cause: int
 
 
+COLUMNS = ClosedLoopRun._fields[: ClosedLoopRun._fields.index('steps')]
+
+
 class LoopState(NamedTuple):
     """What one sample hands to the next; attributes as the last ones of a ClosedLoopRun."""
 
@@ -130,11 +133,15 @@ def run(
     return found
 
 
+def head(run: ClosedLoopRun) -> ClosedLoopRun:
+    """The rows of a run that were computed."""
+    return run._replace(**{name: getattr(run, name)[: run.steps] for name in COLUMNS})
+
+
 def _joined(parts: list[ClosedLoopRun]) -> ClosedLoopRun:
     """Runs that follow one another as one; its state is that of the last one."""
     columns: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ClosedLoopRun._fields[: ClosedLoopRun._fields.index('steps')]
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
     }
     return parts[-1]._replace(**columns, steps=sum(part.steps for part in parts))
 

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import config, parameter_file
+from parallel_robot_base import parameter_file
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.loop import DURATION
 from parallel_robot_base.placed import merged
 from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import resolve
@@ -24,6 +23,7 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motions, saturation, told_remarks
 from parallel_robot_sim.simulation import Simulation
+from trajectory_gen.motion_length import with_duration
 
 File = str | Path
 
@@ -148,6 +148,7 @@ def simulate(
     *,
     law: str | None = None,
     duration: float | None = None,
+    hold: float | None = None,
     param_file: File | Iterable[File] | None = None,
     **values: Any,
 ) -> Run:
@@ -163,7 +164,9 @@ def simulate(
     Args:
         scenario: Name of a scenario in ``config/scenarios``, or the path of a YAML file.
         law: Control law; default: that of the scenario.
-        duration: Length of the motion [s]; default: that of the scenario, else DURATION.
+        duration: Length of the run [s]; default: that of the scenario, else that of its motion,
+            else 12.
+        hold: Time for which the robot is held where its motion ended [s]; default: none.
         param_file: YAML file with keys of the configuration, or several; later ones win.
         values: Keys of the configuration and their values; they win over `param_file`.
 
@@ -173,16 +176,15 @@ def simulate(
         RunError: the robot left its workspace.
     """
     name = _text('scenario', scenario)
-    own = config.scenario_values(name).get('duration')
     given = {'law': law, 'duration': duration}
     changed = merged(
         [
-            {} if own else {'duration': DURATION},
             *(parameter_file.read(path) for path in _files(param_file)),
             values,
             {key: value for key, value in given.items() if value is not None},
         ]
     )
+    changed = with_duration(name, changed, hold)
     resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
     return run_of(resolved, simulation.simulate(configure(resolved)))
 

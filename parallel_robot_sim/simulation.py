@@ -17,7 +17,7 @@ from parallel_robot_control.cycle import at_measurement
 from parallel_robot_control.delay_identification import phases, result
 from parallel_robot_model.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
-from parallel_robot_sim.closed_loop import ClosedLoopRun, run
+from parallel_robot_sim.closed_loop import ClosedLoopRun, head, run
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
@@ -88,6 +88,23 @@ class Simulation(NamedTuple):
         return delay
 
     @property
+    def driven_out(self) -> bool:
+        """Whether the robot left its workspace before the run was over."""
+        return self.run.steps <= (self.experiment.loop.last_index or 0)
+
+    @property
+    def failure(self) -> str:
+        """Why the run has no figures: law, time and cause; empty if it has them."""
+        loop, run = self.experiment.loop, self.run
+        if self.driven_out:
+            last = (run.steps - 1) * loop.period
+            most, fault = np.abs(run.effort).max(), self.fault_text
+            cause = f'fault before: {fault}' if fault else f'under up to {most:.3g} N m'
+            return f'{loop.law}: {DRIVEN_OUT} after t = {last:.3f} s, {cause}'
+        reason = faults.failure(self.faults, (run.steps - 1) * loop.period)
+        return reason and f'{loop.law}: {reason}'
+
+    @property
     def fault(self) -> tuple[float, Fault] | None:
         """Time [s] and kind of the fault that the controller entered, if any."""
         found = np.flatnonzero(self.run.fault)
@@ -151,6 +168,19 @@ def simulate(configuration: Configuration) -> Simulation:
         InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
         RunError: the robot left its workspace.
     """
+    made = attempt(configuration)
+    if made.driven_out:
+        raise RunError(made.failure)
+    return made
+
+
+def attempt(configuration: Configuration) -> Simulation:
+    """Run the closed loop for its ``duration``, or until the robot leaves its workspace.
+
+    Raises:
+        InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
+        RunError: the robot is outside its workspace from the start.
+    """
     loop = configuration.loop
     with locating(configuration.values):
         samples = samples_of(configuration)
@@ -161,7 +191,9 @@ def simulate(configuration: Configuration) -> Simulation:
     begun = time.perf_counter()
     result = run(control, plant, reference, loop.period)
     loop_time = time.perf_counter() - begun
+    if not result.steps:
+        raise RunError(f'{loop.law}: {DRIVEN_OUT} from the start')
     if result.steps < samples:
-        last = (result.steps - 1) * loop.period
-        raise RunError(f'{DRIVEN_OUT} after t = {last:.3f} s')
+        reference = trajectory.sample(np.arange(result.steps) * loop.period)
+        result = head(result)
     return Simulation(configuration, experiment, reference, result, loop_time)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import io
 import itertools
 from collections import Counter
@@ -16,7 +17,14 @@ import yaml
 from parallel_robot_analysis import metrics as evaluation
 from parallel_robot_analysis import recorded_motions
 from parallel_robot_analysis.metrics import Metrics, Poses
-from parallel_robot_analysis.readable_metrics import METRICS, NEVER, defined, shown
+from parallel_robot_analysis.readable_metrics import (
+    METRICS,
+    NEVER,
+    defined,
+    shown,
+    unsettled,
+    window,
+)
 from parallel_robot_analysis.report import figures, palette
 from parallel_robot_analysis.report.labels import law_label
 from parallel_robot_analysis.report.scale import AUTO
@@ -158,25 +166,37 @@ class RunMetrics(Metrics):
         rows = self._rows()
         width = max(NARROWEST, *(len(name) for name, _, _ in rows))
         lines = [f'{name:<{width}}{value:>11} {unit}'.rstrip() for name, value, unit in rows]
-        return '\n'.join(lines)
+        return '\n'.join([*lines, *self._notes()])
+
+    def _notes(self) -> list[str]:
+        return [f'errors over {window(self)}', *unsettled(self)]
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""
         rows = (''.join(f'<td>{word}</td>' for word in row) for row in self._rows())
-        return f'<table>{"".join(f"<tr>{row}</tr>" for row in rows)}</table>'
+        notes = '<br>'.join(map(html.escape, self._notes()))
+        return f'<table>{"".join(f"<tr>{row}</tr>" for row in rows)}</table>{notes}'
 
 
-def metrics(run: Run) -> RunMetrics:
+def metrics(run: Run, *, start: float | None = None, stop: float | None = None) -> RunMetrics:
     """Metrics of a run, in SI units; shown as a table in units that fit.
 
     >>> from parallel_robot_sim import simulate
     >>> found = metrics(simulate('paper_circle', law='smc', duration=2))
     >>> round(found.torque.max_nm, 2)
     8.24
+
+    Args:
+        run: The run.
+        start: Time from which on it is looked at [s]; all metrics are then of that part.
+        stop: Time up to which it is looked at [s], likewise.
+
+    Raises:
+        InputError: there is none of the run between `start` and `stop`.
     """
     motions = _motions(run)
     ideal = None if run.simulation is None else torque_of(run.simulation.configuration)
-    return RunMetrics(*evaluation.figures(motions, ideal))
+    return RunMetrics(*evaluation.figures(motions, ideal, start, stop))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:

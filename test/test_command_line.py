@@ -190,8 +190,9 @@ def test_simulate_and_analyze(tmp_path, capsys):
     assert (bag / 'run.png').read_bytes().startswith(b'\x89PNG')
     found = json.loads(report.read_text())
     keys = ['scenario', 'law', 'duration_s', 'transient', 'steady', 'torque', 'effort']
-    keys += ['timing', 'messages']
+    keys += ['window', 'timing', 'messages']
     assert list(found) == keys
+    assert found['window'] == {'start_s': 2.0, 'stop_s': 4.0, 'run_s': 4.0}
     assert (found['scenario'], found['law'], found['duration_s']) == (
         'paper_circle',
         's_fotsmc',

@@ -14,9 +14,12 @@ from parallel_robot_analysis.readable_metrics import (
     as_data,
     brief,
     defined,
+    unsettled,
 )
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base import config
+from parallel_robot_base.errors import InputError
+from parallel_robot_sim.motions import Motions, Moved, Poses
 
 COUNT = 1000
 TIME = np.arange(COUNT + 1) * 1e-3
@@ -138,3 +141,58 @@ def test_settling_is_the_time_after_the_last_excursion():
     assert _settled(time, np.array([9.0, 0.1, 2.0, 0.5, 0.2, 0.1]), 1.0) == 1.5
     assert _settled(time, np.array([9.0, 0.1, 0.2, 0.5, 0.2, 1.0]), 1.0) is None
     assert _settled(time, np.full(6, 0.1), 1.0) == 0.0
+
+
+def moved(motion, error, count=COUNT):
+    """A run whose joints follow a motion over time, shape (N,), with some error, shape (N,)."""
+    time = np.arange(count + 1) * 1e-3
+    reference = np.tile(motion(time)[:, np.newaxis], 3)
+    position = reference - error(time)[:, np.newaxis]
+    poses = Poses(position, reference, planar=False)
+    return Motions(Moved(time, position, reference, 0.0 * position, poses), None)
+
+
+def test_a_robot_that_rests_after_its_motion_is_not_looked_at():
+    def motion(time):
+        return np.minimum(time, 0.4)
+
+    def error(time):
+        return np.where(time <= 0.4, 1e-3 * (1 + (time >= 0.1995)), 9.0)
+
+    found = metrics.figures(moved(motion, error))
+    assert found.steady.joint_rms_rad == pytest.approx(2e-3, rel=1e-9)
+    assert found.duration_s == pytest.approx(0.4)
+    assert found.window[:3] == pytest.approx((0.2, 0.4, 1.0)) and found.window.falls is None
+    short = metrics.figures(moved(motion, error, 400))
+    assert short.steady[2:] == found.steady[2:] and short.torque == found.torque
+    assert short.window.run_s == 0.4
+    held = metrics.figures(moved(np.zeros_like, error))
+    assert held.window[:3] == (0.5, 1.0, 1.0) and held.steady.joint_rms_rad == 9.0
+
+
+def test_a_part_that_was_asked_for_is_all_that_is_looked_at():
+    run = moved(lambda t: t, lambda t: np.where((t > 0.2495) & (t < 0.5005), 2e-3, 7.0))
+    found = metrics.figures(run, None, 0.25, 0.5)
+    assert found.steady.joint_rms_rad == pytest.approx(2e-3, rel=1e-9) and found.window.asked
+    assert found.window[:3] == (0.25, 0.5, 1.0) and found.duration_s == 0.25
+    assert metrics.figures(run, None, None, 0.1).window[:2] == (0.0, 0.1)
+    for start, stop in (0.5, 0.25), (2.0, None), (None, -1.0), (np.nan, 0.5), (0.3, 0.3):
+        with pytest.raises(InputError, match='the run is from 0 to 1 s'):
+            metrics.figures(run, None, start, stop)
+
+
+def test_errors_that_still_fall_are_no_settled_ones():
+    found = metrics.figures(moved(lambda t: t, lambda t: np.exp(-8.0 * t)))
+    before, after = found.window.falls
+    assert before / after == pytest.approx(np.exp(2.0), rel=0.01)
+    assert unsettled(found)[0].startswith('not settled: in that time the joint error falls from')
+    assert metrics.figures(moved(lambda t: t, lambda t: np.exp(-2.0 * t))).window.falls is None
+    stopping = moved(lambda t: t * (2.0 - t), lambda t: np.exp(-8.0 * t))  # comes to rest at 1 s
+    assert metrics.figures(stopping).window.falls is None
+
+
+def test_below_a_bound_for_a_moment_is_not_settled():
+    time = np.arange(0.0, 2.0, 0.1)
+    for below, settled in ((1.4, 1.4), (1.5, None)):
+        found = metrics._settled(time, np.where(time > below - 0.05, 0.0, 9.0), 1.0)
+        assert found == (settled and pytest.approx(settled))

@@ -18,6 +18,11 @@ from trajectory_gen import shape_trial, transition, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, prepared
 from trajectory_gen.transition import Entry, Poses
 
+LOOKS = (
+    64  # times at which a motion is looked at, and as many after its span, for whether it rests
+)
+STILL = 1e-9  # of the largest rate; less is rest
+
 
 class TrajectoryParameters(NamedTuple):
     """Which motion, how far ahead it is published, and how fast the joints may become."""
@@ -113,6 +118,14 @@ class Trajectory:
         """Time after which nothing new happens [s]."""
         joining = self.entry.duration if self.entry else 0.0
         return joining + self._length / self.parameters.speed_factor
+
+    @property
+    def end(self) -> float | None:
+        """Time from which on the robot rests [s]; None for a motion that goes on, or is none."""
+        times = self.span * np.linspace(0.0, 2.0, 2 * LOOKS + 1)
+        rates = np.abs(self.poses(times).rate).max(axis=1)
+        rests = rates[LOOKS:].max() <= STILL * rates.max() > 0.0
+        return self.span if rests else None
 
     @property
     def first_pose(self) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from parallel_robot_analysis import claims
-from parallel_robot_analysis.readable_metrics import METRICS, defined, shown
+from parallel_robot_analysis.readable_metrics import METRICS, defined, shown, window
 from parallel_robot_analysis.report.animation import animation
 from parallel_robot_analysis.report.charts import Chart
 from parallel_robot_analysis.report.decimation import INTERVALS
@@ -45,6 +45,7 @@ def render(
     )
     environment.filters['shown'] = _cell
     environment.filters['printable'] = printable
+    environment.filters['window'] = window
     environment.filters['law_label'] = law_label
     runs = [run for members in groups.values() for run in members]
     return environment.get_template('report.html').render(
@@ -91,6 +92,8 @@ def _section(
 ) -> dict[str, Any]:
     good = [run for run in runs if not run.faulted]
     first = {run.log.law: run.metrics for run in reversed(good)}
+    parts = {tuple(round(time, 2) for time in run.metrics.window[:2]) for run in good}
+    alike = len(parts) == 1  # else no figure is better than another
     data: dict[str, Any] = {'plots': [plot(chart, scale) for chart in charts]}
     if runs[0].poses.planar:
         data['animation'] = animation(runs)
@@ -99,11 +102,12 @@ def _section(
         'robot': printable(runs[0].log.config['robot_model']),
         'runs': runs,
         'metrics': [
-            (metric, _best([metric.value(run.metrics) for run in good]))
+            (metric, _best([metric.value(run.metrics) for run in good]) if alike else '')
             for metric in METRICS
             if any(defined([metric], run.metrics) for run in runs)
         ],
-        'verdicts': claims.verify(name, first),
+        'alike': alike,
+        'verdicts': claims.verify(name, first) if alike else [],
         'repeated': len(first) < len(good),
         'charts': charts,
         'data': data,

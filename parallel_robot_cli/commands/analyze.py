@@ -19,6 +19,7 @@ from parallel_robot_analysis.readable_metrics import (
     EFFORT,
     STEADY,
     TORQUE,
+    Metric,
     as_data,
     defined,
     head,
@@ -30,6 +31,7 @@ from parallel_robot_bags import history, new_files, run_log, stretches
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.stretches import Stretch
 from parallel_robot_base.errors import BagError, InputError, KinematicsError
+from parallel_robot_cli.window import add_window_arguments
 from parallel_robot_sim.motions import Motions
 
 SHORTEST = 10  # states of a stretch of which there are figures
@@ -45,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='picture; png, pdf, svg; default: BAG/run.png, where there is none yet',
     )
+    add_window_arguments(parser)
     add_scale_argument(parser)
     add_memory_argument(parser)
 
@@ -70,8 +73,11 @@ def execute(arguments: argparse.Namespace) -> int:
     log = part.log
     if part.cut:
         print(f'warning: {part.cut}', file=sys.stderr)
-    found = metrics.figures(part.motions)
-    result = summarise(log, found, timed)
+    found = metrics.figures(part.motions, None, arguments.start, arguments.stop)
+    failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
+    if found.window.asked:
+        failure = ''
+    result = summarise(log, found, timed, failure)
     parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
     result['law'] = ', then '.join(stretches.laws(parts))
     kept = not arguments.figure and os.path.lexists(figure)
@@ -120,13 +126,15 @@ def as_json(result: dict[str, Any]) -> bytes:
     return (json.dumps(result, indent=2) + '\n').encode()
 
 
-def summarise(log: run_log.RunLog, found: metrics.Metrics, timed: timing.Timing) -> dict[str, Any]:
-    """Metrics and timing as plain data, for JSON."""
+def summarise(
+    log: run_log.RunLog, found: metrics.Metrics, timed: timing.Timing, failure: str = ''
+) -> dict[str, Any]:
+    """Metrics and timing as plain data, for JSON; of a run that failed, why in their place."""
     return {
         'scenario': log.scenario,
         'law': log.law,
         'duration_s': found.duration_s,
-        **as_data(found),
+        **({'failure': failure} if failure else as_data(found)),
         'timing': timing.as_json(timed),
         'messages': {name: asdict(count) for name, count in log.messages.items()},
     }
@@ -140,10 +148,19 @@ def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) 
         found: The metrics.
         planned: How long the motion was to be [s]; 0 if not known.
     """
-    lines = [head(result['scenario'], result['law'], result['duration_s'], planned)]
+    if 'failure' in result:
+        names = f'{result["scenario"]}, {result["law"]}'
+        lines = [
+            f'{names}, {result["duration_s"]:g} s: no figures of a run that was '
+            f'{result["failure"]}; --from and --to choose a part'
+        ]
+        shown_metrics: list[Metric] = []
+    else:
+        lines = [head(result['scenario'], result['law'], found, planned)]
+        shown_metrics = defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
     lines += [
         f'  {metric.name:<32}{metric.value(found):>12.3f} {metric.unit}'
-        for metric in defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
+        for metric in shown_metrics
     ]
     lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
     lines += [

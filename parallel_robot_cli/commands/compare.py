@@ -4,38 +4,48 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from parallel_robot_analysis import claims, metrics
-from parallel_robot_analysis.readable_metrics import METRICS, TRANSIENT, as_data, defined, shown
+from parallel_robot_analysis.readable_metrics import (
+    METRICS,
+    TRANSIENT,
+    Metric,
+    as_data,
+    defined,
+    shown,
+    unsettled,
+    window,
+)
 from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
-from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_base.errors import InputError, RunError, UnknownNameError
 from parallel_robot_cli.commands import simulate
 from parallel_robot_cli.commands.analyze import as_json
+from parallel_robot_cli.window import add_window_arguments
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
 from parallel_robot_studies.ideal_torque import torque_of
 
-MARK = '!'  # of a law that ended in a fault
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     simulate.add_scenario_arguments(parser)
+    add_window_arguments(parser)
     parser.add_argument('--laws', nargs='+', metavar='LAW', help='laws to compare, default: all')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write table and claims as JSON')
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    values = resolve(arguments.scenario, simulate.overrides(arguments))
+    overrides = simulate.overrides(arguments)
+    values = resolve(arguments.scenario, overrides)
     scenario, known = str(values['scenario']), available(values['custom_laws'])
     laws = arguments.laws or list(known)
     given = ' '.join(laws)
@@ -50,59 +60,76 @@ def execute(arguments: argparse.Namespace) -> int:
     results = {}
     ideal: np.ndarray | None = None  # the same for all laws
     notes: list[str] = []
-    faulted: dict[str, str] = {}
+    failed: dict[str, str] = {}
+    causes: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):
-        changed = simulate.overrides(arguments) | {'law': law}
-        configuration = configure(resolve(arguments.scenario, changed))
-        made = simulation.simulate(configuration)
+        configuration = configure(resolve(arguments.scenario, overrides | {'law': law}))
+        made = simulation.attempt(configuration)
         ideal = torque_of(configuration) if ideal is None else ideal
-        results[law] = metrics.figures(of_simulation(made), ideal)
-        if made.fault is not None:
-            faulted[law] = made.fault_text
+        if made.failure:
+            failed[law] = made.failure.removeprefix(f'{law}: ')
+            causes[law] = failed[law] if made.driven_out else made.fault_text
+        else:
+            results[law] = metrics.figures(
+                of_simulation(made), ideal, arguments.start, arguments.stop
+            )
+            notes += [f'{law}: {text}' for text in unsettled(results[law])]
         notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
-    good = {law: found for law, found in results.items() if law not in faulted}
-    verdicts = claims.verify(scenario, good)
+    verdicts = claims.verify(scenario, results)
     if arguments.json:
         try:
-            data = summarise(scenario, results, verdicts, faulted)
+            data = summarise(scenario, results, verdicts, causes)
             new_files.write(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
-    print(table(scenario, results, faulted))
+    print(table(scenario, laws, results, failed))
     for verdict in verdicts:
         print(line(verdict))
     for note in notes:
         print(f'warning: {note}', file=sys.stderr)
+    if not results:
+        raise RunError('every law failed')
     return 0
 
 
 def table(
-    scenario: str, results: Mapping[str, metrics.Metrics], faulted: Collection[str] = ()
+    scenario: str,
+    laws: Iterable[str],
+    results: Mapping[str, metrics.Metrics],
+    failed: Mapping[str, str],
 ) -> str:
     """One row for each law, one column for each metric.
 
     Args:
         scenario: Name of the scenario.
+        laws: The laws, one row each.
         results: Law to its metrics.
-        faulted: Laws that ended in a fault; their rows are marked.
+        failed: Law to why it has none.
     """
-    columns = defined(METRICS, next(iter(results.values())))
-    settling = 'time until the end-effector error stays below a bound; '
-    rows = [
-        f'{scenario}: {settling if TRANSIENT[0] in columns else ""}'
-        'errors, chattering and effort over the second half'
-    ]
+    found = next(iter(results.values()), None)
+    columns = defined(METRICS, found) if found else []
+    rows = [f'{scenario}: ' + (_parts(found, columns) if found else 'no figures')]
     rows.append(f'{"law":<20}' + ''.join(f'{metric.short:>11}' for metric in columns))
     rows.append(f'{"":<20}' + ''.join(f'{"[" + metric.unit + "]":>11}' for metric in columns))
-    for law, result in results.items():
-        cells = [shown(metric.value(result)) for metric in columns]
-        name = f'{law} {MARK}' if law in faulted else law
-        rows.append(f'{name:<20}' + ''.join(f'{cell:>11}' for cell in cells))
-    if faulted:
-        rows.append(
-            f'{MARK} ended in a fault: no figures of merit, and no claim is judged by them'
-        )
+    for law in laws:
+        if law in failed:
+            rows.append(f'{law:<20}  no figures: {failed[law]}')
+            continue
+        cells = [shown(metric.value(results[law])) for metric in columns]
+        rows.append(f'{law:<20}' + ''.join(f'{cell:>11}' for cell in cells))
     return '\n'.join(rows)
+
+
+def _parts(found: metrics.Metrics, columns: Collection[Metric]) -> str:
+    """Of which part of the run the columns are."""
+    settling = (
+        f'time until the end-effector error stays below a bound, for {metrics.BELOW:g} s or more; '
+    )
+    of_all = '' if found.window.asked else '; largest torque and variation over all of it'
+    return (
+        f'{settling if TRANSIENT[0] in columns else ""}'
+        f'errors, chattering and effort over {window(found)}{of_all}'
+    )
 
 
 def line(verdict: claims.Verdict) -> str:
@@ -116,13 +143,13 @@ def summarise(
     scenario: str,
     results: Mapping[str, metrics.Metrics],
     verdicts: list[claims.Verdict],
-    faulted: Mapping[str, str],
+    causes: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Table, faults by law, and claims as plain data, for JSON."""
+    """Table, what failed by law, and claims as plain data, for JSON."""
     return {
         'scenario': scenario,
         'laws': {law: as_data(result) for law, result in results.items()},
-        'faults': dict(faulted),
+        'faults': dict(causes),
         'claims': [
             {
                 'claim': verdict.claim.text,

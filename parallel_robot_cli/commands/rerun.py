@@ -18,10 +18,12 @@ from parallel_robot_bags.indexed_reader import BagReader
 from parallel_robot_bags.limits import MEMORY, Allowance, add_memory_argument
 from parallel_robot_bags.trust import add_trust_argument, custom_files
 from parallel_robot_base import config, plain_data
-from parallel_robot_base.errors import BagError
+from parallel_robot_base.errors import BagError, RunError
 from parallel_robot_base.loop import loop_of
 from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.printable import printable
+from parallel_robot_base.topics import SLOW
+from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_cli.commands import run, simulate
 from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
 from parallel_robot_model.configuration import is_known
@@ -55,11 +57,11 @@ def execute(arguments: argparse.Namespace) -> int:
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
     planned = loop_of(log.config).last_index or 0
-    if arguments.duration is None and planned > max(LONGER * len(log.time), SHORT):
+    simulated = past.facts.get('source') == SIMULATION
+    if simulated and arguments.duration is None and planned > max(LONGER * len(log.time), SHORT):
         raise BagError(
             f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
         )
-    simulated = past.facts.get('source') == SIMULATION
     with tempfile.TemporaryDirectory() as directory:
         robot = str(log.config['robot_model'])
         files = custom_files(bag, past.sources, log.config, Path(directory), arguments.trust)
@@ -71,25 +73,49 @@ def execute(arguments: argparse.Namespace) -> int:
         values = custom_defaults(values) | values  # a recorder started by hand has no gains
         if values['law'] not in available(values['custom_laws']):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
-        recorded = values['duration'] or length(log)
+        recorded = length(log) if not simulated or not values['duration'] else values['duration']
         values['duration'] = recorded if arguments.duration is None else arguments.duration
         for text in (*log.warnings, *doubts(values, past)):
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if simulated else run.record
-        code = record(*again(values, Path(directory)), out)
+        code = 0
+        try:
+            code = record(*again(values, Path(directory)), out)
+        except RunError as error:
+            if not os.path.lexists(out):
+                raise
+            print(f'warning: {error}', file=sys.stderr)  # as in the bag, perhaps
     unlike = ''
     if not simulated and values['time_mode'] != 'lockstep':
         unlike = 'a run in real time'
     elif past.facts.get('start_stamp', '0') == '0':
         unlike = 'nodes that were started by hand'
-    elif values['duration'] != recorded:
-        unlike = f'a bag of {recorded:g} s'
     if unlike:
         print(f'{unlike}: bytes cannot be compared')
         return code
-    count, difference = compare(bag, out, memory)
-    print(f'differs: {difference}' if difference else f'identical: {count} messages')
+    until, part = common_end(log, run_log.read(out, memory)), ''
+    if until is not None:
+        part = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
+    count, difference = compare(bag, out, memory, until)
+    print(f'differs: {difference}' if difference else f'identical: {count} messages{part}')
     return code or int(bool(difference))
+
+
+def common_end(log: run_log.RunLog, other: run_log.RunLog) -> int | None:
+    """Log time [ns] up to which two runs in lockstep can be the same.
+
+    A run that was stopped ends with messages of its stop, and without some that are sent for
+    several samples together.
+
+    Returns:
+        The log time; None where both runs came to their end.
+    """
+    ends, last = [int(each.stamps[-1]) for each in (log, other)], 2 * SLOW
+    planned = loop_of(log.config)
+    early = planned.last_index and length(log) < (planned.last_index - last) * planned.period
+    if ends[0] == ends[1] and not early:
+        return None
+    return min(ends) - last * planned.period_ns
 
 
 def length(log: run_log.RunLog) -> float:
@@ -174,13 +200,16 @@ class _Difference(NamedTuple):
     what: str
 
 
-def compare(bag: str | Path, other: str | Path, memory: int = MEMORY) -> tuple[int, str]:
+def compare(
+    bag: str | Path, other: str | Path, memory: int = MEMORY, until: int | None = None
+) -> tuple[int, str]:
     """Compare two bags topic by topic, message by message.
 
     Args:
         bag: A bag.
         other: Another.
         memory: What may be held of them [bytes].
+        until: Log time up to which they are compared [ns]; None: to their ends.
 
     Returns:
         How many messages the first has, and the first difference in words; empty without one.
@@ -188,7 +217,7 @@ def compare(bag: str | Path, other: str | Path, memory: int = MEMORY) -> tuple[i
     Raises:
         BagError: one cannot be read to its end, or takes too much.
     """
-    first, second = _streams(bag, memory), _streams(other, memory)
+    first, second = _streams(bag, memory, until), _streams(other, memory, until)
     found = []
     for topic in sorted({*first, *second}):
         pair = first.get(topic, []), second.get(topic, [])
@@ -214,11 +243,15 @@ def compare(bag: str | Path, other: str | Path, memory: int = MEMORY) -> tuple[i
     )
 
 
-def _streams(bag: str | Path, memory: int) -> dict[str, list[tuple[int, bytes]]]:
-    """Time and bytes of all messages by topic."""
+def _streams(
+    bag: str | Path, memory: int, until: int | None
+) -> dict[str, list[tuple[int, bytes]]]:
+    """Time and bytes of all messages by topic, up to a log time."""
     reader, allowance = BagReader(bag, memory), Allowance(Path(bag), 0, memory)
     streams: dict[str, list[tuple[int, bytes]]] = {}
     for message in reader.messages(reader.topics, reader.start):
+        if until is not None and message.log_time > until:
+            continue
         allowance.hold(OBJECT + len(message.data))
         streams.setdefault(message.topic, []).append((message.log_time, message.data))
     reader.close()

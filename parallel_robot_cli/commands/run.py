@@ -136,10 +136,15 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         print(f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
     if timing.verdict(timed):
         print(timing.verdict(timed))
-    print(simulate.result(out, lambda: evaluate(log, past)))
+    failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
     if ended.driven_out:
-        raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
-    return StoppedError(ended.signal).exit_code if ended.signal else 0
+        failure = f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s'
+    print(simulate.result(out, lambda: evaluate(log, past)))
+    if ended.signal:
+        return StoppedError(ended.signal).exit_code
+    if failure:
+        raise RunError(f'{log.law}: {failure}')
+    return 0
 
 
 def move(
@@ -180,12 +185,15 @@ def move(
 
 def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
     """The metrics of a run up to the first state without a pose, in lines."""
+    failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
+    if failure:
+        return [f'{log.scenario}, {log.law}: no figures of a run that was {failure}']
     part = recorded_motions.of_bag(log, past)
     found = metrics.figures(part.motions)
     planned = float(log.config['duration'])
     parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
     laws = ', then '.join(stretches.laws(parts))
-    head = readable_metrics.head(log.scenario, laws, found.duration_s, planned)
+    head = readable_metrics.head(log.scenario, laws, found, planned)
     lines = [head, *readable_metrics.brief(found, log.messages)]
     return [*lines, *(f'  {text}' for text in (*part.remarks, *stretches.told(parts)))]
 

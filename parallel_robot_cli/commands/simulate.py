@@ -28,7 +28,8 @@ from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.motions import of_simulation, saturation
 from parallel_robot_sim.noise_doubts import noise_doubts
-from parallel_robot_sim.simulation import Simulation, simulate
+from parallel_robot_sim.simulation import Simulation, attempt
+from trajectory_gen.motion_length import with_duration
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +61,14 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
         '--duration',
         type=float,
         metavar='S',
-        help=f'seconds of motion, default: that of the scenario, else {DURATION:g}',
+        help='seconds of motion, default: that of the scenario, else the length of its motion, '
+        f'else {DURATION:g}',
+    )
+    parser.add_argument(
+        '--hold',
+        type=number,
+        metavar='S',
+        help='seconds for which the robot is held where its motion ended, default: none',
     )
     add_set_argument(parser)
 
@@ -118,16 +126,13 @@ def overrides(arguments: argparse.Namespace) -> Placed:
         InputError: no such scenario, or an argument is wrong.
     """
     options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
-    own = config.scenario_values(arguments.scenario).get('duration')
     changed = merged(
-        [
-            {} if own else {'duration': DURATION},
-            given(arguments),
-            {key: value for key, value in options.items() if value is not None},
-        ]
+        [given(arguments), {key: value for key, value in options.items() if value is not None}]
     )
-    share = getattr(arguments, 'fit_speed', None)
-    return changed if share is None else _fitted(arguments.scenario, changed, share)
+    share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
+    if share is not None:
+        changed = _fitted(scenario, changed, share)
+    return with_duration(scenario, changed, getattr(arguments, 'hold', None))
 
 
 def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
@@ -138,7 +143,7 @@ def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
     """
     if not 0.0 < share <= 1.0:
         raise InputError(f'--fit-speed must be a share above 0, up to 1, not {share:g}')
-    found = fastest(configure(resolve(scenario, changed)))
+    found = fastest(configure(resolve(scenario, with_duration(scenario, changed))))
     factor = share * found.factor
     print(f'{FACTOR}={factor:.6g}; at {found.factor:.4g} {found.text}', file=sys.stderr)
     return changed | {FACTOR: factor}
@@ -159,9 +164,11 @@ def remarks(simulation: Simulation) -> list[str]:
 
 def evaluate(made: Simulation) -> list[str]:
     """The metrics of a simulation, the same as those of its bag, in lines."""
-    found = metrics.figures(of_simulation(made))
     loop = made.experiment.loop
-    head = readable_metrics.head(loop.scenario, loop.law, found.duration_s, loop.duration)
+    if made.failure:
+        return [f'{loop.scenario}, {made.failure}: no figures']
+    found = metrics.figures(of_simulation(made))
+    head = readable_metrics.head(loop.scenario, loop.law, found, loop.duration)
     return [head, *readable_metrics.brief(found, {})]
 
 
@@ -188,7 +195,7 @@ def execute(arguments: argparse.Namespace) -> int:
         return record(arguments.scenario, overrides(arguments), arguments.out)
     from parallel_robot_studies.sweep.single_row import row_of  # needed for rows alone
 
-    for option in ('law', 'duration'):
+    for option in ('law', 'duration', 'hold'):
         if getattr(arguments, option) is not None:
             raise InputError(f'--{option} and --row exclude each other: the study has it')
     fixed = assignments.parse(arguments.assignments)
@@ -203,24 +210,26 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
 
     Raises:
         InputError: something is wrong with the configuration or the place of the bag.
-        RunError: the robot left its workspace, or the disk is full.
+        RunError: the run failed, and the bag has it up to there; or the disk is full.
     """
     new_files.check_directory(out)
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     configuration = configure(values)
-    simulation = simulate(configuration)
+    simulation = attempt(configuration)
     for text in (*noise_doubts(configuration), *remarks(simulation)):
         print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(out, values, simulation)
     except OSError as error:
         raise RunError(f'cannot write {out}: {error.strerror}') from None
-    duration = simulation.experiment.loop.duration
+    duration = (simulation.run.steps - 1) * simulation.experiment.loop.period
     rate = duration / simulation.loop_time
     delay = told_delay(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
     if delay:
         print(f'delay of the states: {delay}')
     print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
     print(result(out, lambda: evaluate(simulation)))
+    if simulation.failure:
+        raise RunError(simulation.failure)
     return 0

@@ -11,7 +11,6 @@ from typing import Any
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError, RunError, UnknownNameError
 from parallel_robot_base.fields import Field, check
-from parallel_robot_base.loop import DURATION
 from parallel_robot_cli.commands import simulate
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_studies.sweep import study
@@ -249,9 +248,7 @@ def _study(arguments: argparse.Namespace, fixed: dict[str, Any]) -> Study:
     elif arguments.study_seed is not None:
         raise InputError('--study-seed is that of the samples of a --study')
     else:
-        own = config.scenario_values(arguments.scenario).get('duration')
-        duration = own or DURATION
-        asked = Study(scenarios, laws, 1, 0, 'random', duration, {}, ())
+        asked = Study(scenarios, laws, 1, 0, 'random', None, {}, ())
     if arguments.duration is not None:
         seconds = check('--duration', float, Field('s', '', 0.0), arguments.duration)
         asked = replace(asked, duration=seconds)

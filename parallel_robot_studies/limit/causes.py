@@ -49,6 +49,15 @@ class LeastError(NamedTuple):
     calm: Calm | None = None
 
 
+def _in_motion(configuration: Configuration) -> Configuration:
+    """An experiment up to the end of its motion, as all metrics are."""
+    end, loop = configuration.trajectory.end, configuration.loop
+    if end is None or end >= loop.duration:
+        return configuration
+    loop = loop._replace(duration=end)
+    return configuration._replace(loop=loop, plant=configuration.plant._replace(loop=loop))
+
+
 def least_error(
     configuration: Configuration, causes: bool = True, calm: bool = False
 ) -> LeastError:
@@ -62,6 +71,7 @@ def least_error(
     Raises:
         InputError: the robot does not reach the motion; there is no steady state to be calm in.
     """
+    configuration = _in_motion(configuration)
     loop, plant = configuration.loop, configuration.plant
     noise = noise_of(plant.imperfections, loop.period, len(loop.joints))
     asked = CAUSES if causes else {WHOLE: CAUSES[WHOLE]}

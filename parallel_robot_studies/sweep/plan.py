@@ -28,6 +28,7 @@ from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
 from parallel_robot_studies.sweep import uncertainty
 from parallel_robot_studies.sweep.study import Study, Variant
+from trajectory_gen.motion_length import with_duration
 
 MOST_DIMENSIONS = 21201  # of scipy's Sobol sequence
 SEED = 'seed'  # key of the plant's seed, where the configuration has one
@@ -89,6 +90,11 @@ class Plan:
     def count(self) -> int:
         """Number of rows."""
         return self.study.runs * len(self.cases)
+
+    @property
+    def durations(self) -> list[float]:
+        """Lengths of the runs [s], each once, in order."""
+        return sorted({float(case.nominal['duration']) for case in self.cases})
 
     def leader(self, case: int) -> int:
         """Index of the first case with the scenario of a case."""
@@ -275,6 +281,7 @@ def _case(study: Study, scenario: str, variant: Variant) -> Case:
     """A law in a scenario; messages name the scenario where it matters."""
     overrides = study.of_case(variant)
     with locating(overrides):
+        overrides = with_duration(scenario, overrides)
         nominal = resolve(scenario, overrides)
     for each in study.uncertainties:
         if each.key not in nominal:

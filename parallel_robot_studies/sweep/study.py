@@ -10,7 +10,6 @@ from typing import Any, Literal
 from parallel_robot_base import config, plain_data, yaml_file
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, check
-from parallel_robot_base.loop import DURATION
 from parallel_robot_base.placed import Place, Placed, locating
 from parallel_robot_base.scenario_file import absolute, stem
 from parallel_robot_studies.sweep import uncertainty
@@ -53,7 +52,7 @@ class Study:
             0: the file does not say.
         seed: Seed of the samples and of the runs.
         method: How the uncertainty is sampled.
-        duration: Length of each run [s].
+        duration: Length of each run [s]; None: that of its scenario, or of its motion.
         fixed: Keys of the configuration and their values in all runs.
         uncertainties: The uncertain parameters.
         scrambles: Number of independently scrambled Sobol sequences that the samples are of.
@@ -65,7 +64,7 @@ class Study:
     runs: int
     seed: int
     method: Literal['sobol', 'random']
-    duration: float
+    duration: float | None
     fixed: Mapping[str, Any]
     uncertainties: tuple[Uncertainty, ...]
     scrambles: int = 1
@@ -74,7 +73,7 @@ class Study:
     def of_case(self, variant: Variant) -> Placed:
         """What all runs of a law change in the configuration of a scenario."""
         changed = {
-            'duration': (self.duration, 'duration'),
+            **({} if self.duration is None else {'duration': (self.duration, 'duration')}),
             **{key: (value, f'set.{key}') for key, value in self.fixed.items()},
             **{
                 key: (value, f'laws.{variant.name}.{key.removeprefix(f"{variant.law}.")}')
@@ -211,7 +210,9 @@ def _study(content: dict[str, Any], folder: Path | None) -> Study:
         else 0,
         check('seed', int, Field('', '', 0, 2**63 - 1), content.get('seed', 0)),
         method,
-        check('duration', float, Field('s', '', 0.0), content.get('duration', DURATION)),
+        check('duration', float, Field('s', '', 0.0), content['duration'])
+        if 'duration' in content
+        else None,
         fixed,
         tuple(uncertainty.parse(key, entry) for key, entry in entries.items()),
         scrambles,

@@ -116,8 +116,9 @@ def table(results: Results) -> str:
 
 def _head(plan: Plan) -> str:
     study = plan.study
+    lengths = ' or '.join(f'{each:g}' for each in plan.durations)
     return (
-        f'{study.runs} runs of each law and scenario, {study.duration:g} s each, '
+        f'{study.runs} runs of each law and scenario, {lengths} s each, '
         f'{len(study.uncertainties)} uncertain parameters ({sampling(study)}, seed {study.seed})'
     )
 

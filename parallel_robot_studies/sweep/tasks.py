@@ -63,7 +63,7 @@ def tasks(plan: Plan, done: NDArray[np.bool_], workers: int) -> Iterator[Task]:
         workers: Number of workers that share them.
     """
     samples, cases = plan.study.runs, len(plan.cases)
-    states = max(1, round(plan.study.duration / float(plan.cases[0].nominal['period'])))
+    states = max(1, round(plan.durations[-1] / float(plan.cases[0].nominal['period'])))
     first, left = 0, len(done) - int(done.sum())
     while first < samples:
         # Smaller tasks towards the end, so that no worker waits long for the last one.

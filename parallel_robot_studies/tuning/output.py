@@ -102,7 +102,7 @@ def heading(tuning: Tuning, result: Result) -> list[str]:
     """Comment lines: what was tuned, and what the chosen gains are worth."""
     study = tuning.plan.study
     names = ', '.join(each.key for each in study.uncertainties) or 'none'
-    runs = f'{study.runs} run{"s" if study.runs > 1 else ""} of {study.duration:g} s'
+    runs = f'{study.runs} run{"s" if study.runs > 1 else ""} of {tuning.nominal["duration"]:g} s'
     count = f'{result.chosen.number} of {len(result.trials)}'
     lines = [
         f'Gains of {tuning.space.law} for {tuning.nominal["scenario"]}, by parallel_robot tune.',

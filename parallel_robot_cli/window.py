@@ -1,0 +1,20 @@
+"""The part of a run that figures are of, on a command line."""
+
+from __future__ import annotations
+
+import argparse
+
+from parallel_robot_base.options import number
+
+
+def add_window_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--from`` and ``--to``."""
+    for name, dest, end in (('--from', 'start', 'first'), ('--to', 'stop', 'last')):
+        parser.add_argument(
+            name,
+            dest=dest,
+            type=number,
+            metavar='S',
+            help=f'{end} time of the part that all figures are of, default: errors are those of '
+            'the second half of the motion',
+        )
