@@ -93,7 +93,9 @@ def execute(arguments: argparse.Namespace) -> int:
     if unlike:
         print(f'{unlike}: bytes cannot be compared')
         return code
-    until, part = common_end(log, run_log.read(out, memory)), ''
+    until, part = None, ''
+    if not simulated or values['duration'] != recorded:
+        until = common_end(log, run_log.read(out, memory))
     if until is not None:
         part = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
     count, difference = compare(bag, out, memory, until)
