@@ -1,11 +1,14 @@
 """The controller without ROS: which reference answers which state, and what it remembers."""
 
+import time
+
 import numpy as np
 import pytest
 from assembly import FAULTS
 
 from parallel_robot_base import config
 from parallel_robot_base.errors import InputError
+from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import STATUS
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
@@ -231,3 +234,16 @@ def test_a_fault_that_no_answer_brought_about_is_told_with_the_next(kind, mode, 
     assert core.code & STATUS and core.status.fault == FAULTS[core.fault]
     run(core, motion, [11])
     assert not core.code & STATUS
+
+
+@pytest.mark.parametrize(('states', 'over'), [(100, True), (60, False)])
+def test_states_that_end_with_the_run_are_no_fault(states, over, motion, monkeypatch):
+    core = controller(duration=0.16)  # less 0.1 s
+    run(core, motion, range(states))
+    assert not core.finish()  # the states are still coming
+    later = time.monotonic_ns() + 10**10
+    monkeypatch.setattr(time, 'monotonic_ns', lambda: later)
+    assert core.finish() == over and not core.finish()
+    assert core.watch() != over and (core.fault == faults.NONE) == over
+    run(core, motion, range(1), START + 10**9)  # of another run
+    assert (core.fault == faults.NONE) == over
