@@ -72,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {part.cut}', file=sys.stderr)
     found = metrics.figures(part.motions)
     result = summarise(log, found, timed)
-    parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
+    parts = stretches.of_run(past, log)
     result['law'] = ', then '.join(stretches.laws(parts))
     kept = not arguments.figure and os.path.lexists(figure)
     try:
