@@ -309,8 +309,9 @@ def section(found: Sequence[Cell], laws: Sequence[str]) -> str:
         f' hazard for {", ".join(f"{each:g}" for each in DURATIONS)} s on the circle of the paper;'
         ' fewer hazards on the arm and the axes. A fault is cleared 1.5 s after the end. Torques'
         ' are the largest of all laws and durations, as shares of what an approach from the same'
-        ' place and speed takes, with an empty memory. A run that rightly stays in its fault, until'
-        ' a person helps the robot, is not judged by the distance of a reference that goes on.',
+        ' place and speed takes, with an empty memory. A run that rightly stays in its fault,'
+        ' until a person helps the robot, is not judged by the distance of a reference that goes'
+        ' on.',
         '',
         '![How far the robot goes and what the way back takes, by hazard and duration]'
         '(images/hazards.png)',
