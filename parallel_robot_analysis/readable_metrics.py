@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from parallel_robot_analysis.metrics import SEEN, Metrics, of_seen, of_true
+from parallel_robot_analysis.metrics import SEEN, Metrics, Value, of_seen, of_true
 from parallel_robot_bags.counts import TopicCount
 
 
@@ -30,22 +30,34 @@ class Metric(NamedTuple):
     value: Callable[[Metrics], float | None]
 
 
-TRANSIENT = (
-    Metric('time to 1 mm', 'to 1 mm', 's', of_true(lambda m: m.transient.to_1_mm_s)),
-    Metric('time to 0.1 mm', 'to 0.1 mm', 's', of_true(lambda m: m.transient.to_0_1_mm_s)),
-)
-STEADY = (
-    Metric('end-effector error, rms', 'rms', 'µm', of_true(lambda m: 1e6 * m.steady.xy_rms_m)),
-    Metric('end-effector error, max', 'max', 'µm', of_true(lambda m: 1e6 * m.steady.xy_max_m)),
-    Metric(
-        'joint error, rms', 'joint rms', 'µrad', of_true(lambda m: 1e6 * m.steady.joint_rms_rad)
+OF_MOTION: tuple[tuple[str, str, str, str, Value], ...] = (  # both names, the short one as seen
+    ('time to 1 mm', 'to 1 mm', 'seen 1 mm', 's', lambda m: m.transient.to_1_mm_s),
+    ('time to 0.1 mm', 'to 0.1 mm', 'seen 0.1', 's', lambda m: m.transient.to_0_1_mm_s),
+    ('end-effector error, rms', 'rms', 'seen rms', 'µm', lambda m: 1e6 * m.steady.xy_rms_m),
+    ('end-effector error, max', 'max', 'seen max', 'µm', lambda m: 1e6 * m.steady.xy_max_m),
+    (
+        'joint error, rms',
+        'joint rms',
+        'seen joint',
+        'µrad',
+        lambda m: 1e6 * m.steady.joint_rms_rad,
     ),
-    Metric(
+    (
         'synchronisation error, rms',
         'sync rms',
+        'seen sync',
         'µrad',
-        of_true(lambda m: 1e6 * m.steady.sync_rms_rad),
+        lambda m: 1e6 * m.steady.sync_rms_rad,
     ),
+    ('energy', 'energy', 'seen J', 'J', lambda m: m.effort.energy_j),
+)
+_TRUE = tuple(
+    Metric(name, short, unit, of_true(value)) for name, short, _, unit, value in OF_MOTION
+)
+TRANSIENT, STEADY, ENERGY = _TRUE[:2], _TRUE[2:6], _TRUE[6]
+AS_SEEN = tuple(
+    Metric(f'seen {name}', short, unit, of_seen(value))
+    for name, _, short, unit, value in OF_MOTION
 )
 TORQUE = (
     Metric('torque, max (whole run)', 'torque', 'N m', lambda m: m.torque.max_nm),
@@ -59,37 +71,8 @@ TORQUE = (
 )
 EFFORT = (
     Metric('torque, rms', 'torque rms', 'N m', lambda m: m.effort.torque_rms_nm),
-    Metric('energy', 'energy', 'J', of_true(lambda m: m.effort.energy_j)),
+    ENERGY,
     Metric('excess chattering', 'excess', 'N m', lambda m: m.effort.excess_chattering_nm),
-)
-AS_SEEN = (
-    Metric('seen time to 1 mm', 'seen 1 mm', 's', of_seen(lambda m: m.transient.to_1_mm_s)),
-    Metric('seen time to 0.1 mm', 'seen 0.1', 's', of_seen(lambda m: m.transient.to_0_1_mm_s)),
-    Metric(
-        'seen end-effector error, rms',
-        'seen rms',
-        'µm',
-        of_seen(lambda m: 1e6 * m.steady.xy_rms_m),
-    ),
-    Metric(
-        'seen end-effector error, max',
-        'seen max',
-        'µm',
-        of_seen(lambda m: 1e6 * m.steady.xy_max_m),
-    ),
-    Metric(
-        'seen joint error, rms',
-        'seen joint',
-        'µrad',
-        of_seen(lambda m: 1e6 * m.steady.joint_rms_rad),
-    ),
-    Metric(
-        'seen synchronisation error, rms',
-        'seen sync',
-        'µrad',
-        of_seen(lambda m: 1e6 * m.steady.sync_rms_rad),
-    ),
-    Metric('seen energy', 'seen J', 'J', of_seen(lambda m: m.effort.energy_j)),
 )
 NEVER = 'never'  # in place of the time to a state that was not reached
 METRICS = (*TRANSIENT, *STEADY, *TORQUE, *EFFORT, *AS_SEEN)

@@ -296,9 +296,13 @@ def newest_age(stamps: np.ndarray, known: np.ndarray) -> np.ndarray:
         stamps: Of the states [ns], shape (N,).
         known: Stamps of the references, in order [ns], shape (M,).
     """
-    newest = np.maximum(np.searchsorted(known, stamps, side='right') - 1, 0)
-    age: np.ndarray = stamps - known[newest]
+    age: np.ndarray = stamps - known[_newest(stamps, known)]
     return age
+
+
+def _newest(stamps: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Number of the newest of some stamps at others, shape (N,); the first before it."""
+    return np.maximum(np.searchsorted(known, stamps, side='right') - 1, 0)
 
 
 def reference_at(
@@ -317,7 +321,7 @@ def reference_at(
         velocity: Their rates [rad/s], shape (M, n).
         acceleration: Their accelerations [rad/s^2], shape (M, n).
     """
-    newest = np.maximum(np.searchsorted(known, stamps, side='right') - 1, 0)
+    newest = _newest(stamps, known)
     return extrapolate_rows(
         stamps - known[newest], position[newest], velocity[newest], acceleration[newest]
     )

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from parallel_robot_bags.history import History
+from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.printable import printable
 from parallel_robot_base.units import NANOSECONDS
 
@@ -24,6 +25,11 @@ class Stretch(NamedTuple):
     begin: float
     law: str
     change: str = ''
+
+
+def of_run(past: History, log: RunLog) -> list[Stretch]:
+    """Stretches of a run that was read, see :func:`stretches`."""
+    return stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
 
 
 def stretches(past: History, law: str, start: int, end: int) -> list[Stretch]:

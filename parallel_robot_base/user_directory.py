@@ -15,10 +15,8 @@ from typing import IO
 from parallel_robot_base.errors import RunError
 
 CACHE, STATE = 'XDG_CACHE_HOME', 'XDG_STATE_HOME'  # variables of the environment
-ROOT, NOBODY = (
-    0,
-    65534,
-)  # who owns what lies above; NOBODY in a container stands for any other user
+# Who owns what lies above; NOBODY in a container stands for any other user.
+ROOT, NOBODY = 0, 65534
 
 
 def user_directories() -> Iterator[Path]:

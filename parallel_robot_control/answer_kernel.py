@@ -253,16 +253,15 @@ def _open(
         then = at_measurement(reference, (acts - stamp) / NANOSECONDS + delay)
         write_row(common.telemetry, ERROR, then.position - position)
         write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
+        overdue = acts - known > OVERDUE * NANOSECONDS
+        joins = numbers[WAITS] != 0 and not overdue
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
             numbers[SKIPPED] += (stamp - before) // timing.period - 1
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             write_row(vectors, TORQUE, applied)
-            write_row(vectors, EXCESS, np.zeros_like(row))
-            numbers[TAKES_OVER] = 1
-            numbers[BEGINS] = BACK
-        overdue = acts - known > OVERDUE * NANOSECONDS
-        if numbers[WAITS] and not overdue:  # see transitions.rejoined
+            joins = True
+        if joins:  # see transitions.joining
             write_row(vectors, EXCESS, np.zeros_like(row))
             numbers[TAKES_OVER] = 1
             numbers[BEGINS] = BACK

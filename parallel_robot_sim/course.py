@@ -57,7 +57,6 @@ class Course(NamedTuple):
         lost: Samples at which states have been refused for too long, and the fault that it is.
         clears: Samples at which the first state comes after a call of ``~/clear_fault``.
         renewals: Samples at which a controller hears its first state; 0 is not among them.
-        returns: Samples at which references are there again.
     """
 
     heard: Heard
@@ -70,7 +69,13 @@ class Course(NamedTuple):
     lost: Mapping[int, int] = MappingProxyType({})
     clears: frozenset[int] = frozenset()
     renewals: frozenset[int] = frozenset()
-    returns: frozenset[int] = frozenset()
+
+    @property
+    def returns(self) -> list[int]:
+        """Samples at which references are there again."""
+        rows = np.flatnonzero(self.heard.answered)
+        found: list[int] = rows[1:][np.diff(self.overdue[rows].astype(int)) < 0].tolist()
+        return found
 
     @property
     def cuts(self) -> list[int]:
@@ -172,7 +177,6 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
         {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
         frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
         frozenset(renewed - {0}),
-        frozenset(rows[1:][overdue[rows[:-1]] & ~overdue[rows[1:]]].tolist()),
     )
 
 

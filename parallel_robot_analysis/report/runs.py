@@ -116,7 +116,7 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
         raise BagError(f'{bag}: {error}') from None
     log, poses, result = part.shown, part.motions.best.poses, metrics.figures(part.motions)
     coupling = cross_coupling(bag, part.log, memory)
-    parts = stretches.stretches(past, log.law, log.start_stamp, int(part.log.stamps[-1]))
+    parts = stretches.of_run(past, part.log)
     laws = stretches.laws(parts)
     if len(laws) > 1:  # it is no run of its first law
         name = ', then '.join(map(law_label, laws))

@@ -78,7 +78,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if found.window.asked:
         failure = ''
     result = summarise(log, found, timed, failure)
-    parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
+    parts = stretches.of_run(past, log)
     result['law'] = ', then '.join(stretches.laws(parts))
     kept = not arguments.figure and os.path.lexists(figure)
     try:

@@ -191,7 +191,7 @@ def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
     part = recorded_motions.of_bag(log, past)
     found = metrics.figures(part.motions)
     planned = float(log.config['duration'])
-    parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
+    parts = stretches.of_run(past, log)
     laws = ', then '.join(stretches.laws(parts))
     head = readable_metrics.head(log.scenario, laws, found, planned)
     lines = [head, *readable_metrics.brief(found, log.messages)]
