@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot_bags.run_log import RunLog, head
-from parallel_robot_base.arrays import Array
+from parallel_robot_bags.run_log import RunLog, head, with_reference
 from parallel_robot_base.errors import KinematicsError
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_model import poses as forward
-from parallel_robot_model.configuration import is_known
-from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.configuration import is_known, robot_of
+from parallel_robot_sim.motions import Motions, poses_of
+from parallel_robot_sim.motions import Poses as Poses
 
+TRUE: Literal['true'] = 'true'
+SEEN: Literal['seen'] = 'seen'
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 
 
@@ -82,13 +84,44 @@ class Transient(NamedTuple):
 
 
 class Metrics(NamedTuple):
-    """All metrics of a run; `steady` is over its second half."""
+    """All metrics of a run; `steady` is over its second half.
+
+    Attributes:
+        duration_s: Duration of the motion [s].
+        transient: How fast the end effector reaches its reference.
+        steady: Tracking errors.
+        torque: Torques of the motors.
+        effort: What the motors are put to.
+        source: TRUE: of the true motion; SEEN: of what sensors and nominal robot show.
+        seen: Those of what is seen; None where all that is seen is true.
+    """
 
     duration_s: float
     transient: Transient
     steady: Errors
     torque: Torque
     effort: Effort = Effort()
+    source: Literal['true', 'seen'] = TRUE
+    seen: Metrics | None = None
+
+
+Value = Callable[[Metrics], float | None]
+
+
+def of_true(value: Value) -> Value:
+    """A metric of the true motion: NaN where all that is known is what was seen."""
+    return lambda m: math.nan if m.source == SEEN else value(m)
+
+
+def of_seen(value: Value) -> Value:
+    """A metric of what is seen: NaN where it is that of the true motion."""
+
+    def seen(m: Metrics) -> float | None:
+        if m.seen is None or (m.source == TRUE and value(m.seen) == value(m)):
+            return math.nan
+        return value(m.seen)
+
+    return seen
 
 
 class Motion(Protocol):
@@ -111,24 +144,14 @@ class Motion(Protocol):
         """Torques [N m], shape (N, n)."""
 
 
-class Poses(NamedTuple):
-    """Poses by forward kinematics of the joints.
-
-    Attributes:
-        actual: Poses of the measured joints, shape (N, m).
-        reference: Poses of the desired joints, shape (N, m).
-        planar: Whether they begin with x and y [m] in a plane, so that distances are defined.
-    """
-
-    actual: np.ndarray
-    reference: np.ndarray
-    planar: bool = True
-
-
-def poses(log: RunLog) -> Poses:
-    """Poses of the measured and of the desired joints, by the model of the nominal robot.
+def poses(log: RunLog, true: bool = False) -> Poses:
+    """Poses of the measured and of the desired joints; the latter by the nominal robot.
 
     Of a robot that is not known here, joints stand in place of poses.
+
+    Args:
+        log: The run.
+        true: Whether the measured joints are those of the true robot, else of the nominal one.
 
     Raises:
         InputError: the robot of the log's configuration cannot be built.
@@ -136,48 +159,55 @@ def poses(log: RunLog) -> Poses:
     """
     if not is_known(log.config):
         return Poses(log.position, log.reference_position, planar=False)
-    return poses_of(*nominal_of(log.config), log)
+    nominal, guess = nominal_of(log.config)
+    actual = robot_of(log.config, 'true_robot') if true else nominal
+    return poses_of(nominal, actual, guess, log.reference_position, log.position)
 
 
-def poses_of(robot: RobotModel, guess: Array, motion: Motion) -> Poses:
-    """Poses of a motion by the model of a robot.
+def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
+    """The run up to the first sample that has no pose, without states that have no reference.
 
-    Args:
-        robot: The robot.
-        guess: Pose from which its forward kinematics starts, shape (m,).
-        motion: The motion.
-
-    Raises:
-        KinematicsError: a sample has no pose in the assembly mode of the guess.
-    """
-    reference = forward.poses_of(robot, motion.reference_position, guess)
-    actual = forward.poses_of(robot, motion.position, reference[0])
-    return Poses(actual, reference, robot.module.PLANAR)
-
-
-def with_poses(log: RunLog) -> tuple[RunLog, Poses, str]:
-    """The run up to the first sample that has no pose.
+    Arguments as of :func:`poses`.
 
     Returns:
         The run, its poses, and why it was cut off; empty when it was not.
 
     Raises:
-        KinematicsError: not even the first sample has a pose.
+        KinematicsError: not even the first sample has a pose, or none has a reference of its time.
     """
+    log = with_reference(log)
+    if not len(log.time):
+        raise KinematicsError('no state has a reference of its time')
     try:
-        return log, poses(log), ''
+        return log, poses(log, true), ''
     except KinematicsError as error:
         reason = str(error)
     good, bad = 0, len(log.time)
     while bad - good > 1:
         middle = (good + bad) // 2
         try:
-            poses(head(log, middle))
+            poses(head(log, middle), true)
             good = middle
         except KinematicsError:
             bad = middle
     part = head(log, max(good, 1))
-    return part, poses(part), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
+    return part, poses(part, true), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
+
+
+def figures(motions: Motions, ideal: np.ndarray | None = None) -> Metrics:
+    """Compute the metrics of a run: of its true motion, and of what is seen of it.
+
+    Where the true motion is not known, all metrics are of what is seen.
+
+    Args:
+        motions: The run.
+        ideal: As of :func:`evaluate`, for the samples of the true motion.
+    """
+    seen = None if motions.seen is None else evaluate(motions.seen, motions.seen.poses)
+    if motions.true is None:
+        assert seen is not None
+        return seen._replace(source=SEEN, seen=seen)
+    return evaluate(motions.true, motions.true.poses, ideal)._replace(seen=seen)
 
 
 def evaluate(log: Motion, pose: Poses, ideal: np.ndarray | None = None) -> Metrics:

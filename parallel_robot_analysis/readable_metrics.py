@@ -9,10 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from parallel_robot_analysis.metrics import Metrics
-from parallel_robot_analysis.true_motion import TrueError
+from parallel_robot_analysis.metrics import SEEN, Metrics, of_seen, of_true
 from parallel_robot_bags.counts import TopicCount
 
 
@@ -34,15 +31,20 @@ class Metric(NamedTuple):
 
 
 TRANSIENT = (
-    Metric('time to 1 mm', 'to 1 mm', 's', lambda m: m.transient.to_1_mm_s),
-    Metric('time to 0.1 mm', 'to 0.1 mm', 's', lambda m: m.transient.to_0_1_mm_s),
+    Metric('time to 1 mm', 'to 1 mm', 's', of_true(lambda m: m.transient.to_1_mm_s)),
+    Metric('time to 0.1 mm', 'to 0.1 mm', 's', of_true(lambda m: m.transient.to_0_1_mm_s)),
 )
 STEADY = (
-    Metric('end-effector error, rms', 'rms', 'µm', lambda m: 1e6 * m.steady.xy_rms_m),
-    Metric('end-effector error, max', 'max', 'µm', lambda m: 1e6 * m.steady.xy_max_m),
-    Metric('joint error, rms', 'joint rms', 'µrad', lambda m: 1e6 * m.steady.joint_rms_rad),
+    Metric('end-effector error, rms', 'rms', 'µm', of_true(lambda m: 1e6 * m.steady.xy_rms_m)),
+    Metric('end-effector error, max', 'max', 'µm', of_true(lambda m: 1e6 * m.steady.xy_max_m)),
     Metric(
-        'synchronisation error, rms', 'sync rms', 'µrad', lambda m: 1e6 * m.steady.sync_rms_rad
+        'joint error, rms', 'joint rms', 'µrad', of_true(lambda m: 1e6 * m.steady.joint_rms_rad)
+    ),
+    Metric(
+        'synchronisation error, rms',
+        'sync rms',
+        'µrad',
+        of_true(lambda m: 1e6 * m.steady.sync_rms_rad),
     ),
 )
 TORQUE = (
@@ -57,32 +59,40 @@ TORQUE = (
 )
 EFFORT = (
     Metric('torque, rms', 'torque rms', 'N m', lambda m: m.effort.torque_rms_nm),
-    Metric('energy', 'energy', 'J', lambda m: m.effort.energy_j),
+    Metric('energy', 'energy', 'J', of_true(lambda m: m.effort.energy_j)),
     Metric('excess chattering', 'excess', 'N m', lambda m: m.effort.excess_chattering_nm),
 )
+AS_SEEN = (
+    Metric('seen time to 1 mm', 'seen 1 mm', 's', of_seen(lambda m: m.transient.to_1_mm_s)),
+    Metric('seen time to 0.1 mm', 'seen 0.1', 's', of_seen(lambda m: m.transient.to_0_1_mm_s)),
+    Metric(
+        'seen end-effector error, rms',
+        'seen rms',
+        'µm',
+        of_seen(lambda m: 1e6 * m.steady.xy_rms_m),
+    ),
+    Metric(
+        'seen end-effector error, max',
+        'seen max',
+        'µm',
+        of_seen(lambda m: 1e6 * m.steady.xy_max_m),
+    ),
+    Metric(
+        'seen joint error, rms',
+        'seen joint',
+        'µrad',
+        of_seen(lambda m: 1e6 * m.steady.joint_rms_rad),
+    ),
+    Metric(
+        'seen synchronisation error, rms',
+        'seen sync',
+        'µrad',
+        of_seen(lambda m: 1e6 * m.steady.sync_rms_rad),
+    ),
+    Metric('seen energy', 'seen J', 'J', of_seen(lambda m: m.effort.energy_j)),
+)
 NEVER = 'never'  # in place of the time to a state that was not reached
-METRICS = (*TRANSIENT, *STEADY, *TORQUE, *EFFORT)
-
-# Parameters by which the joints of a bag are not the true ones, see docs/noise.md.
-UNTRUE = ('sensor.position_noise', 'sensor.resolution', 'sensor.delay', 'sensor.jitter')
-AS_SENSED = 'the sensors are not ideal ({0}): errors are those that they show; {1}'
-TRUE = 'the true end-effector error is {0} µm rms, {1} µm at most'
-ELSEWHERE = 'parallel_robot compare and sweep measure the true motion'
-
-
-def sensor_remarks(values: Mapping[str, Any], truth: Callable[[], TrueError | None]) -> list[str]:
-    """A line that says that errors of a run are not the true ones, if they are not.
-
-    Args:
-        values: The resolved configuration.
-        truth: Returns the true error, if it is known; called where it is printed.
-    """
-    acting = [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0)) != 0.0)]
-    if not acting:
-        return []
-    true = truth()
-    known = true and TRUE.format(shown(1e6 * true.rms_m), shown(1e6 * true.max_m))
-    return [AS_SENSED.format(', '.join(acting), known or ELSEWHERE)]
+METRICS = (*TRANSIENT, *STEADY, *TORQUE, *EFFORT, *AS_SEEN)
 
 
 def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:
@@ -96,16 +106,29 @@ def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:
 
 
 def as_data(found: Metrics) -> dict[str, dict[str, Any]]:
-    """The metrics by group and key, for JSON, in SI units; None for a state never reached."""
-    groups: dict[str, Any] = found._asdict()
-    del groups['duration_s']
+    """The metrics by group and key, for JSON, in SI units; None for a state never reached.
+
+    Those of what is seen stand under ``seen``, where they are others or all that is known.
+    """
+    data = {} if found.source == SEEN else _groups(found, ('transient', 'steady'))
+    data |= _groups(found, ('torque', 'effort'))
+    if found.source == SEEN:
+        data['effort'].pop('energy_j', None)
+    if found.seen is not None:
+        seen = _groups(found.seen, ('transient', 'steady'))
+        energy = {'energy_j': found.seen.effort.energy_j}
+        data['seen'] = {**seen, 'effort': energy}
+    return data
+
+
+def _groups(found: Metrics, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     return {
-        group: {
+        name: {
             key: value
-            for key, value in metrics._asdict().items()
+            for key, value in getattr(found, name)._asdict().items()
             if value is None or not math.isnan(value)
         }
-        for group, metrics in groups.items()
+        for name in names
     }
 
 
@@ -124,7 +147,8 @@ def head(scenario: str, law: str, duration: float, planned: float) -> str:
 
 def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
     """The metrics and the messages that are missing, in a few lines."""
-    groups = (defined(metrics, found) for metrics in (STEADY[:2], STEADY[2:], TORQUE, EFFORT))
+    rows = (STEADY[:2], STEADY[2:], TORQUE, EFFORT, AS_SEEN[2:4], AS_SEEN[4:6], AS_SEEN[6:])
+    groups = (defined(metrics, found) for metrics in rows)
     lines = [
         '  ' + '; '.join(f'{one.name} {one.value(found):.3f} {one.unit}' for one in metrics)
         for metrics in groups

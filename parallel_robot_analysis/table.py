@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import metrics
+from parallel_robot_analysis import metrics, recorded_motions
 from parallel_robot_analysis.metrics import Poses
-from parallel_robot_bags import command_states, run_log, telemetry
+from parallel_robot_bags import command_states, history, run_log, telemetry
+from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.data_frames import Frame, pandas
@@ -43,7 +44,7 @@ def read(bag: Path, memory: int = MEMORY) -> Table:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
     log = run_log.read(bag, memory)
-    poses, warnings = _poses(log)
+    poses, warnings = _poses(log, history.read(bag, memory))
     sliding = np.full(log.position.shape, np.nan)
     found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
     if found is not None:
@@ -63,15 +64,19 @@ def columns(
         sliding_variable: Sliding variable in the unit of the law, NaN where it is not known,
             shape (N, n).
     """
+    reference, rate, acceleration = (
+        np.where(log.referenced[:, np.newaxis], each, np.nan)
+        for each in (log.reference_position, log.reference_velocity, log.reference_acceleration)
+    )
     quantities = {
         'position_rad': log.position,
         'velocity_rad_per_s': log.velocity,
         'effort_nm': log.effort if log.has_efforts else np.full_like(log.effort, np.nan),
-        'reference_position_rad': log.reference_position,
-        'reference_velocity_rad_per_s': log.reference_velocity,
-        'reference_acceleration_rad_per_s2': log.reference_acceleration,
+        'reference_position_rad': reference,
+        'reference_velocity_rad_per_s': rate,
+        'reference_acceleration_rad_per_s2': acceleration,
         'command_nm': log.answer,
-        'synchronisation_error_rad': synchronisation_error(log.reference_position - log.position),
+        'synchronisation_error_rad': synchronisation_error(reference - log.position),
         'sliding_variable': sliding_variable,
     }
     return (
@@ -96,10 +101,11 @@ def to_frame(bag: Path) -> Frame:
     return frame
 
 
-def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Columns of the pose, named after its coordinates, and what is wrong with them.
 
-    Those of a robot that moves in a plane are of its platform and hold its error.
+    Those of a robot that moves in a plane are of its platform and hold its error. They are true
+    where the plant is known; what is seen stands beside them where it is something else.
     """
     try:
         robot = robot_of(log.config)
@@ -108,23 +114,34 @@ def _poses(log: RunLog) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     coordinates = robot.module.coordinates(robot.parameters)
     names = [f'{name}_{unit}' for name, unit in coordinates]
     warnings: tuple[str, ...] = ()
+    seen = None
     try:
-        _, found, cut = metrics.with_poses(log)
-        warnings = (f'the pose of the robot is {cut}',) if cut else ()
+        part = recorded_motions.of_bag(log, past)
+        found = part.poses._replace(actual=part.pose)
+        if part.motions.true is not None and part.motions.seen is not None:
+            seen = part.poses
+        warnings = (f'the pose of the robot is {part.cut}',) if part.cut else ()
+        warnings += (part.remark,) if part.remark not in ('', recorded_motions.UNKNOWN) else ()
     except ParallelRobotError as error:
         nothing = np.empty((0, len(names)))
         found = Poses(nothing, nothing, robot.module.PLANAR)
         warnings = (f'no pose of the robot: {error}',)
     prefix = 'platform' if found.planar else 'pose'
-    actual, reference = (_padded(pose, len(log.time)) for pose in (found.actual, found.reference))
+    actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
     columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
     columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
     if found.planar:
         columns['platform_error_m'] = metrics.distances(Poses(actual, reference))
+    if seen is not None:
+        actual = _spread(seen.actual, log.referenced)
+        columns |= {f'seen_{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
+        if seen.planar:
+            columns['seen_platform_error_m'] = metrics.distances(Poses(actual, reference))
     return columns, warnings
 
 
-def _padded(rows: np.ndarray, count: int) -> np.ndarray:
-    """Rows, then NaN, `count` in all."""
-    missing = np.full((count - len(rows), rows.shape[1]), np.nan)
-    return np.concatenate([rows, missing])
+def _spread(rows: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Rows at the first places that are wanted, NaN elsewhere, one for each of `where`."""
+    whole = np.full((len(where), rows.shape[1]), np.nan)
+    whole[np.flatnonzero(where)[: len(rows)]] = rows
+    return whole

@@ -54,13 +54,12 @@ class Used(NamedTuple):
     older: np.ndarray
     samples: JointReference
 
-    def head(self, count: int) -> Used:
-        """The references of the first states."""
-        inside = self.older < count
+    def rows(self, chosen: np.ndarray) -> Used:
+        """The references of some states, by their numbers in order."""
+        inside = np.isin(self.older, chosen)
         samples = JointReference(*(row[inside] for row in self.samples))
-        return Used(
-            self.stamps[:count], self.acts[:count], self.late[:count], self.older[inside], samples
-        )
+        older = np.searchsorted(chosen, self.older[inside])
+        return Used(self.stamps[chosen], self.acts[chosen], self.late[chosen], older, samples)
 
 
 def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:

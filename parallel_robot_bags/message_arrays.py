@@ -23,6 +23,7 @@ FIELDS = {
     topics.COMMANDS: ('data',),
 }
 MAY_LACK = {topics.JOINT_STATES: ('velocity', 'effort')}  # hardware that does not measure them
+FEW = 0.2  # of the messages of a topic, which may be of another publisher
 LARGEST = 1e12  # rad, rad/s, rad/s^2, N m; squares of it are still numbers
 ARRAYS: dict[str, Callable[[int], cdr.Layout]] = {  # both have numbers of eight bytes
     'std_msgs/msg/Float64MultiArray': layouts.float64_multi_array,
@@ -85,6 +86,40 @@ def decoder(
         return decoded
 
     return decode
+
+
+def ours(
+    topic: Topic, parts: list[Samples], joints: tuple[str, ...]
+) -> tuple[list[Samples], list[str]]:
+    """Leave out messages of other publishers: without our joints, or without what most have.
+
+    Args:
+        topic: Their topic.
+        parts: Its messages.
+        joints: Names of our joints.
+
+    Returns:
+        The messages that are left, and what was left out, one line each. Where none has our
+        joints, all of them are left.
+    """
+    remarks = []
+    having = [part for part in parts if not part.joints or {*joints} & {*part.joints}]
+    strange = sum(len(part.stamps) for part in parts) - sum(len(part.stamps) for part in having)
+    if having and strange:
+        others = [name for part in parts for name in part.joints if name not in joints]
+        names = ', '.join(dict.fromkeys(others))
+        remarks.append(f'{strange} messages on {topic.name} are of other joints ({names})')
+        parts = having
+    total = sum(len(part.stamps) for part in parts)
+    for field in MAY_LACK.get(topic, ()):
+        having = [part for part in parts if _measured(part, field)]
+        lacking = total - sum(len(part.stamps) for part in having)
+        if having and 0 < lacking < FEW * total and len(having) < len(parts):
+            remarks.append(
+                f'{lacking} of {total} messages on {topic.name} have no {field}: another publisher'
+            )
+            parts = having
+    return parts, [f'{remark}; they are left out' for remark in remarks]
 
 
 def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]) -> Samples:

@@ -12,7 +12,8 @@ from parallel_robot_bags import bag_reader, command_states, experiment, history
 from parallel_robot_bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot_bags.counts import TopicCount, count
 from parallel_robot_bags.limits import MEMORY
-from parallel_robot_bags.message_arrays import Samples, decoder, physical, whole
+from parallel_robot_bags.message_arrays import Samples, decoder, ours, physical, whole
+from parallel_robot_bags.state_doubts import doubts
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.topics import RECORDED, Topic
@@ -22,6 +23,7 @@ from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_sim.imperfections import told_age
 
 EMPTY = np.zeros((0, 0))
+SWAPPED = 1_000_000_000  # ns, by which the stamps of states may go back within one run
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
@@ -52,6 +54,8 @@ class RunLog(NamedTuple):
         used: References that the controller used; None in bags that do not say.
         has_efforts: Whether the torques were measured, as far as the robot does.
         warnings: What is wrong with the bag, one line each.
+        referenced: Whether a state has a reference of its time, as the controller sees it; without
+            one it has no error, shape (N,).
     """
 
     scenario: str
@@ -75,6 +79,7 @@ class RunLog(NamedTuple):
     used: Used | None = None
     has_efforts: bool = True
     warnings: tuple[str, ...] = ()
+    referenced: np.ndarray = EMPTY
 
     @property
     def has_velocities(self) -> bool:
@@ -104,13 +109,18 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     values, loop, start = experiment.configuration(
         bag, found.metadata, history.parameters_in(found.notes)
     )
+    warnings = [*found.warnings]
+    for topic in (topics.JOINT_STATES, topics.REFERENCE):
+        streams[topic], remarks = ours(topic, streams[topic], loop.joints)
+        warnings += [f'{bag}: {remark}' for remark in remarks]
     states, references, commands = (
         whole(bag, topic, streams[topic], loop.joints)
         for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
     )
-    warnings = [*found.warnings]
     states = _physical(bag, topics.JOINT_STATES, states, warnings)
     references = _physical(bag, topics.REFERENCE, references, warnings)
+    states = _ordered(bag, topics.JOINT_STATES, states, warnings)
+    references = _ordered(bag, topics.REFERENCE, references, warnings)
     if 'velocity' not in states.numbers:
         states.numbers['velocity'] = np.full_like(states.numbers['position'], np.nan)
         warnings.append(f'{bag}: the messages on {topics.JOINT_STATES.name} have no velocities')
@@ -131,6 +141,12 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     if repeated:
         what = f'{repeated} messages on {topics.JOINT_STATES.name} repeat a stamp'
         warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
+    position = states.numbers['position'][used]
+    warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps, position)]
+    limit = _reference_timeout(values, references.stamps)
+    referenced = newest_age(stamps + age, references.stamps) <= limit
+    if not referenced.all():
+        warnings.append(f'{bag}: {_unreferenced(stamps, start, references.stamps, referenced)}')
     answered = command_states.align(commands.log_times, streams.get(topics.ANSWERED, []))
     answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
@@ -141,7 +157,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         start,
         stamps,
         (stamps - start) / NANOSECONDS,
-        states.numbers['position'][used],
+        position,
         states.numbers['velocity'][used],
         states.numbers['effort'][used] if has_efforts else _commanded(answer),
         *reference_at(
@@ -155,6 +171,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         in_use,
         has_efforts,
         tuple(warnings),
+        referenced,
     )
 
 
@@ -171,12 +188,65 @@ def _commanded(answer: np.ndarray) -> np.ndarray:
 
 def head(log: RunLog, count: int) -> RunLog:
     """The first states of a run, with all its commands."""
-    rows: dict[str, Any] = {
-        name: value[:count]
+    return rows(log, np.arange(count))
+
+
+def with_reference(log: RunLog) -> RunLog:
+    """The states of a run that have a reference of their time, with all its commands."""
+    if log.referenced.all():
+        return log
+    return rows(log, np.flatnonzero(log.referenced))
+
+
+def rows(log: RunLog, chosen: np.ndarray) -> RunLog:
+    """Some states of a run, by their numbers in order, with all its commands."""
+    kept: dict[str, Any] = {
+        name: value[chosen]
         for name, value in log._asdict().items()
         if name not in ('command', 'command_states') and isinstance(value, np.ndarray)
+        if len(value)
     }
-    return log._replace(**rows, used=None if log.used is None else log.used.head(count))
+    return log._replace(**kept, used=None if log.used is None else log.used.rows(chosen))
+
+
+def _ordered(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
+    """Put samples into the order of their stamps, with a line in `warnings`.
+
+    States whose stamps begin anew, as in a second run, keep their order.
+    """
+    back = np.maximum.accumulate(samples.stamps) - samples.stamps
+    count = int((back > 0).sum())
+    if not count or (topic == topics.JOINT_STATES and back.max() > SWAPPED):
+        return samples
+    if topic == topics.JOINT_STATES:
+        what = f'{count} messages on {topic.name} came after newer ones'
+        warnings.append(f'{bag}: {what}; they are put in the order of their stamps')
+    order = np.argsort(samples.stamps, kind='stable')
+    numbers = {name: values[order] for name, values in samples.numbers.items()}
+    return Samples(samples.joints, samples.log_times[order], samples.stamps[order], numbers)
+
+
+def _reference_timeout(values: dict[str, Any], stamps: np.ndarray) -> int:
+    """Age at which a reference ends [ns]: that of the controller, at least two periods of it."""
+    period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+    return round(max(values['safety.reference_timeout'] * NANOSECONDS, 2.0 * period))
+
+
+def _unreferenced(
+    stamps: np.ndarray, start: int, known: np.ndarray, referenced: np.ndarray
+) -> str:
+    """What to know of states without a reference of their time."""
+    count, first = int((~referenced).sum()), int(np.argmin(referenced))
+    time = (stamps[first] - start) / NANOSECONDS
+    if referenced.any():
+        what = f'{count} states, from t = {time:.3f} s on, have no reference of their time'
+        return f'{what}: they have no error and are left out'
+    behind = float(np.median(stamps) - np.median(known)) / NANOSECONDS
+    return (
+        'no state has a reference of its time: the stamps of '
+        f'{topics.REFERENCE.name} are {behind:.3g} s behind those of {topics.JOINT_STATES.name}: '
+        'of another clock'
+    )
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
@@ -217,6 +287,18 @@ def streams_of(
     space = '' if '' in spaces or not spaces else spaces[0]
     streams = {topic: found.get(f'{space}/{topic.name}', []) for topic in RECORDED}
     return {topic: [*itertools.chain(*parts)] for topic, parts in streams.items() if parts}
+
+
+def newest_age(stamps: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Age of the newest reference at each state [ns], shape (N,); negative before the first.
+
+    Args:
+        stamps: Of the states [ns], shape (N,).
+        known: Stamps of the references, in order [ns], shape (M,).
+    """
+    newest = np.maximum(np.searchsorted(known, stamps, side='right') - 1, 0)
+    age: np.ndarray = stamps - known[newest]
+    return age
 
 
 def reference_at(

@@ -9,14 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, read_at, select, some, write_at
+from parallel_robot_compiler import inner, read_at, select, write_at
 from parallel_robot_control import cycle_memory
+from parallel_robot_control.braking import largest
 from parallel_robot_control.momentum_observer import Observed, observed
 from parallel_robot_model.contract import Model
 
 BANDWIDTH = 20.0  # 1/s
 SHARE = 0.25  # of the damping of the safe action, times the speed: friction that does not count
-LASTS = 0.1  # s, for which the residual must be above the limit
+LASTS = 0.1  # s, for which the residual must be at the limit; twice of it half as long
 LATELY = 32.0  # samples after which it begins anew
 LOOKED_AT = 0.5  # of the limit: a torque from which on the residual is looked at
 
@@ -33,7 +34,7 @@ def is_resisted(
     comparable: bool,
     dt: float,
 ) -> bool:
-    """Whether much more than friction has acted against the torque for a tenth of a second.
+    """Whether much more than friction has acted against the torque: the more, the shorter.
 
     Args:
         memory: Address of the memory of the cycle.
@@ -60,8 +61,10 @@ def is_resisted(
     write_at(memory, row + 1, now.momentum)
     write_at(memory, row + 2, now.drift)
     write_at(memory, row + 3, now.residual)
-    above = some(np.abs(now.residual) - SHARE * damping * np.abs(velocity) > limit)
-    lasts = select(above and follows, read_at(memory, row + 4, velocity)[0] + dt, 0.0)
+    level = np.abs(now.residual) - SHARE * damping * np.abs(velocity)
+    times = largest(select(level > 0.0, level, np.zeros_like(level)) / limit)
+    lasted = read_at(memory, row + 4, velocity)[0]
+    lasts = select(times > 1.0 and follows, lasted + times * dt, 0.0)
     write_at(memory, row, np.zeros_like(velocity) + float(sample))
     write_at(memory, row + 4, np.zeros_like(velocity) + lasts)
     return lasts > LASTS

@@ -22,6 +22,7 @@ from parallel_robot_control.messages import limits_text
 from parallel_robot_model.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.motions import Motions, saturation, told_remarks
 from parallel_robot_sim.simulation import Simulation
 
 File = str | Path
@@ -42,14 +43,16 @@ class Run:
         reference: Their desired positions when they were measured [rad], shape (N, n).
         reference_velocity: Their desired rates then [rad/s], shape (N, n).
         torque: Torque applied during the step that ended at the state [N m], shape (N, n).
-        pose: Pose of the end effector, shape (N, m); (x, y, phi) [m, m, rad] for the 3-RRR. Of a
-            simulation the true one, of a bag that of the measured joints by the nominal robot.
+        pose: Pose of the end effector, shape (N, m); (x, y, phi) [m, m, rad] for the 3-RRR. The
+            true one; of a bag whose plant is not known, that of the measured joints by the nominal
+            robot.
         pose_reference: Desired pose, shape (N, m).
         planar: Whether a pose begins with x and y [m] in a plane.
         fault: Time [s] and text of the first fault, None without one.
         limits: Limits that acted, by name; empty when none did.
         warnings: What to know of the run, one line each.
         simulation: All that the simulation has recorded; None for a run from a bag.
+        motions: The motions of a run from a bag, of which its metrics are; None for a simulation.
     """
 
     scenario: str
@@ -69,6 +72,7 @@ class Run:
     limits: str = ''
     warnings: tuple[str, ...] = ()
     simulation: Simulation | None = None
+    motions: Motions | None = None
 
     @property
     def error(self) -> Array:
@@ -210,7 +214,11 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         made.experiment.trajectory.robot.module.PLANAR,
         None if fault is None else (fault[0], fault[1].text),
         limits_text(acted) if acted else '',
-        tuple(made.experiment.control.law.warnings),
+        (
+            *made.experiment.control.law.warnings,
+            *told_remarks(values),
+            *saturation(values, record.effort),
+        ),
         made,
     )
 

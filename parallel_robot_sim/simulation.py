@@ -35,12 +35,14 @@ class Simulation(NamedTuple):
     """A run with its experiment.
 
     Attributes:
+        configuration: Its configuration.
         experiment: The experiment that was run.
         reference: Desired motion, one row per state.
         run: Record of the run.
         loop_time: Time spent in the loop [s].
     """
 
+    configuration: Configuration
     experiment: Experiment
     reference: Reference
     run: ClosedLoopRun
@@ -162,4 +164,4 @@ def simulate(configuration: Configuration) -> Simulation:
     if result.steps < samples:
         last = (result.steps - 1) * loop.period
         raise RunError(f'{DRIVEN_OUT} after t = {last:.3f} s')
-    return Simulation(experiment, reference, result, loop_time)
+    return Simulation(configuration, experiment, reference, result, loop_time)

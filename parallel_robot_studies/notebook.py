@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 
 from parallel_robot_analysis import metrics as evaluation
+from parallel_robot_analysis import recorded_motions
 from parallel_robot_analysis.metrics import Metrics, Poses
 from parallel_robot_analysis.readable_metrics import METRICS, NEVER, defined, shown
 from parallel_robot_analysis.report import figures, palette
@@ -27,7 +28,9 @@ from parallel_robot_base.errors import BagError, InputError, KinematicsError, Ru
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_sim.motions import Motions, Moved, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
+from parallel_robot_studies.ideal_torque import torque_of
 from parallel_robot_studies.sweep import study as studies
 from parallel_robot_studies.sweep import table
 from parallel_robot_studies.sweep.plan import plan
@@ -36,6 +39,7 @@ from parallel_robot_studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot_studies.sweep.sweep import sweep as run_sweep
 from parallel_robot_studies.sweep.workers import Processes
 
+NARROWEST = 27  # characters of the names of metrics
 RESOLUTION = 70  # dots per inch of a picture in a notebook
 
 
@@ -94,9 +98,10 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
     """
     log, past = run_log.read(bag, memory), history.read(bag, memory)
     try:
-        log, poses, cut = evaluation.with_poses(log)
+        part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
+    log = part.log
     first = next((status for status in past.statuses if status.fault != NO_FAULT), None)
     limits = {LIMIT_TEXT.get(code, code) for status in past.statuses for code in status.limits}
     return Run(
@@ -110,12 +115,13 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
         log.reference_position,
         log.reference_velocity,
         log.effort,
-        poses.actual,
-        poses.reference,
-        poses.planar,
+        part.pose,
+        part.poses.reference,
+        part.poses.planar,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
-        (*log.warnings, *([cut] if cut else [])),
+        (*log.warnings, *filter(None, [part.cut]), *part.remarks, *part.doubts),
+        motions=part.motions,
     )
 
 
@@ -149,7 +155,9 @@ class RunMetrics(Metrics):
 
     def __repr__(self) -> str:
         """A line for each metric, with its unit."""
-        lines = [f'{name:<27}{value:>11} {unit}'.rstrip() for name, value, unit in self._rows()]
+        rows = self._rows()
+        width = max(NARROWEST, *(len(name) for name, _, _ in rows))
+        lines = [f'{name:<{width}}{value:>11} {unit}'.rstrip() for name, value, unit in rows]
         return '\n'.join(lines)
 
     def _repr_html_(self) -> str:
@@ -166,7 +174,9 @@ def metrics(run: Run) -> RunMetrics:
     >>> round(found.torque.max_nm, 2)
     8.24
     """
-    return RunMetrics(*evaluation.evaluate(_drawn(run), _poses(run)))
+    motions = _motions(run)
+    ideal = None if run.simulation is None else torque_of(run.simulation.configuration)
+    return RunMetrics(*evaluation.figures(motions, ideal))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
@@ -261,11 +271,11 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
         InputError: something among them is not a run, they are too many, or the scale is unknown.
     """
     if isinstance(runs, Run):
-        return Picture(figures.figure_of_run(_drawn(runs), _poses(runs), scale))
+        return Picture(figures.figure_of_run(*_drawn(runs), scale))
     named = _named('plot', runs, law_label)
     if not 1 <= len(named) <= len(palette.RUNS):
         raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
-    drawn = {name: (_drawn(run), _poses(run)) for name, run in named.items()}
+    drawn = {name: _drawn(run) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
 
 
@@ -344,12 +354,23 @@ def _named(
     return named
 
 
-def _drawn(run: Run) -> _Drawn:
+def _drawn(run: Run) -> tuple[_Drawn, Poses]:
+    """The best motion of a run, as figures take it, and its poses."""
+    *arrays, poses = _motions(run).best
+    return _Drawn(run.scenario, run.law, run.joints, *arrays), poses
+
+
+def _motions(run: Run) -> Motions:
+    """The motions of a run.
+
+    Raises:
+        InputError: it is not a run.
+    """
     if not isinstance(run, Run):
         raise InputError(f'a run is wanted, as of simulate or load, not {run!r}')
-    names = run.scenario, run.law, run.joints
-    return _Drawn(*names, run.time, run.position, run.reference, run.torque)
-
-
-def _poses(run: Run) -> Poses:
-    return Poses(run.pose, run.pose_reference, run.planar)
+    if run.simulation is not None:
+        return of_simulation(run.simulation)
+    if run.motions is not None:
+        return run.motions
+    poses = Poses(run.pose, run.pose_reference, run.planar)
+    return Motions(None, Moved(run.time, run.position, run.reference, run.torque, poses))

@@ -156,12 +156,13 @@ def test_simulate_ends_with_the_metrics_of_analyze(words, tmp_path, capsys):
     out = tmp_path / 'a bag'
     assert main(['simulate', 'paper_circle', '--duration', '1', *words, '--out', str(out)]) == 0
     _, head, *brief, place, following = capsys.readouterr().out.splitlines()
-    assert len(brief) == 4 and place == f'bag     {out}'
+    assert len(brief) == (5 if words else 4) and place == f'bag     {out}'
     assert following == f"next    parallel_robot analyze '{out}'"
     assert main(shlex.split(following)[2:]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert head == first
     told = len(STEADY + TORQUE + EFFORT) - 1  # no excess chattering
+    told += 2 if words else 0  # what is seen of the end effector
     metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[:told]]
     assert '; '.join(line.strip() for line in brief) == '; '.join(metrics_of_bag)
 

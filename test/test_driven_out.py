@@ -160,9 +160,10 @@ def test_run_ends_with_the_figures_of_analyze(tmp_path, monkeypatch, capsys):
     assert out[-2:] == [f'bag     {bag}', f'next    parallel_robot analyze {bag}']
     assert main(['analyze', str(bag)]) == 0
     table = capsys.readouterr().out.splitlines()
-    assert out[-7] in table  # what the figures are of
+    (head,) = (k for k, line in enumerate(out) if 'errors over the second half' in line)
+    assert out[head] in table  # what the figures are of
     figures = [' '.join(line.split()) for line in table]
-    for merit in '; '.join(out[-5:-2]).split('; '):
+    for merit in '; '.join(out[head + 1 : -2]).split('; '):
         assert merit.strip() in figures
 
 

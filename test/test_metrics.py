@@ -6,7 +6,15 @@ from bags import JOINTS
 from geometry import PAPER_START, legs
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.readable_metrics import METRICS, as_data, brief, defined
+from parallel_robot_analysis.readable_metrics import (
+    EFFORT,
+    METRICS,
+    STEADY,
+    TORQUE,
+    as_data,
+    brief,
+    defined,
+)
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base import config
 
@@ -112,14 +120,14 @@ def test_a_robot_outside_a_plane_has_no_distances():
     data = as_data(found)
     assert data['transient'] == {} and set(data['steady']) == {'joint_rms_rad', 'sync_rms_rad'}
     assert data['torque'] == found.torque._asdict()
-    assert defined(METRICS, found) == list(METRICS[4:-1])  # nor the ideal torque
+    assert defined(METRICS, found) == [*STEADY[2:], *TORQUE, *EFFORT[:2]]  # nor the ideal torque
     assert len(brief(found, {})) == 3 and 'nan' not in ' '.join(brief(found, {}))
 
 
 def test_a_state_that_is_never_reached_is_a_metric():
     """Unlike one that is not defined."""
     far = evaluate(run(still([0, 0, 0]), still([0, 0, 0])), [0.6, 0.4, 0])
-    assert far.transient == (None, None) and defined(METRICS, far) == list(METRICS[:-1])
+    assert far.transient == (None, None) and defined(METRICS, far) == list(METRICS[:11])
     assert as_data(far)['transient'] == {'to_1_mm_s': None, 'to_0_1_mm_s': None}
 
 

@@ -184,7 +184,7 @@ def test_runs_are_compared_in_a_table(run):
 def test_metrics_are_shown_as_a_table(run):
     found = notebook.metrics(run)
     lines = repr(found).splitlines()
-    assert len(lines) == 11 and lines[1].split() == ['time', 'to', '0.1', 'mm', 'never']
+    assert len(lines) == 12 and lines[1].split() == ['time', 'to', '0.1', 'mm', 'never']
     assert lines[2] == f'end-effector error, rms {1e6 * found.steady.xy_rms_m:>14.0f} µm'
     assert '<td>torque, chattering</td>' in found._repr_html_()
     axes = notebook.metrics(simulate('axes_step', duration=0.1))

@@ -1,5 +1,6 @@
 """Bags as arrays: what is aligned with what, and what is missing."""
 
+import itertools
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ from parallel_robot_analysis import metrics
 from parallel_robot_bags import run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.errors import BagError
+from parallel_robot_base.errors import BagError, KinematicsError
 
 COUNT = 100
 RANDOM = np.random.default_rng(3)
@@ -262,3 +263,71 @@ def test_answers_belong_to_their_states_when_some_are_lost(record):
     expected[[7, 8]] = np.nan
     expected[49] = EFFORT[50]  # of the state that is lost
     assert np.array_equal(answer, expected, equal_nan=True)
+
+
+CALM = np.cumsum(1e-4 * RANDOM.normal(size=(COUNT, 3)), axis=0)
+
+
+def joint_states(position, start):
+    """Messages of the states alone, one a millisecond."""
+    return streams(position, position, start=start)[topics.JOINT_STATES]
+
+
+def test_references_that_end_count_as_long_as_for_the_controller(record):
+    """What the controller takes no more has no error; it is told from when on."""
+    found = streams(CALM, CALM)
+    parts = (joint_states(CALM, START + k * COUNT * MS) for k in range(8))
+    found[topics.JOINT_STATES] = [*itertools.chain(*parts)]
+    log = record(found)
+    last = COUNT - 1 + round(1e3 * log.config['safety.reference_timeout'])
+    assert log.referenced.tolist() == [k <= last for k in range(8 * COUNT)]
+    assert f'from t = {(last + 1) / 1e3:.3f} s on, have no reference' in log.warnings[0]
+    assert run_log.with_reference(log).time[-1] == last / 1e3
+
+
+def test_references_of_another_clock_are_none(record):
+    found = streams(CALM, CALM)
+    found[topics.JOINT_STATES] = joint_states(CALM, START + 5000 * MS)
+    log = record(found)
+    assert not log.referenced.any() and 'are 5 s behind those of joint_states' in log.warnings[0]
+    with pytest.raises(KinematicsError, match='no state has a reference of its time'):
+        metrics.with_poses(log)
+
+
+def test_states_are_put_in_the_order_of_their_stamps(record):
+    found = streams(CALM, CALM)
+    swapped = np.arange(COUNT).reshape(-1, 2)[:, ::-1].ravel()
+    times = [log_time for log_time, _ in found[topics.JOINT_STATES]]
+    payloads = [found[topics.JOINT_STATES][k][1] for k in swapped]
+    found[topics.JOINT_STATES] = list(zip(times, payloads, strict=True))
+    log = record(found)
+    assert np.array_equal(log.position, CALM) and (np.diff(log.stamps) > 0).all()
+    assert f'{COUNT // 2} messages on joint_states came after newer ones' in log.warnings[0]
+
+
+def test_messages_of_other_publishers_are_left_out(record):
+    """A gripper's, and those of a publisher that knows positions alone."""
+    found = streams(CALM, CALM, EFFORT)
+    grip = layouts.joint_state(('gripper',))
+    zeros = layouts.joint_state(JOINTS, ('position',))
+    for k in range(0, COUNT, 10):
+        stamp = START + k * MS
+        found[topics.JOINT_STATES] += [
+            (stamp + 1, grip.encode(stamp, position=[0.0], velocity=[0.0], effort=[0.0])),
+            (stamp + 2, zeros.encode(stamp, position=[0.0] * 3)),
+        ]
+    log = record(found)
+    assert np.array_equal(log.position, CALM) and np.array_equal(log.effort, EFFORT)
+    gripper, positions = log.warnings
+    assert '10 messages on joint_states are of other joints (gripper)' in gripper
+    assert '10 of 110 messages on joint_states have no velocity' in positions
+
+
+def test_states_of_two_publishers_or_recordings_are_doubted(record):
+    leaping = CALM.copy()
+    leaping[::10] += 0.5
+    found = streams(CALM, leaping)
+    found[topics.JOINT_STATES][50:] = joint_states(CALM[50:], START + 3600_000 * MS)
+    found[topics.REFERENCE] += streams(CALM, CALM, start=START + 3600_000 * MS)[topics.REFERENCE]
+    doubts = ' '.join(record(found).warnings)
+    assert 'no states for 3600 s' in doubts and 'leap by more than 0.1 rad and back' in doubts

@@ -45,7 +45,13 @@ class NamedMotion(Motion, Protocol):
         """Names of the actuated joints."""
 
 
-def draw_run(log: NamedMotion, pose: Poses, path: str | Path, scale: str = AUTO) -> None:
+def draw_run(
+    log: NamedMotion,
+    pose: Poses,
+    path: str | Path,
+    scale: str = AUTO,
+    marks: Sequence[float] = (),
+) -> None:
     """Draw path, errors and torques of a run to a PNG or vector file.
 
     Args:
@@ -53,15 +59,18 @@ def draw_run(log: NamedMotion, pose: Poses, path: str | Path, scale: str = AUTO)
         pose: Poses of the run.
         path: File to write, which must not exist; its suffix chooses the format.
         scale: Of errors, see scale.SCALES.
+        marks: Times at which something changed [s].
 
     Raises:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    save(figure_of_run(log, pose, scale), path)
+    save(figure_of_run(log, pose, scale, marks), path)
 
 
-def figure_of_run(log: NamedMotion, pose: Poses, scale: str = AUTO) -> Any:
+def figure_of_run(
+    log: NamedMotion, pose: Poses, scale: str = AUTO, marks: Sequence[float] = ()
+) -> Any:
     """Path, errors and torques of a run as a figure of matplotlib.
 
     A robot that does not move in a plane has no path; its synchronisation errors are drawn.
@@ -70,6 +79,7 @@ def figure_of_run(log: NamedMotion, pose: Poses, scale: str = AUTO) -> Any:
         log: The run.
         pose: Poses of the run.
         scale: Of errors, see scale.SCALES.
+        marks: Times at which something changed [s].
     """
     figure, path, (first, joints, torque) = panels(
         f'{label(log.scenario)}, {law_label(log.law)}', pose.planar
@@ -91,6 +101,8 @@ def figure_of_run(log: NamedMotion, pose: Poses, scale: str = AUTO) -> Any:
     torque.set(xlabel='t [s]', ylabel='torque [N m]')
     torque.set_title('Torques', loc='left')
     for axes in (first, joints, torque):
+        for time in marks:
+            axes.axvline(time, color='0.4', linestyle=':', lw=1.0)
         add_legend(axes)
     return figure
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -42,7 +43,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters['shown'] = shown
+    environment.filters['shown'] = _cell
     environment.filters['printable'] = printable
     environment.filters['law_label'] = law_label
     runs = [run for members in groups.values() for run in members]
@@ -63,7 +64,26 @@ def render(
 
 def differences(runs: Sequence[Run]) -> dict[str, list[str]]:
     """Keys of the configuration whose values are not the same in all runs, with the values."""
-    return {key: row for key, row in _parameters(runs).items() if len(set(row)) > 1}
+    values: dict[str, list[Any]] = {}
+    for run in runs:
+        for key, value in run.log.config.items():
+            values.setdefault(printable(key), []).append(_meant(value))
+    rows = _parameters(runs)
+    return {
+        key: row
+        for key, row in rows.items()
+        if len(values[key]) < len(runs) or any(one != values[key][0] for one in values[key])
+    }
+
+
+def _meant(value: Any) -> Any:
+    """A value of the configuration whatever its spelling: one number counts for all joints."""
+    if isinstance(value, (list, tuple)):
+        members = [_meant(one) for one in value]
+        alike = all(isinstance(one, float) and one == members[0] for one in members)
+        return members[0] if members and alike else members
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return float(value) if number else value
 
 
 def _section(
@@ -80,7 +100,8 @@ def _section(
         'runs': runs,
         'metrics': [
             (metric, _best([metric.value(run.metrics) for run in good]))
-            for metric in defined(METRICS, runs[0].metrics)
+            for metric in METRICS
+            if any(defined([metric], run.metrics) for run in runs)
         ],
         'verdicts': claims.verify(name, first),
         'repeated': len(first) < len(good),
@@ -106,10 +127,16 @@ def _timing(run: Run) -> dict[str, str]:
     }
 
 
-def _best(values: Sequence[float | None]) -> float | None:
-    """The smallest of several values; None if there is nothing to compare."""
-    known = [value for value in values if value is not None]
-    return min(known) if len(known) > 1 else None
+def _best(values: Sequence[float | None]) -> str:
+    """The smallest of several values as it is shown; empty if all are alike, or only one."""
+    known = [value for value in values if value is not None and not math.isnan(value)]
+    texts = {shown(value) for value in values if value is None or not math.isnan(value)}
+    return shown(min(known)) if known and len(texts) > 1 else ''
+
+
+def _cell(value: float | None) -> str:
+    """A metric as it is shown; empty where it is not known."""
+    return '' if value is not None and math.isnan(value) else shown(value)
 
 
 def _gains(run: Run) -> dict[str, str]:

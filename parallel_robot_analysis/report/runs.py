@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import metrics, timing, true_motion
-from parallel_robot_analysis.readable_metrics import sensor_remarks
+from parallel_robot_analysis import metrics, recorded_motions, timing
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.labels import label, law_label
 from parallel_robot_analysis.timing import Timing
-from parallel_robot_bags import history, run_log, telemetry
+from parallel_robot_bags import history, run_log, stretches, telemetry
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.message_arrays import physical
 from parallel_robot_bags.progress import tracked
@@ -44,13 +43,13 @@ class Run(NamedTuple):
         bag: Path of the bag.
         label: Its name in legends, different from all others of its group.
         style: Key of palette.STYLES.
-        log: The recorded run.
+        log: The recorded run, with the joints of its true motion where that is known.
         poses: Poses of the robot.
         metrics: Metrics of the run.
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
         timing: How the run kept its time.
         cut: Why only a part of it was evaluated; empty when all of it was.
-        doubts: Why its errors may not be the true ones, see docs/noise.md.
+        doubts: What else to know of its figures, e.g. that they are not the true ones.
         faulted: Whether the controller was in a fault: its metrics are not those of the law.
     """
 
@@ -111,13 +110,18 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
     timed = timing.evaluate(log, past)
     faulted = any(status.fault != NO_FAULT for status in past.statuses)
     try:
-        log, poses, cut = metrics.with_poses(log)
+        part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
-    result = metrics.evaluate(log, poses)
-    coupling = cross_coupling(bag, log, memory)
-    doubts = sensor_remarks(log.config, lambda: true_motion.of_bag(bag, log, memory))
-    return Run(bag, name, style, log, poses, result, coupling, timed, cut, doubts, faulted)
+    log, poses, result = part.shown, part.motions.best.poses, metrics.figures(part.motions)
+    coupling = cross_coupling(bag, part.log, memory)
+    parts = stretches.stretches(past, log.law, log.start_stamp, int(part.log.stamps[-1]))
+    laws = stretches.laws(parts)
+    if len(laws) > 1:  # it is no run of its first law
+        name = ', then '.join(map(law_label, laws))
+        log = log._replace(law=', then '.join(laws))
+    told = [*part.remarks, *stretches.told(parts)]
+    return Run(bag, name, style, log, poses, result, coupling, timed, part.cut, told, faulted)
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:

@@ -5,27 +5,34 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_analysis import metrics, timing, true_motion
+from parallel_robot_analysis import metrics, recorded_motions, timing
 from parallel_robot_analysis.readable_metrics import (
+    AS_SEEN,
     EFFORT,
     STEADY,
     TORQUE,
     as_data,
     defined,
     head,
-    sensor_remarks,
+    shown,
 )
 from parallel_robot_analysis.report import figures
 from parallel_robot_analysis.report.scale import add_scale_argument
-from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_bags import history, new_files, run_log, stretches
 from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_bags.stretches import Stretch
 from parallel_robot_base.errors import BagError, InputError, KinematicsError
+from parallel_robot_sim.motions import Motions
+
+SHORTEST = 10  # states of a stretch of which there are figures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,34 +64,55 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {warning}', file=sys.stderr)
     timed = timing.evaluate(log, past)
     try:
-        log, poses, cut = metrics.with_poses(log)
+        part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
         raise BagError(f'{arguments.bag}: {error}') from None
-    if cut:
-        print(f'warning: {cut}', file=sys.stderr)
-    found = metrics.evaluate(log, poses)
+    log = part.log
+    if part.cut:
+        print(f'warning: {part.cut}', file=sys.stderr)
+    found = metrics.figures(part.motions)
     result = summarise(log, found, timed)
+    parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
+    result['law'] = ', then '.join(stretches.laws(parts))
     kept = not arguments.figure and os.path.lexists(figure)
     try:
         with contextlib.ExitStack() as written:
             if arguments.json:
                 written.enter_context(new_files.written(arguments.json, as_json(result)))
             if not kept:
-                figures.draw_run(log, poses, figure, arguments.scale)
+                marks = [one.begin for one in parts[1:]]
+                drawn, poses = part.shown._replace(law=result['law']), part.motions.best.poses
+                figures.draw_run(drawn, poses, figure, arguments.scale, marks)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):
         print(timing.verdict(timed))
     print(table(result, found, float(log.config['duration'])))
-    quiet = ['no limit acted, no fault'] if past.statuses else []
+    quiet = ['no limit acted, no fault'] if past.statuses and not part.saturated else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
     remarks += history.new_motions(past, log.start_stamp)
-    remarks += sensor_remarks(log.config, lambda: true_motion.of_bag(arguments.bag, log, memory))
+    remarks += [*part.remarks, *stretches.told(parts), *of_stretches(part.motions, parts)]
     for text in remarks:
         print(f'  {text}')
     old = ' exists and is kept; --figure draws another' if kept else ''
     print(f'bag     {arguments.bag}\nfigure  {figure}{old}')
     return 0
+
+
+def of_stretches(motions: Motions, parts: Sequence[Stretch]) -> Iterator[str]:
+    """Figures of each of several stretches of a run, in lines, over the second half of each."""
+    ends = [*(one.begin for one in parts[1:]), math.inf]
+    for one, end in zip(parts, ends, strict=True):
+        part = motions.between(one.begin, end)
+        if len(parts) == 1 or len(part.best.time) < SHORTEST:
+            continue
+        found = metrics.figures(part)
+        last = float(part.best.time[-1])
+        texts = [
+            f'{metric.name} {shown(metric.value(found))} {metric.unit}'
+            for metric in defined((*STEADY[::2], AS_SEEN[2], AS_SEEN[4], TORQUE[2]), found)
+        ]
+        yield f'{one.begin:g} to {last:g} s, {one.law}: {"; ".join(texts)}'
 
 
 def as_json(result: dict[str, Any]) -> bytes:
@@ -114,8 +142,8 @@ def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) 
     """
     lines = [head(result['scenario'], result['law'], result['duration_s'], planned)]
     lines += [
-        f'  {metric.name:<28}{metric.value(found):>12.3f} {metric.unit}'
-        for metric in defined((*STEADY, *TORQUE, *EFFORT), found)
+        f'  {metric.name:<32}{metric.value(found):>12.3f} {metric.unit}'
+        for metric in defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
     ]
     lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
     lines += [

@@ -12,7 +12,6 @@ import numpy as np
 
 from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.readable_metrics import METRICS, TRANSIENT, as_data, defined, shown
-from parallel_robot_analysis.simulated_motion import SimulatedMotion
 from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base.errors import InputError, UnknownNameError
@@ -21,6 +20,7 @@ from parallel_robot_cli.commands.analyze import as_json
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.motions import of_simulation
 from parallel_robot_studies.ideal_torque import torque_of
 
 MARK = '!'  # of a law that ended in a fault
@@ -56,7 +56,7 @@ def execute(arguments: argparse.Namespace) -> int:
         configuration = configure(resolve(arguments.scenario, changed))
         made = simulation.simulate(configuration)
         ideal = torque_of(configuration) if ideal is None else ideal
-        results[law] = evaluate(made, ideal)
+        results[law] = metrics.figures(of_simulation(made), ideal)
         if made.fault is not None:
             faulted[law] = made.fault_text
         notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
@@ -74,20 +74,6 @@ def execute(arguments: argparse.Namespace) -> int:
     for note in notes:
         print(f'warning: {note}', file=sys.stderr)
     return 0
-
-
-def evaluate(made: simulation.Simulation, ideal: np.ndarray) -> metrics.Metrics:
-    """Metrics of a simulation that is not written to a bag.
-
-    Args:
-        made: The simulation.
-        ideal: Its ideal torque, see ideal_torque.py.
-    """
-    planar = made.experiment.trajectory.robot.module.PLANAR
-    poses = metrics.Poses(made.run.pose, made.reference.pose, planar)
-    measured = SimulatedMotion.of(made)
-    joints = measured._replace(position=made.run.joints)
-    return metrics.evaluate(joints, poses, ideal)
 
 
 def table(

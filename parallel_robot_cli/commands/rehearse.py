@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis import timing, true_motion
+from parallel_robot_analysis import metrics, recorded_motions, timing
 from parallel_robot_analysis.drill import Finding, fault_between, motors_braked
+from parallel_robot_analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
 from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_base import parameter_file
@@ -186,12 +187,11 @@ def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Findin
     if name == 'rest':
         yield _noise(log, values)
     if name in ('slow', 'fast'):
-        true = true_motion.of_bag(bag, log, TRUSTED)
-        half = (log.reference_position - log.position)[len(log.time) // 2 :]
-        found = f'joints, as measured, {1e6 * np.sqrt((half**2).mean()):.3g} µrad'
-        if true is not None:
-            found = f'end effector {1e6 * true.rms_m:.3g} µm; {found}'
-        yield Finding(True, f'error over the second half, rms: {found}')
+        motions = recorded_motions.of_bag(log, past).motions
+        found = metrics.figures(motions)
+        errors = defined((STEADY[0], STEADY[2], AS_SEEN[2], AS_SEEN[4]), found)
+        texts = [f'{one.name} {shown(one.value(found))} {one.unit}' for one in errors]
+        yield Finding(True, f'over the second half: {"; ".join(texts)}')
 
 
 def _noise(log: run_log.RunLog, values: Mapping[str, Any]) -> Finding:

@@ -13,8 +13,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from parallel_robot_analysis import metrics, readable_metrics, timing, true_motion
-from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_analysis import metrics, readable_metrics, recorded_motions, timing
+from parallel_robot_bags import history, new_files, run_log, stretches
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
@@ -129,9 +129,6 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     timed = timing.evaluate(log, past)
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += timing.remarks(timed, past)
-    remarks += readable_metrics.sensor_remarks(
-        log.config, lambda: true_motion.of_bag(out, log, TRUSTED)
-    )
     doubts = (*ended.doubts, *noise_doubts(configuration))
     for text in (*doubts, *remarks):
         print(f'warning: {text}', file=sys.stderr)
@@ -139,7 +136,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         print(f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
     if timing.verdict(timed):
         print(timing.verdict(timed))
-    print(simulate.result(out, lambda: evaluate(log)))
+    print(simulate.result(out, lambda: evaluate(log, past)))
     if ended.driven_out:
         raise RunError(f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s')
     return StoppedError(ended.signal).exit_code if ended.signal else 0
@@ -181,13 +178,16 @@ def move(
     return ended._replace(doubts=tuple(experiment.control.law.warnings))
 
 
-def evaluate(log: run_log.RunLog) -> list[str]:
+def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
     """The metrics of a run up to the first state without a pose, in lines."""
-    part, poses, _ = metrics.with_poses(log)
-    found = metrics.evaluate(part, poses)
+    part = recorded_motions.of_bag(log, past)
+    found = metrics.figures(part.motions)
     planned = float(log.config['duration'])
-    head = readable_metrics.head(log.scenario, log.law, found.duration_s, planned)
-    return [head, *readable_metrics.brief(found, log.messages)]
+    parts = stretches.stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
+    laws = ', then '.join(stretches.laws(parts))
+    head = readable_metrics.head(log.scenario, laws, found.duration_s, planned)
+    lines = [head, *readable_metrics.brief(found, log.messages)]
+    return [*lines, *(f'  {text}' for text in (*part.remarks, *stretches.told(parts)))]
 
 
 def node_parameters(

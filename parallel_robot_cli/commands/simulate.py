@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis import metrics, readable_metrics, true_motion
-from parallel_robot_analysis.simulated_motion import SimulatedMotion
+from parallel_robot_analysis import metrics, readable_metrics
 from parallel_robot_bags import new_files, simulation_bag
 from parallel_robot_bags.history import remark_lines
-from parallel_robot_base import assignments, config, parameter_file, points_file, topics
+from parallel_robot_base import assignments, config, parameter_file, points_file
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_base.hazards import parse
 from parallel_robot_base.loop import DURATION
 from parallel_robot_base.options import number
 from parallel_robot_base.placed import Placed, merged
 from parallel_robot_cli import invocation
-from parallel_robot_control.configuration import ControlConfiguration, resolve
+from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimator import told_delay
 from parallel_robot_control.messages import limits_text
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
+from parallel_robot_sim.motions import of_simulation, saturation
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import Simulation, simulate
 
@@ -152,23 +152,14 @@ def remarks(simulation: Simulation) -> list[str]:
     return [
         *simulation.experiment.control.law.warnings,
         *([f'hazards: {", ".join(acting)}'] if acting else []),
+        *saturation(simulation.configuration.values, simulation.run.effort),
         *remark_lines(limits, simulation.faults),
     ]
 
 
-def true_error(made: Simulation) -> true_motion.TrueError | None:
-    """The true error of a simulation, the same as that of its bag; None without a plane."""
-    if not made.experiment.trajectory.robot.module.PLANAR:
-        return None
-    slow = slice(0, made.run.steps, topics.SLOW)
-    return true_motion.of_poses(made.run.pose[slow], made.reference.pose[slow])
-
-
-def evaluate(configuration: ControlConfiguration, made: Simulation) -> list[str]:
+def evaluate(made: Simulation) -> list[str]:
     """The metrics of a simulation, the same as those of its bag, in lines."""
-    joints = SimulatedMotion.of(made)
-    guess = np.array(configuration.guess)
-    found = metrics.evaluate(joints, metrics.poses_of(configuration.robot, guess, joints))
+    found = metrics.figures(of_simulation(made))
     loop = made.experiment.loop
     head = readable_metrics.head(loop.scenario, loop.law, found.duration_s, loop.duration)
     return [head, *readable_metrics.brief(found, {})]
@@ -219,8 +210,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     values = resolve(scenario, changed)
     configuration = configure(values)
     simulation = simulate(configuration)
-    sensed = readable_metrics.sensor_remarks(values, lambda: true_error(simulation))
-    for text in (*noise_doubts(configuration), *remarks(simulation), *sensed):
+    for text in (*noise_doubts(configuration), *remarks(simulation)):
         print(f'warning: {text}', file=sys.stderr)
     try:
         simulation_bag.write(out, values, simulation)
@@ -232,5 +222,5 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     if delay:
         print(f'delay of the states: {delay}')
     print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
-    print(result(out, lambda: evaluate(configuration.control, simulation)))
+    print(result(out, lambda: evaluate(simulation)))
     return 0

@@ -10,17 +10,15 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics
-from parallel_robot_analysis.metrics import Metrics, Poses
-from parallel_robot_analysis.simulated_motion import SimulatedMotion
+from parallel_robot_analysis.metrics import Metrics
 from parallel_robot_base.errors import DRIVEN_OUT, ParallelRobotError, RunError, first_line
-from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.messages import limits_text
-from parallel_robot_model import poses as forward
 from parallel_robot_sim.assembly import Experiment, assemble_plant
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.motions import of_simulation
 from parallel_robot_sim.simulation import Simulation
 from parallel_robot_studies.ideal_torque import torque_of
 from parallel_robot_studies.sweep.floor import Floor
@@ -49,14 +47,6 @@ class Outcome:
     floor: Floor | None = None
 
 
-@dataclass(frozen=True)
-class Motion:
-    """A desired motion that the robot can perform: its samples and the poses of their joints."""
-
-    reference: Reference
-    poses: np.ndarray
-
-
 class Prepared(NamedTuple):
     """A run before its first sample.
 
@@ -64,19 +54,17 @@ class Prepared(NamedTuple):
         place: Its place in the chunk.
         configuration: Its configuration.
         experiment: It, put together.
-        motion: Its desired motion.
+        reference: Its desired motion.
     """
 
     place: int
     configuration: Configuration
     experiment: Experiment
-    motion: Motion
+    reference: Reference
 
 
 def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     """Run experiments and measure them as ``analyze`` measures their bags.
-
-    Where the sensors of the plant are not ideal, the metrics are of the true motion.
 
     Args:
         configurations: Experiments of one law in one scenario.
@@ -114,13 +102,12 @@ def _prepare(place: int, configuration: Configuration, controller: Control) -> P
 
     Raises:
         InputError: a value is wrong, or the robot cannot perform the motion.
-        KinematicsError: a state of the desired motion has no pose.
     """
     loop, trajectory = configuration.loop, configuration.trajectory
     plant = assemble_plant(configuration.plant)
-    guess = configuration.control.guess
-    motion = _motion(trajectory, loop.period, loop.last_index or 0, guess)
-    return Prepared(place, configuration, Experiment(loop, trajectory, controller, plant), motion)
+    reference = _reference(trajectory, loop.period, loop.last_index or 0)
+    experiment = Experiment(loop, trajectory, controller, plant)
+    return Prepared(place, configuration, experiment, reference)
 
 
 def _measured(each: Prepared) -> Outcome:
@@ -130,20 +117,14 @@ def _measured(each: Prepared) -> Outcome:
         KinematicsError: a state has no pose.
         RunError: the robot left its workspace.
     """
-    configuration, experiment, motion = each.configuration, each.experiment, each.motion
-    loop, nominal = configuration.loop, configuration.control.robot
+    _, configuration, experiment, reference = each
+    loop = configuration.loop
     last = loop.last_index or 0
-    result = run(
-        experiment.control, experiment.plant, motion.reference, loop.period, complete=False
-    )
+    result = run(experiment.control, experiment.plant, reference, loop.period, complete=False)
     if result.steps <= last:
         raise RunError(f'{DRIVEN_OUT} after t = {(result.steps - 1) * loop.period:.3f} s')
-    made = Simulation(experiment, motion.reference, result, 0.0)
-    time = loop.period_ns * np.arange(last + 1) / NANOSECONDS  # as stamps tell it
-    joints = SimulatedMotion(time, result.joints, motion.reference.position, result.effort)
-    actual = forward.poses_of(nominal, result.joints, motion.poses[0])
-    poses = Poses(actual, motion.poses, nominal.module.PLANAR)
-    found = metrics.evaluate(joints, poses, torque_of(configuration))
+    made = Simulation(configuration, experiment, reference, result, 0.0)
+    found = metrics.figures(of_simulation(made), torque_of(configuration))
     acted = int(np.bitwise_or.reduce(result.acted))
     limits = limits_text(acted) if acted else ''
     if made.fault is not None:
@@ -153,9 +134,7 @@ def _measured(each: Prepared) -> Outcome:
 
 
 @functools.lru_cache(maxsize=2)
-def _motion(trajectory: Trajectory, period: float, last: int, guess: tuple[float, ...]) -> Motion:
+def _reference(trajectory: Trajectory, period: float, last: int) -> Reference:
     """The motion of a trajectory, checked and sampled once for all runs that share it."""
     preflight.check(trajectory, period)
-    reference = trajectory.sample(np.arange(last + 1) * period)
-    poses = forward.poses_of(trajectory.robot, reference.position, np.array(guess))
-    return Motion(reference, poses)
+    return trajectory.sample(np.arange(last + 1) * period)

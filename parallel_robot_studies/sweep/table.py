@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_analysis.metrics import Metrics
+from parallel_robot_analysis.metrics import Metrics, Value, of_seen, of_true
 from parallel_robot_base.optional_library import optional
 from parallel_robot_base.scenario_file import stem
 from parallel_robot_studies.sweep.floor import Floor
@@ -21,25 +21,35 @@ IDENTITY = ('row', 'law', 'scenario', 'sample', 'seed', 'status', 'reason', 'lim
 Arrow = Any  # a pyarrow.Table; pyarrow is optional, and untyped
 
 
-def _reached(time: float | None) -> float:
-    """A time until a state is reached; infinite if it never is."""
-    return math.inf if time is None else time
+def _reached(value: Value) -> Callable[[Metrics], float]:
+    """A metric whose time until a state is reached is infinite if it never is."""
+
+    def number(found: Metrics) -> float:
+        known = value(found)
+        return math.inf if known is None else known
+
+    return number
 
 
-METRICS: dict[str, Callable[[Metrics], float]] = {  # column to value; NaN is written as null
-    'duration_s': lambda m: m.duration_s,
-    'to_1_mm_s': lambda m: _reached(m.transient.to_1_mm_s),
-    'to_0_1_mm_s': lambda m: _reached(m.transient.to_0_1_mm_s),
+OF_MOTION: dict[str, Value] = {
+    'to_1_mm_s': lambda m: m.transient.to_1_mm_s,
+    'to_0_1_mm_s': lambda m: m.transient.to_0_1_mm_s,
     'xy_rms_m': lambda m: m.steady.xy_rms_m,
     'xy_max_m': lambda m: m.steady.xy_max_m,
     'joint_rms_rad': lambda m: m.steady.joint_rms_rad,
     'sync_rms_rad': lambda m: m.steady.sync_rms_rad,
+    'energy_j': lambda m: m.effort.energy_j,
+}
+METRICS: dict[str, Callable[[Metrics], float]] = {  # column to value; NaN is written as null
+    'duration_s': lambda m: m.duration_s,
+    **{name: _reached(of_true(of)) for name, of in OF_MOTION.items() if name != 'energy_j'},
     'torque_max_nm': lambda m: m.torque.max_nm,
     'torque_variation_nm_per_s': lambda m: m.torque.total_variation_nm_per_s,
     'chattering_nm': lambda m: m.torque.chattering_nm,
     'excess_chattering_nm': lambda m: m.effort.excess_chattering_nm,
     'torque_rms_nm': lambda m: m.effort.torque_rms_nm,
-    'energy_j': lambda m: m.effort.energy_j,
+    'energy_j': _reached(of_true(OF_MOTION['energy_j'])),
+    **{f'seen_{name}': _reached(of_seen(of)) for name, of in OF_MOTION.items()},
 }
 
 

@@ -1,0 +1,185 @@
+"""A run as its true motion and as the motion that is seen through sensors and nominal robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_model import poses as forward
+from parallel_robot_model.robots import RobotModel
+from parallel_robot_sim.messages import told_effort
+from parallel_robot_sim.simulation import Simulation
+
+# Parameters by which the joints that are told are not the true ones, see docs/noise.md.
+UNTRUE = ('sensor.position_noise', 'sensor.resolution', 'sensor.delay', 'sensor.jitter', 'hazards')
+AS_TOLD = (
+    'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
+)
+
+SATURATED = 'the motors were at their limit (plant.torque_limit, {0} N m) in {1} % of the samples'
+
+
+class Poses(NamedTuple):
+    """Poses by forward kinematics of the joints.
+
+    Attributes:
+        actual: Poses of the joints, shape (N, m).
+        reference: Poses of the desired joints, shape (N, m).
+        planar: Whether they begin with x and y [m] in a plane, so that distances are defined.
+    """
+
+    actual: np.ndarray
+    reference: np.ndarray
+    planar: bool = True
+
+
+class Moved(NamedTuple):
+    """A motion of which metrics are computed.
+
+    Attributes:
+        time: Since t = 0 [s], shape (N,).
+        position: Actuated joints [rad], shape (N, n).
+        reference_position: Their desired positions [rad], shape (N, n).
+        effort: Torque of the motors during the step that ended at each sample [N m], shape (N, n).
+        poses: Poses of the robot.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    reference_position: np.ndarray
+    effort: np.ndarray
+    poses: Poses
+
+    def between(self, begin: float, end: float) -> Moved:
+        """The part from one time on, up to another one [s]."""
+        rows = slice(*np.searchsorted(self.time, [begin, end]))
+        actual, reference, planar = self.poses
+        return Moved(
+            self.time[rows],
+            self.position[rows],
+            self.reference_position[rows],
+            self.effort[rows],
+            Poses(actual[rows], reference[rows], planar),
+        )
+
+
+class Motions(NamedTuple):
+    """A run as it was, and as it was seen.
+
+    Attributes:
+        true: The motion of the plant; None where the plant is not known, as that of a real robot.
+        seen: What sensors and the nominal robot make of it; None where that is the true motion,
+            or has no poses.
+    """
+
+    true: Moved | None
+    seen: Moved | None
+
+    @property
+    def best(self) -> Moved:
+        """The true motion where it is known, else the one that was seen."""
+        found = self.seen if self.true is None else self.true
+        assert found is not None
+        return found
+
+    def between(self, begin: float, end: float) -> Motions:
+        """The part from one time on, up to another one [s]."""
+        true, seen = (each and each.between(begin, end) for each in self)
+        return Motions(true, seen)
+
+
+def untrue(values: Mapping[str, Any]) -> list[str]:
+    """Parameters of a resolved configuration by which told joints are not the true ones."""
+    return [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0), object) != 0.0)]
+
+
+def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
+    """A line that says for how long the motors of the plant gave all they can, if they did.
+
+    Args:
+        values: The resolved configuration.
+        effort: Torques of the motors [N m], shape (N, n).
+    """
+    limit = np.asarray(values['plant.torque_limit'], np.float64)
+    if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
+        return []
+    share = float(np.mean((np.abs(effort) >= limit).any(axis=1)))
+    if not share:
+        return []
+    told = ', '.join(f'{each:g}' for each in np.unique(limit))
+    return [SATURATED.format(told, f'{100.0 * share:.3g}')]
+
+
+def told_remarks(values: Mapping[str, Any]) -> list[str]:
+    """A line that says that the joints of a run are not the true ones, if they are not."""
+    hidden = untrue(values)
+    return [AS_TOLD.format(', '.join(hidden))] if hidden else []
+
+
+def poses_of(
+    desired: RobotModel, actual: RobotModel, guess: Array, reference: Array, position: Array
+) -> Poses:
+    """Poses of a motion.
+
+    Args:
+        desired: The nominal robot, for which the references are.
+        actual: The robot whose joints they are: the true one, or the nominal one for what is seen.
+        guess: Pose from which forward kinematics starts, shape (m,).
+        reference: Desired positions of the joints [rad], shape (N, n).
+        position: The joints [rad], shape (N, n).
+
+    Raises:
+        KinematicsError: a sample has no pose in the assembly mode of the guess.
+    """
+    wanted = forward.poses_of(desired, reference, guess)
+    return Poses(forward.poses_of(actual, position, wanted[0]), wanted, desired.module.PLANAR)
+
+
+def of_simulation(made: Simulation) -> Motions:
+    """The motions of a simulation, to the last bit those of its bag.
+
+    Raises:
+        KinematicsError: a sample of the true motion has no pose.
+    """
+    nominal, true = made.configuration.control.robot, made.configuration.plant.robot
+    guess = np.array(made.configuration.control.guess)
+    run, rows = made.run, slice(made.run.steps)
+    joints, wanted = run.joints[rows], made.reference.position[rows]
+    time = made.experiment.loop.period_ns * np.arange(run.steps) / NANOSECONDS  # as stamps tell
+    poses = poses_of(nominal, true, guess, wanted, joints)
+    moved = Moved(time, joints, wanted, run.effort[rows], poses)
+    exact = not untrue(made.configuration.values)
+    if exact and nominal.parameters == true.parameters:
+        return Motions(moved, None)
+    told = moved if exact else _told(made)
+    try:
+        poses = poses_of(nominal, nominal, guess, told.reference_position, told.position)
+    except KinematicsError:
+        return Motions(moved, None)
+    return Motions(moved, told._replace(poses=poses))
+
+
+def _told(made: Simulation) -> Moved:
+    """The joints of a simulation as their messages tell them, without their poses."""
+    run, tick, desired = made.run, made.experiment.loop.period_ns, made.reference
+    heard = made.course.heard.head(run.steps)
+    late, rows = round(made.age * NANOSECONDS / tick), np.flatnonzero(heard.answered)
+    measured = rows - heard.late[rows]
+    known = np.maximum(measured - late, 0)  # the newest reference at the stamp, or the first
+    reference = extrapolate_rows(
+        tick * (measured - late - known),
+        *(getattr(desired, name)[known] for name in ('position', 'velocity', 'acceleration')),
+    )
+    return Moved(
+        tick * (measured - late) / NANOSECONDS,
+        run.position[rows],
+        reference.position,
+        told_effort(run.effort[: run.steps], late)[measured],
+        Poses(run.pose[:0], run.pose[:0]),
+    )

@@ -1,0 +1,142 @@
+"""The plant once more under torques that are known: the true motion behind a bag."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_base.arrays import Array
+from parallel_robot_base.fields import PerJoint
+from parallel_robot_compiler import FirstClass, kernel, read_row, write_row
+from parallel_robot_control.cycle import is_finite
+from parallel_robot_sim.assembly import assemble_plant
+from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.course import Heard, course_of
+from parallel_robot_sim.hazards import commanded, told
+from parallel_robot_sim.imperfections import ActuatorParameters
+from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
+from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from parallel_robot_sim.sensors import sensed
+from trajectory_gen.trajectory import Reference
+
+
+class Again(NamedTuple):
+    """What a plant did, one row for each sample.
+
+    Attributes:
+        joints: Actuated joints as they were [rad], shape (N, n).
+        told: The same as its states told them [rad], shape (N, n).
+        effort: Torque of the motors during the step that ended at the sample [N m], shape (N, n).
+        heard: Which states were told and answered.
+    """
+
+    joints: Array
+    told: Array
+    effort: Array
+    heard: Heard
+
+
+def under_commands(
+    configuration: PlantConfiguration, commands: Array, reference: Reference
+) -> Again | None:
+    """What a plant did under the commands of a controller that answered in step.
+
+    Args:
+        configuration: The plant.
+        commands: Answers to the states that hazards left to be answered, in order [N m],
+            shape (M, n).
+        reference: Desired motion, one sample per period, shape (N, n).
+
+    Returns:
+        What it did; None where there are not as many commands.
+
+    Raises:
+        InputError: the plant cannot be put together.
+    """
+    plant, period = assemble_plant(configuration), configuration.loop.period
+    heard = course_of(plant, reference, period).heard
+    rows = np.flatnonzero(heard.answered)
+    if not len(rows) - 1 <= len(commands) <= len(rows):  # that to the last state may be missing
+        return None
+    torque = np.zeros_like(reference.position)
+    since = np.searchsorted(rows, np.arange(len(torque)), side='right')
+    torque[since > 0] = commands[np.minimum(since[since > 0], len(commands)) - 1]
+    return Again(*_moved_by(plant.setup, plant.state, heard, torque, period), heard)
+
+
+def under_torques(configuration: PlantConfiguration, effort: Array, reference: Reference) -> Again:
+    """What a plant did, from the torques of its motors.
+
+    Args:
+        configuration: The plant.
+        effort: Torque of the step that ended at each sample [N m], shape (N, n).
+        reference: Desired motion, one sample per period, shape (N, n).
+
+    Raises:
+        InputError: the plant cannot be put together.
+    """
+    n = effort.shape[1]
+    none, whole = PerJoint((0.0,) * n), PerJoint((1.0,) * n)
+    ideal = ActuatorParameters(none, none, none, 0.0, 0.0, whole, none, 0.0)
+    plant = assemble_plant(
+        configuration._replace(
+            parameters=configuration.parameters._replace(torque_limit=PerJoint((math.inf,) * n)),
+            imperfections=configuration.imperfections._replace(actuator=ideal),
+        )
+    )
+    period = configuration.loop.period
+    heard = course_of(plant, reference, period).heard
+    torque = np.vstack([effort[1:], effort[-1:]])
+    return Again(*_moved_by(plant.setup, plant.state, heard, torque, period), heard)
+
+
+def _moved_by(
+    setup: PlantSetup, state: PlantState, heard: Heard, torque: Array, period: float
+) -> tuple[Array, Array, Array]:
+    waiting = not_waiting(torque.shape[1])
+    value = FirstClass(step, setup, state, state.torque, period)
+    found: tuple[Array, Array, Array] = _loop(
+        value, setup, state, heard.told, heard.answered, waiting, torque, period
+    )
+    return found
+
+
+@kernel
+def _loop(
+    step: Any,
+    plant: PlantSetup,
+    state: PlantState,
+    is_told: NDArray[np.bool_],
+    answered: NDArray[np.bool_],
+    waiting: Waiting,
+    torque: Array,
+    period: float,
+) -> tuple[Array, Array, Array]:
+    """Joints, what is told of them, and torques: as in closed_loop, without a controller."""
+    row = state.torque
+    joints, seen, effort = np.empty_like(torque), np.empty_like(torque), np.empty_like(torque)
+    for k in range(len(torque)):
+        true = plant.measure(plant.robot, state.coordinates, state.rate)
+        if not is_finite(true.velocity):
+            return joints[:k], seen[:k], effort[:k]
+        angles, rates = true.position, true.velocity
+        if plant.imperfections.on:
+            angles, rates = sensed(plant, true, state.time, period)
+        if plant.hazards.on:
+            said = told(plant.hazards, k, angles, rates, state.torque)
+            if is_told[k]:
+                angles = said[0]
+        write_row(joints, k, true.position)
+        write_row(seen, k, angles)
+        write_row(effort, k, state.torque)
+        asked = read_row(torque, k, row)
+        if plant.hazards.on:
+            came, newest = commanded(plant.hazards, k, answered[k], asked, waiting)
+            asked, waiting = waited(
+                plant.patience, waiting, came, newest, true.position, true.velocity
+            )
+        state = step(plant, state, asked, period)
+    return joints, seen, effort

@@ -1,0 +1,88 @@
+"""A run has one set of figures, whoever prints them: commands, studies, Python."""
+
+import itertools
+import json
+
+import pytest
+
+from parallel_robot_analysis import metrics
+from parallel_robot_analysis.readable_metrics import AS_SEEN, METRICS, as_data, brief, defined
+from parallel_robot_analysis.report.runs import read_runs
+from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands import simulate as command
+from parallel_robot_studies import notebook
+from parallel_robot_studies.sweep import table
+from parallel_robot_studies.sweep.run_chunk import run_chunk
+
+LAWS = ('s_fotsmc', 'computed_torque', 'pid')
+SENSED = (
+    {},
+    {'sensor.delay': 2e-3, 'sensor.position_noise': 1e-5},
+    {'sensor.delay': 3e-3, 'sensor.stamp': 'measured', 'actuator.lag': 1e-3},
+    {'sensor.resolution': 1e-5, 'sensor.jitter': 2e-3, 'actuator.delay': 1e-3, 'seed': 3},
+    {'hazards': ['motors_clipped limit 0.4 at 0.05 for 0.05', 'states_lost at 0.12 for 0.01']},
+)
+BUILT = {
+    'paper_circle': ({'true_robot.l1': 0.4005}, {'friction.coulomb': 0.05}),
+    'serial_2r_circle': ({'true_robot.l2': 0.4001}, {'plant.integrator': 'rk4'}),
+}
+MIXES = [
+    (scenario, LAWS[k % len(LAWS)], {**sensed, **built})
+    for k, (scenario, sensed) in enumerate(itertools.product(BUILT, SENSED))
+    for built in ({}, *BUILT[scenario])
+]
+assert len(MIXES) == 30
+
+
+@pytest.mark.parametrize(('scenario', 'law', 'values'), MIXES)
+def test_a_run_has_one_set_of_figures(scenario, law, values, tmp_path, capsys):
+    run = notebook.simulate(scenario, law=law, duration=0.2, **values)
+    found = notebook.metrics(run)
+    bag = tmp_path / 'bag'
+    notebook.save(run, bag)
+    lines = brief(
+        found._replace(effort=found.effort._replace(excess_chattering_nm=float('nan'))), {}
+    )
+    # simulate
+    assert command.evaluate(run.simulation)[1:] == lines
+    # metrics(load()), report
+    for other in (notebook.metrics(notebook.load(bag)), *_reported(bag)):
+        for metric in defined(METRICS, other):
+            assert metric.value(other) == metric.value(found), metric.name
+        missing = set(defined(METRICS, found)) - set(defined(METRICS, other))
+        assert {metric.name for metric in missing} <= {'excess chattering'}
+    # sweep
+    [outcome] = run_chunk([run.simulation.configuration])
+    for name, of in table.METRICS.items():
+        assert of(outcome.metrics) == pytest.approx(of(found), nan_ok=True, rel=0, abs=0), name
+    # analyze, as text and as JSON
+    assert main(['analyze', str(bag), '--json', str(tmp_path / 'found.json')]) == 0
+    data = json.loads((tmp_path / 'found.json').read_text())
+    expected = as_data(found)
+    del expected['effort']['excess_chattering_nm']
+    assert {key: data[key] for key in expected} == expected
+    assert ('seen' in data) == (found.seen is not None)
+
+
+def _reported(bag):
+    return [one.metrics for runs in read_runs([bag]).values() for one in runs]
+
+
+def test_compare_has_the_same_figures(tmp_path, capsys):
+    values = {'sensor.delay': 2e-3, 'true_robot.l1': 0.4005}
+    out = tmp_path / 'found.json'
+    words = [word for key, value in values.items() for word in ('--set', f'{key}={value}')]
+    options = ['--laws', 'pid', '--duration', '0.2', '--json', str(out)]
+    assert main(['compare', 'paper_circle', *words, *options]) == 0
+    found = notebook.metrics(notebook.simulate('paper_circle', law='pid', duration=0.2, **values))
+    assert json.loads(out.read_text())['laws']['pid'] == as_data(found)
+    assert {AS_SEEN[2], AS_SEEN[4]} < set(defined(METRICS, found))
+
+
+def test_a_robot_of_another_geometry_is_as_far_away_as_it_is():
+    found = notebook.metrics(
+        notebook.simulate('paper_circle', duration=1, **{'true_robot.l1': 0.4005})
+    )
+    assert abs(found.steady.xy_rms_m - found.seen.steady.xy_rms_m) > 1e-5
+    assert found.source == metrics.TRUE
+    assert found.steady.joint_rms_rad == found.seen.steady.joint_rms_rad
