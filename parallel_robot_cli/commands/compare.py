@@ -14,6 +14,7 @@ from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.readable_metrics import METRICS, TRANSIENT, as_data, defined, shown
 from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
+from parallel_robot_base import assignments
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_cli.commands import simulate
 from parallel_robot_cli.commands.analyze import as_json
@@ -35,6 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if 'law' in assignments.parse(arguments.assignments):
+        raise InputError('--set law: compare has all laws, or those of --laws')
     values = resolve(arguments.scenario, simulate.overrides(arguments))
     scenario, known = str(values['scenario']), available(values['custom_laws'])
     laws = arguments.laws or list(known)

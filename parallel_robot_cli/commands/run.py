@@ -56,7 +56,7 @@ During = Callable[[NodeProcesses, 'Session', float], None]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    simulate.add_arguments(parser)
+    simulate.add_run_arguments(parser)
     parser.add_argument(
         '--time-mode',
         choices=['wall', 'lockstep'],
