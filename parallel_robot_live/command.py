@@ -14,6 +14,7 @@ from typing import Any
 from parallel_robot_bags import new_files
 from parallel_robot_bags.limits import MEMORY, add_memory_argument
 from parallel_robot_bags.trust import add_trust_argument
+from parallel_robot_base import discovery
 from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError, StoppedError
 from parallel_robot_base.namespaces import add_namespace_argument, full
@@ -129,7 +130,7 @@ def _foxglove(
             'Foxglove opens bags by itself: parallel_robot export BAG --foxglove makes one with '
             'the robot in it'
         )
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    discovery.prepare()
     try:
         with ExitStack() as stack:
             values = None
@@ -159,7 +160,7 @@ def _graph(
     """The graph that runs, or one that is started."""
     from parallel_robot_live.started_graph import started_graph
 
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    discovery.prepare()
     values = parameters = None
     if arguments.run is not None:
         namespace, changed = namespace or '', {'duration': 0.0, **changed}
