@@ -71,7 +71,9 @@ def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:
     if '--version' in words:
         from parallel_robot_bags.experiment import software  # slow to import
 
-        version = f'%(prog)s {software()["version"]}'
+        facts = software()
+        revision = f', revision {facts["revision"]}' if 'revision' in facts else ''
+        version = f'%(prog)s {facts["version"]}{revision}'
     else:
         version = ''
     help_text = 'show the version of the suite, and end'

@@ -375,7 +375,9 @@ def test_the_next_command_is_named_as_this_one_was_started(given, words, monkeyp
 def test_the_version_is_told(capsys):
     with pytest.raises(SystemExit, match='0'):
         main(['--version'])
-    assert capsys.readouterr().out == f'parallel_robot {software()["version"]}\n'
+    facts = software()
+    revision = f', revision {facts["revision"]}' if 'revision' in facts else ''
+    assert capsys.readouterr().out == f'parallel_robot {facts["version"]}{revision}\n'
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,9 @@ def execute(arguments: argparse.Namespace) -> int:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
         changed.pop(key, None)  # of a parameter file, which may be one for other runs
     namespace = full(arguments.namespace)
+    if arguments.live:
+        duration = resolve(arguments.scenario, changed)['duration']
+        print(f'the page ends with the run, after {duration:g} s', flush=True)
     with live_page(namespace) if arguments.live else contextlib.nullcontext():
         return record(arguments.scenario, changed, arguments.out, namespace)
 
