@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from parallel_robot_bags import arithmetic
 from parallel_robot_bags.custom_sources import named
 from parallel_robot_bags.limits import is_name
 from parallel_robot_base import config, plain_data
@@ -162,6 +163,8 @@ def software() -> dict[str, str]:
         'revision': _revision(Path(__file__).resolve().parents[1]),
         'python': platform.python_version(),
         'platform': platform.platform(),
+        'processor': arithmetic.processor(),
+        'arithmetic': arithmetic.fingerprint(),
         'libraries': ', '.join(f'{name} {number}' for name, number in libraries.items() if number),
     }
     return {name: text for name, text in facts.items() if text}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,13 +15,17 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def check(path: Path, option: str) -> None:
-    """Refuse a file that exists; the message names the option that chooses another.
+    """Refuse a file that exists, or whose directory does not; the message names the option.
 
     Raises:
-        InputError: it does.
+        InputError: it does, or the directory does not.
     """
     if path.exists() or path.is_symlink():
         raise InputError(f'{path} exists; nothing is overwritten, choose another {option}')
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        reason = os.strerror(errno.ENOTDIR if folder.exists() else errno.ENOENT)
+        raise InputError(f'cannot write {path}: {reason}')
 
 
 def write(path: Path, content: bytes | memoryview) -> None:

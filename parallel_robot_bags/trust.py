@@ -115,6 +115,8 @@ def _write(sources: Mapping[str, bytes], directory: Path) -> list[str]:
 def _noted() -> set[str]:
     """Digests of the files that the user trusts."""
     home = os.environ.get('XDG_CONFIG_HOME') or os.path.expanduser('~/.config')
+    if not os.path.isabs(home):  # as it is where there is no home
+        return set()
     try:
         lines = (Path(home) / TRUSTED).read_text(errors='replace').splitlines()
     except OSError:

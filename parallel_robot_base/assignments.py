@@ -6,6 +6,7 @@ from typing import Any
 
 import yaml
 
+from parallel_robot_base import yaml_file
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.printable import printable
 from parallel_robot_base.yaml_file import kind_of
@@ -23,10 +24,11 @@ def parse(assignments: list[str]) -> dict[str, Any]:
         if not equals or not key:
             raise InputError(f'--set takes KEY=VALUE, not {word!r}')
         try:
-            read = yaml.safe_load(value)
-        except (yaml.YAMLError, ValueError, RecursionError):  # ValueError: the 45th of a month
+            read = yaml.load(value, yaml_file.Loader)  # numbers as in a file
+        except (yaml.YAMLError, ValueError, RecursionError) as error:  # the 45th of a month
             shown = printable(value)
-            raise InputError(f'--set {key}: {shown!r} is not a YAML value') from None
+            why = f': {printable(error)}' if isinstance(error, ValueError) else ''
+            raise InputError(f'--set {key}: {shown!r} is not a YAML value{why}') from None
         if not isinstance(read, (bool, int, float, str, list, dict, type(None))):
             raise InputError(f'--set {key}: YAML reads {kind_of(read)}; quote {value}')
         values[key.strip()] = _number(read)

@@ -10,16 +10,18 @@ what is missing.
 from __future__ import annotations
 
 import contextlib
-import hashlib
+import logging
 import os
-import re
 import shutil
-import sys
 import time
-from importlib.metadata import version
 from pathlib import Path
 
-from parallel_robot_base.user_directory import is_private, user_directories
+from parallel_robot_base import code_version
+from parallel_robot_base.user_directory import (
+    MACHINE_CODE,
+    is_private,
+    machine_code_directories,
+)
 
 NOTICE = 'compiling; after an installation this takes about a minute, once'
 COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
@@ -27,11 +29,7 @@ KEPT = 5  # versions, this one included
 KEPT_CUSTOM = 100  # versions of custom files, for each of these
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 270  # approximate number of pieces of machine code after `make setup`
-SOURCES = (  # what kernels are made of
-    b'@kernel', b'@inner', b'@inlined', b'(NamedTuple)', b'numba.extending', b'@lower_builtin',
-)  # fmt: skip
 PREFIX = 'parallel_robot_custom_'  # prefix of the names of custom modules
-ROOM = re.compile('parallel_robot_[a-z]+|trajectory_gen')  # packages of the suite
 
 
 def directory() -> str:
@@ -40,8 +38,8 @@ def directory() -> str:
     Numba notices a change of the file of a kernel, but not of the kernels that it calls or of the
     order of the fields of a NamedTuple.
     """
-    version = _version()
-    for root in user_directories():
+    version = code_version.of_kernels()
+    for root in machine_code_directories():
         found = root / f'kernels_{version}'
         try:
             new = not found.exists()
@@ -53,8 +51,19 @@ def directory() -> str:
         if private and os.access(found, os.W_OK):
             if new:
                 prune(root)
+            _tell_if_unused(found)
             return str(found)
+    _tell_if_unused(Path())
     return ''
+
+
+def _tell_if_unused(found: Path) -> None:
+    """Say that machine code does not lie where the user wants it."""
+    chosen = os.environ.get(MACHINE_CODE)
+    if chosen and not found.is_relative_to(os.path.abspath(chosen)):
+        logging.getLogger('parallel_robot').warning(
+            f'{MACHINE_CODE}: {chosen} is not used, for you cannot write there, or others can'
+        )
 
 
 def marked(name: str) -> str | None:
@@ -79,7 +88,7 @@ def subdirectory(name: str) -> str:
 
 def custom(name: str) -> str:
     """Directory for machine code that depends on a custom module; its name has its hash."""
-    root = Path(OWN or os.environ['NUMBA_CACHE_DIR']) / 'custom'
+    root = Path(OWN) / 'custom'
     found = root / name
     with contextlib.suppress(OSError):
         if not found.exists():
@@ -110,32 +119,4 @@ def prune(root: Path, kept: int = KEPT) -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def is_source(file: Path) -> bool:
-    """Whether a file (absolute path) belongs to the suite."""
-    root = _root()
-    return file.is_relative_to(root) and bool(ROOM.fullmatch(file.relative_to(root).parts[0]))
-
-
-def _root() -> Path:
-    return Path(__file__).resolve().parents[1]
-
-
-def _version() -> str:
-    """Hash of the sources that the machine code depends on, and of what compiles them."""
-    digest = hashlib.sha256(f'{version("numba")} {sys.implementation.cache_tag}'.encode())
-    root = _root()
-    rooms = [
-        path
-        for path in root.iterdir()
-        if ROOM.fullmatch(path.name) and path.name != 'parallel_robot_ros'
-    ]
-    for path in sorted(path for room in rooms for path in room.rglob('*.py')):
-        if path.name.startswith('ros_') or path.name.endswith('_node.py'):
-            continue  # ROS code, which no kernel uses
-        content = path.read_bytes()
-        if any(mark in content for mark in SOURCES):
-            digest.update(path.relative_to(root).as_posix().encode() + b'\0' + content)
-    return digest.hexdigest()[:16]
-
-
-OWN = '' if os.environ.get('NUMBA_CACHE_DIR') else directory()
+OWN = directory()

@@ -17,6 +17,7 @@ from typing import Any
 
 from parallel_robot_base import cache_directory, trial_process
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.imported_sources import imported_sources
 from parallel_robot_base.tuple_classes import classes_of, distinguish
 
 Rehearse = Callable[[ModuleType], None]
@@ -49,7 +50,8 @@ def import_file(file: Path, source: bytes) -> ModuleType:
     # Numba tells tuples apart by the names of module and class: two files must not share one.
     # Machine code is kept under the name, too: copies share it, unless they look where they lie.
     place = bytes(file) + b'\0' if b'__file__' in source else b''
-    digest = hashlib.sha256(place + source).hexdigest()[:16]
+    content = place + source + imported_sources(source)
+    digest = hashlib.sha256(content).hexdigest()[:16]
     name = f'{cache_directory.PREFIX}{file.stem}_{digest}'
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None  # a .py file always has one

@@ -104,6 +104,7 @@ def _check(loop: LoopParameters) -> None:
         )
     if loop.last_index == 0:
         raise InputError(
-            f'duration must be 0 or at least one period, {loop.period:g} s, not {loop.duration:g}',
+            f'duration must be at least one period, {loop.period:g} s, not {loop.duration:g}; '
+            'for nodes, 0 is no end',
             'duration',
         )

@@ -7,12 +7,15 @@ directory whose files are executed. Numba has no setting against it, hence this 
 
 from __future__ import annotations
 
+import logging
+import os
 import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import CodeType, ModuleType
 
 MODULE, FILE = 'numba.core.config', '.numba_config.yaml'
+THREADS = 'NUMBA_NUM_THREADS'
 NONE = ''  # path of a file that does not exist
 
 
@@ -46,7 +49,15 @@ class _Finder:
 
 
 def take_from_environment_alone() -> None:
-    """Let Numba read no file, also where it was imported already; it is not imported here."""
+    """Let Numba read no file, also where it was imported already; it is not imported here.
+
+    A number of threads with which it cannot be imported is left out.
+    """
+    threads = os.environ.get(THREADS, '1')
+    if not threads.isdecimal() or not int(threads):
+        del os.environ[THREADS]
+        text = f'{THREADS} must be at least 1, not {threads!r}: it is left out'
+        logging.getLogger('parallel_robot').warning(text)
     config = sys.modules.get(MODULE)
     if config is None:
         sys.meta_path.insert(0, _Finder)

@@ -15,6 +15,7 @@ from typing import IO
 from parallel_robot_base.errors import RunError
 
 CACHE, STATE = 'XDG_CACHE_HOME', 'XDG_STATE_HOME'  # variables of the environment
+MACHINE_CODE = 'NUMBA_CACHE_DIR'  # likewise
 # Who owns what lies above; NOBODY in a container stands for any other user.
 ROOT, NOBODY = 0, 65534
 
@@ -28,17 +29,23 @@ def user_directories() -> Iterator[Path]:
     return _own_directories(CACHE, '~/.cache')
 
 
+def machine_code_directories() -> Iterator[Path]:
+    """The same for machine code: in MACHINE_CODE, where that is set, else in CACHE."""
+    return _own_directories(MACHINE_CODE, os.environ.get(CACHE) or '~/.cache')
+
+
 def state_directories() -> Iterator[Path]:
     """The same for what must outlive an emptied cache: in STATE, then a temporary one."""
     return _own_directories(STATE, '~/.local/state')
 
 
 def _own_directories(variable: str, usual: str) -> Iterator[Path]:
-    given = Path(os.environ.get(variable) or os.path.expanduser(usual))
-    for found in (
-        given / 'parallel_robot',
-        Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}',
-    ):
+    chosen = os.environ.get(variable)
+    given = os.path.abspath(chosen) if chosen else os.path.expanduser(usual)
+    places = [Path(given) / 'parallel_robot'] if os.path.isabs(given) else []  # there is a home
+    with contextlib.suppress(FileNotFoundError):  # there is no temporary directory
+        places.append(Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}')
+    for found in places:
         with contextlib.suppress(OSError):
             found.mkdir(mode=0o700, parents=True, exist_ok=True)
             if {found.lstat().st_uid, found.stat().st_uid} == {os.getuid()} and is_private(found):

@@ -29,6 +29,20 @@ FLOAT = (
 )
 Loader: Any = type('Loader', (LOADER,), {})
 Loader.add_implicit_resolver(*FLOAT)
+
+
+def _whole(loader: Any, node: Any) -> int:
+    """A whole number; one that YAML 1.1 takes for octal is hardly meant so."""
+    number: int = loader.construct_yaml_int(node)
+    digits = node.value.replace('_', '').lstrip('+-')
+    if digits.isdecimal() and int(digits) != abs(number):
+        raise ValueError(
+            f'{node.value} is octal for YAML, {number}; write {number} or {digits.lstrip("0")}'
+        )
+    return number
+
+
+Loader.add_constructor('tag:yaml.org,2002:int', _whole)
 Dumper: Any = type('Dumper', (yaml.SafeDumper,), {})
 Dumper.add_implicit_resolver(*FLOAT)
 

@@ -9,9 +9,12 @@ from functools import partial
 
 from parallel_robot_base.ending_signals import ending_signals
 
+STREAMS = {'stdin': 'r', 'stdout': 'w', 'stderr': 'w'}  # by their numbers
+
 
 def main() -> int:
     """Run the command line; returns its exit code."""
+    _open_standard_streams()
     try:
         if sys.argv[1:2] == ['node']:
             for number in ending_signals():  # until the node has its own handlers
@@ -27,6 +30,17 @@ def main() -> int:
         return command_line.main()
     except KeyboardInterrupt:
         return 130
+
+
+def _open_standard_streams() -> None:
+    """Open those that were closed, so that no file takes their place; what they get is lost."""
+    for number, (name, mode) in enumerate(STREAMS.items()):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115, to the end
 
 
 if __name__ == '__main__':

@@ -8,6 +8,7 @@ import logging
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
@@ -18,6 +19,7 @@ from parallel_robot_base.errors import (
     ParallelRobotError,
     StoppedError,
     UnknownNameError,
+    first_line,
 )
 from parallel_robot_base.options import Parser
 from parallel_robot_base.printable import printable
@@ -69,7 +71,9 @@ def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:
     if '--version' in words:
         from parallel_robot_bags.experiment import software  # slow to import
 
-        version = f'%(prog)s {software()["version"]}'
+        facts = software()
+        revision = f', revision {facts["revision"]}' if 'revision' in facts else ''
+        version = f'%(prog)s {facts["version"]}{revision}'
     else:
         version = ''
     help_text = 'show the version of the suite, and end'
@@ -93,6 +97,7 @@ def main(words: Sequence[str] | None = None) -> int:
         completion.complete(build_parser(completion.words()))
     words = sys.argv[1:] if words is None else words
     name = 'parallel_robot'
+    os.environ['MPLBACKEND'] = 'agg'  # pictures go into files
     spell(sys.stdout)
     try:
         if words and not words[0].startswith('-') and words[0] not in COMMANDS:
@@ -107,6 +112,7 @@ def main(words: Sequence[str] | None = None) -> int:
         raw = arguments.command in ('top', 'node')
         with contextlib.nullcontext() if raw else printable_output():
             code: int = module_of(arguments.command).execute(arguments)
+        sys.stdout.flush()
     except ParallelRobotError as error:
         text = printable(str(error).replace('\n', ' '), LONGEST_LINE)
         print(f'{name}: {text}', file=sys.stderr)
@@ -121,7 +127,17 @@ def main(words: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except ImportError as error:
+        *_, last = traceback.walk_tb(error.__traceback__)
+        where = last[0].f_code.co_filename
+        print(f'{name}: {first_line(error)} ({where}); is PYTHONPATH right?', file=sys.stderr)
+        return 1
     except OSError as error:
+        if error.errno == errno.ENOSPC:  # of the output: files have messages of their own
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            with contextlib.suppress(OSError):
+                print(f'{name}: the output is full: {error.strerror}', file=sys.stderr)
+            return 1
         if error.errno != errno.EIO:  # the terminal has been closed
             raise
         for descriptor in (1, 2):

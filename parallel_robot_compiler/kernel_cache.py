@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_base import cache_directory
+from parallel_robot_base import cache_directory, code_version
 from parallel_robot_base.cache_directory import NOTICE, PREFIX
 from parallel_robot_base.user_directory import is_private
 from parallel_robot_compiler.numba_parts import (
@@ -48,15 +48,14 @@ class _Place(_CacheLocator):  # type: ignore[misc]
         file = Path(inspect.getfile(function)).resolve()
         self._line = function.__code__.co_firstlineno
         own = cache_directory.OWN
-        if own and cache_directory.is_source(file):
+        if code_version.is_source(file):
             self._path = os.path.join(own, function.__module__)
             self._stamp = ''  # the directory depends on it already
         elif function.__module__.startswith(PREFIX):
             self._path, self._stamp = cache_directory.custom(function.__module__), ''
         else:
             folder = hashlib.sha256(bytes(file.parent)).hexdigest()[:16]
-            root = own or os.environ['NUMBA_CACHE_DIR']
-            self._path = os.path.join(root, f'{file.stem}_{folder}')
+            self._path = os.path.join(own, f'{file.stem}_{folder}')
             self._stamp = hashlib.sha256(file.read_bytes()).hexdigest()
 
     def get_cache_path(self) -> str:
@@ -195,7 +194,7 @@ class NoCache(NullCache):  # type: ignore[misc]
 
 def cache_of(function: Any) -> KernelCache | NoCache:
     """The cache of a function; one that keeps nothing where there is no place for it."""
-    if cache_directory.OWN or os.environ.get('NUMBA_CACHE_DIR'):
+    if cache_directory.OWN:
         with contextlib.suppress(OSError):
             return KernelCache(function)
     return NoCache()
@@ -209,7 +208,7 @@ def _check_private(folder: str) -> None:
         PermissionError: one could.
     """
     if not is_private(folder):
-        _warn(os.environ.get('NUMBA_CACHE_DIR') or folder)
+        _warn(folder)
         raise PermissionError(folder)
 
 

@@ -11,14 +11,16 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_bags.limits import add_memory_argument
+from parallel_robot_bags import new_files
+from parallel_robot_bags.limits import MEMORY, add_memory_argument
 from parallel_robot_bags.trust import add_trust_argument
+from parallel_robot_base import discovery
 from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError, StoppedError
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_cli.commands.simulate import add_set_argument, given
 
-HOST, PORT = '127.0.0.1', 8080
+HOST, PORT, OUT = '127.0.0.1', 8080, Path('runs')
 NICE = 5  # the loop goes first
 Wait = Callable[[], None]
 
@@ -60,9 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out',
         type=Path,
-        default=Path('runs'),
         metavar='DIR',
-        help='where the page puts the bags that it records, default: runs',
+        help=f'where the page puts the bags that it records, default: {OUT}',
     )
     add_trust_argument(parser)
     add_memory_argument(parser)
@@ -76,6 +77,19 @@ def execute(arguments: argparse.Namespace) -> int:
             changed[option] = getattr(arguments, option)
     if changed and arguments.run is None:
         raise InputError(f'{next(iter(changed))} can be set with --run alone')
+    if arguments.bag is None:
+        for option, given_ in (
+            ('--trust', arguments.trust),
+            ('--max-memory', arguments.max_memory != MEMORY),
+        ):
+            if given_:
+                raise InputError(f'{option} goes with --bag alone')
+    elif arguments.namespace is not None:
+        raise InputError('--namespace is that of a graph, not of a --bag')
+    if arguments.out is not None and (arguments.bag is not None or arguments.foxglove):
+        raise InputError('--out: only the page of a graph records')
+    if arguments.out is not None:
+        new_files.check_directory(arguments.out / 'recorded')
     if arguments.port is not None and not 0 <= arguments.port < 1 << 16:
         raise InputError(f'--port must be from 0 to 65535, not {arguments.port}')
     namespace = full(arguments.namespace) if arguments.namespace is not None else None
@@ -116,7 +130,7 @@ def _foxglove(
             'Foxglove opens bags by itself: parallel_robot export BAG --foxglove makes one with '
             'the robot in it'
         )
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    discovery.prepare()
     try:
         with ExitStack() as stack:
             values = None
@@ -146,7 +160,7 @@ def _graph(
     """The graph that runs, or one that is started."""
     from parallel_robot_live.started_graph import started_graph
 
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    discovery.prepare()
     values = parameters = None
     if arguments.run is not None:
         namespace, changed = namespace or '', {'duration': 0.0, **changed}
@@ -158,7 +172,7 @@ def _graph(
     from parallel_robot_live.recording import Recording
     from parallel_robot_live.ros_live_graph import LiveGraph  # needs ROS, after the forks
 
-    recording = stack.enter_context(Recording(arguments.out, parameters))
+    recording = stack.enter_context(Recording(arguments.out or OUT, parameters))
     robots = Robots()
     graph = stack.enter_context(LiveGraph(robots))
     return GraphSource(graph, robots, recording, namespace, values)

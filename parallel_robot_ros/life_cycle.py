@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.logging import LoggingSeverity
@@ -60,7 +61,7 @@ def run_node(
     try:
         given = arguments.read(make, sys.argv, add_arguments)
         transport_choice = middleware.asked(sys.argv)
-        with middleware.transport(transport_choice) as transport:
+        with middleware.explained(), middleware.transport(transport_choice) as transport:
             _initialise()
             node = make(**given)
         middleware.check(node.loop.middleware, transport_choice)
@@ -100,6 +101,8 @@ def _initialise() -> None:
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # base of every error that rcl raises about its arguments
+        if type(error) is RCLError:  # about the environment
+            raise
         raise InputError(str(error).splitlines()[0]) from None
 
 

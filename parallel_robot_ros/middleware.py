@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import itertools
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import yaml
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from parallel_robot_base import config
+from parallel_robot_base.discovery import LOCALHOST_ONLY, RANGE
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.plain_data import LOADER
 
 KEY = 'middleware'
-RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'  # deprecated; 1 means the range LOCALHOST, whatever RANGE is
 PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 USER_VARIABLES = (  # with which users set up Fast DDS
@@ -34,6 +35,11 @@ USER_VARIABLES = (  # with which users set up Fast DDS
     'ROS_DISCOVERY_SERVER',
     'ROS_STATIC_PEERS',
 )
+LOG_PLACES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')  # in this order
+HINTS = {  # by a part of what the middleware says
+    'log': '; ROS_LOG_DIR names a directory for its log, which you can write',
+    'peer': '; ROS_STATIC_PEERS names hosts that are known here',
+}
 USER_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it in the current directory
 
 
@@ -65,6 +71,25 @@ def check(value: str, expected: str) -> None:
             f'{KEY} is {value}, which was not known when the node chose {expected}: '
             f'set it by -p {KEY}:={value}'
         )
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Say in one line why the middleware cannot start, and which variable is to be changed.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if not any(map(os.environ.get, LOG_PLACES)):
+        raise InputError('ROS has no directory for its log: set ROS_LOG_DIR, or HOME')
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings('ignore', 'Failed to fini')  # it follows from the error
+            yield
+    except RCLError as error:
+        text = ' '.join(str(error).split())
+        hints = (hint for part, hint in HINTS.items() if part in text)
+        raise InputError(f'ROS does not start: {text}{next(hints, "")}') from None
 
 
 @contextmanager

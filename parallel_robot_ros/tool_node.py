@@ -27,7 +27,7 @@ def tool_node(name: str, transport: str = 'default', **options: Any) -> Iterator
     """
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
-        with middleware.transport(transport):
+        with middleware.explained(), middleware.transport(transport):
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             node = rclpy.create_node(name, **options)
         stack.callback(node.destroy_node)

@@ -25,7 +25,8 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 PROCESSES = (  # tests that start processes
     *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
-    *('custom_trajectories', 'docs', 'empty_graph', 'first_power_up', 'forked_process'),
+    *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
+    *('first_power_up', 'forked_process'),
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
     *('joins', 'kernel_cache', 'life_cycle'),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),

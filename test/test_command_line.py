@@ -230,7 +230,7 @@ def test_settings_are_used_and_recorded(bag, tmp_path):
         '--set',
         's_fotsmc.G=1e1',
         '--set',
-        'friction.coulomb=[0, 0.5, 1]',
+        'friction.coulomb=[0, 5e-1, 1]',
         '--law',
         's_fotsmc',
     ]
@@ -268,7 +268,8 @@ def test_help_names_every_command(capsys):
         ('hold.pose=nonsense', 'hold.pose must be a list of numbers'),
         ('pid.Kp=.nan', 'pid.Kp must be finite'),
         ('period=0.003', 'period must divide 0.01 s'),
-        ('duration=1e-9', 'duration must be 0 or at least one period'),
+        ('duration=1e-9', 'duration must be at least one period, 0.001 s, not 1e-09'),
+        ('seed=010', '010 is octal for YAML, 8; write 8 or 10'),
     ],
 )
 def test_keys_that_are_not_used_are_checked_too(assignment, message, tmp_path, capsys):
@@ -375,7 +376,9 @@ def test_the_next_command_is_named_as_this_one_was_started(given, words, monkeyp
 def test_the_version_is_told(capsys):
     with pytest.raises(SystemExit, match='0'):
         main(['--version'])
-    assert capsys.readouterr().out == f'parallel_robot {software()["version"]}\n'
+    facts = software()
+    revision = f', revision {facts["revision"]}' if 'revision' in facts else ''
+    assert capsys.readouterr().out == f'parallel_robot {facts["version"]}{revision}\n'
 
 
 @pytest.mark.parametrize(

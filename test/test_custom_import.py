@@ -1,5 +1,6 @@
 """A file of a user's that ends its process or hangs: one line, in every command."""
 
+import hashlib
 import logging
 import os
 import re
@@ -213,3 +214,24 @@ def test_copies_share_machine_code_unless_they_look_where_they_lie(tmp_path, mon
     assert name('a', 'data', texts['data']) != name('b', 'data', texts['data'])
     assert name('a', 'law', texts['law']) != name('a', 'law', texts['law'] + '\n')
     assert name('a', 'law', texts['law']) != name('a', 'wal', texts['law'])
+
+
+def test_what_a_file_imports_of_the_users_own_is_a_part_of_it(tmp_path, monkeypatch):
+    """Else machine code would be that of the file as it was with another helper."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / 'tools').mkdir()
+    (tmp_path / 'tools' / '__init__.py').write_text('from tools.deep import FACTOR\n')
+    (tmp_path / 'helper_of_law.py').write_text('import numpy\nfrom tools import FACTOR\n')
+    source = b'import os\nimport numpy as np\nfrom helper_of_law import FACTOR\n'
+    file, names = tmp_path / 'law.py', []
+    for factor in (1, 1, 2):
+        (tmp_path / 'tools' / 'deep.py').write_text(f'FACTOR = {factor}.0\n')
+        for name in ('tools', 'tools.deep', 'helper_of_law'):
+            sys.modules.pop(name, None)
+        names.append(custom_import.import_file(file, source).__name__)
+    assert names[0] == names[1] != names[2]
+    (tmp_path / 'tools' / 'deep.py').write_text('FACTOR = 3.0\n')  # it is imported as it was
+    assert custom_import.import_file(file, source).__name__ == names[2]
+    plain = custom_import.import_file(file, b'import os\nimport numpy\n').__name__
+    digest = hashlib.sha256(b'import os\nimport numpy\n').hexdigest()
+    assert plain.endswith(digest[:16])  # as before: what is installed does not count

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base import cache_directory
+from parallel_robot_base import cache_directory, code_version
 from parallel_robot_compiler import FirstClass, kernel, kernel_cache
 
 ROOT = Path(__file__).parents[1]
@@ -27,8 +27,9 @@ def tree(tmp_path, monkeypatch):
     (tmp_path / 'trajectory_gen' / 'circle.py').write_text('@kernel\ndef f(): return 1\n')
     groups = 'class Robot(NamedTuple):\n    m1: float\n    m2: float\n'
     (tmp_path / 'parallel_robot_model' / 'parameters.py').write_text(groups)
-    file = tmp_path / 'parallel_robot_base' / 'cache_directory.py'
-    monkeypatch.setattr(cache_directory, '__file__', str(file))
+    file = tmp_path / 'parallel_robot_base' / 'code_version.py'
+    monkeypatch.setattr(code_version, '__file__', str(file))
+    monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     return tmp_path
 
@@ -56,6 +57,36 @@ def test_changed_sources_have_another_cache(tree, name, content):
     assert cache_directory.directory() == before
     (tree / name).write_text(content)
     assert cache_directory.directory() != before
+
+
+def test_a_constant_that_kernels_import_is_a_part_of_them(tree):
+    base = tree / 'parallel_robot_base'
+    for name in ('units', 'factors', 'text'):
+        (base / f'{name}.py').write_text('A = 1\n')
+    (base / 'units.py').write_text('from parallel_robot_base.factors import A\n')
+    code = 'from parallel_robot_base.units import (\n    A,\n)\n@kernel\ndef f(): return A\n'
+    (tree / 'trajectory_gen' / 'circle.py').write_text(code)
+    before = cache_directory.directory(), code_version.of_suite.__wrapped__()
+    (base / 'text.py').write_text('A = 2\n')
+    assert cache_directory.directory() == before[0]
+    assert code_version.of_suite.__wrapped__() != before[1]
+    (base / 'factors.py').write_text('A = 2\n')
+    assert cache_directory.directory() != before[0]
+
+
+@pytest.mark.parametrize('name', code_version.SETTINGS)
+def test_another_setting_of_numba_is_other_machine_code(name, tree, monkeypatch):
+    before = cache_directory.directory()
+    monkeypatch.setenv(name, '1')
+    assert cache_directory.directory() != before
+
+
+def test_where_machine_code_lies_does_not_say_which_code_this_is():
+    code = 'from parallel_robot_studies.sweep.tasks import version; print(version())'
+    found = {
+        print_in_python(code, ROOT, NUMBA_CACHE_DIR=str(place)) for place in ('', '/dev/null')
+    }
+    assert len(found) == 1 and code_version.of_suite() in found.pop()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
@@ -114,8 +145,8 @@ def test_copies_of_the_same_sources_share_a_cache(tree, tmp_path_factory, monkey
     first = cache_directory.directory()
     other = tmp_path_factory.mktemp('other') / 'clone'
     shutil.copytree(tree, other, ignore=shutil.ignore_patterns('cache'))
-    file = other / 'parallel_robot_base' / 'cache_directory.py'
-    monkeypatch.setattr(cache_directory, '__file__', str(file))
+    file = other / 'parallel_robot_base' / 'code_version.py'
+    monkeypatch.setattr(code_version, '__file__', str(file))
     assert cache_directory.directory() == first
     (other / 'trajectory_gen' / 'circle.py').rename(other / 'trajectory_gen' / 'ring.py')
     assert cache_directory.directory() != first  # machine code names the modules of its types
@@ -214,8 +245,26 @@ def print_in_python(code, folder, **environment):
 
 
 def test_the_users_own_cache_directory_is_respected(tmp_path):
-    found = print_in_python(WHERE, ROOT, NUMBA_CACHE_DIR=str(tmp_path))
-    assert Path(found).parent == tmp_path
+    found = Path(print_in_python(WHERE, ROOT, NUMBA_CACHE_DIR=str(tmp_path)))
+    assert found.is_relative_to(tmp_path) and found.parent.name.startswith('kernels_')
+
+
+def test_a_directory_that_the_user_has_chosen_holds_no_other_version(tree, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tree / 'chosen'))
+    (tree / 'chosen' / 'of_others').mkdir(parents=True)
+    old = time.time() - 2.0 * cache_directory.UNUSED
+    os.utime(tree / 'chosen' / 'of_others', (old, old))
+    found = versions(tree, 2)
+    assert found[0] != found[1]
+    assert all(path.is_relative_to(tree / 'chosen') for path in found)
+    assert (tree / 'chosen' / 'of_others').exists()
+
+
+def test_a_directory_that_cannot_be_used_is_named(tree, monkeypatch, caplog):
+    (tree / 'file').write_text('')
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tree / 'file'))
+    assert not Path(cache_directory.directory()).is_relative_to(tree / 'file')
+    assert f'NUMBA_CACHE_DIR: {tree / "file"} is not used' in caplog.text
 
 
 @pytest.mark.parametrize('how', ['numba', 'own'])

@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from rclpy._rclpy_pybind11 import RCLError
 
 from parallel_robot_base.errors import InputError
 from parallel_robot_ros import middleware
@@ -123,3 +124,24 @@ def test_a_value_that_comes_too_late_is_refused():
     middleware.check('udp', 'udp')
     with pytest.raises(InputError, match='-p middleware:=default'):
         middleware.check('default', 'udp')
+
+
+@pytest.mark.parametrize(
+    ('said', 'hint'),
+    [
+        ("failed to initialize logging: Failed to create log directory '/x'", 'ROS_LOG_DIR'),
+        ('error creating node: Unable to resolve peer nobody\n, at here', 'ROS_STATIC_PEERS'),
+    ],
+)
+def test_a_middleware_that_does_not_start_says_why_in_one_line(said, hint):
+    with pytest.raises(InputError) as caught, middleware.explained():
+        raise RCLError(said)
+    assert ' '.join(said.split()) in str(caught.value) and hint in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_log_without_a_place_is_told_before_rcl_does(monkeypatch):
+    for name in middleware.LOG_PLACES:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(InputError, match='set ROS_LOG_DIR'), middleware.explained():
+        pass

@@ -87,6 +87,19 @@ def test_what_a_command_reads_was_made_before(page):
             made |= set(written)
 
 
+def test_whoever_follows_two_pages_is_not_refused():
+    """No two pages write to one place, unless by the same command, which goes on then."""
+    made = {}
+    for page, text in PAGES.items():
+        for block in re.findall(r'```bash\n(.*?)```', text, re.DOTALL):
+            for line in block.replace('\\\n', ' ').splitlines():
+                command = ' '.join(line.split('#')[0].split())
+                for place in re.findall(rf'{WRITES} ?(runs/[\w./]+)', command):
+                    first = made.setdefault(place, (page, command))
+                    continued = 'sweep' in command and first[1] == command
+                    assert first[0] == page or continued, (place, page.name, first)
+
+
 def test_the_readme_is_short_and_shows_the_robot_before_any_table():
     lines = README.splitlines()
     assert len(lines) <= 115

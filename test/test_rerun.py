@@ -9,7 +9,7 @@ from bags import content
 from mcap.reader import make_reader
 from test_replay import live, switch
 
-from parallel_robot_bags import history, limits, run_log
+from parallel_robot_bags import arithmetic, history, limits, run_log
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_bags.record_names import MISSING
 from parallel_robot_bags.recorder import Recorder
@@ -195,6 +195,24 @@ def test_a_bag_of_another_version_and_a_difference(tmp_path, capsys, monkeypatch
     assert 'differs: first on /pose' in out
     assert err.startswith('warning: the bag was made by version ') and err.count('\n') == 1
     assert err.endswith('this is version 9.9.9\n')
+
+
+def test_a_bag_of_another_processor_says_so_and_how_much_it_differs(tmp_path, capsys, monkeypatch):
+    bag = simulated(tmp_path / 'bag', '--set', 's_fotsmc.G=11')
+    monkeypatch.setattr(arithmetic, 'fingerprint', lambda: 'of another machine')
+    assert main(['rerun', str(bag)]) == 0
+    err = capsys.readouterr().err
+    assert err.startswith('warning: the bag is of another processor or libm (')
+    other = simulated(tmp_path / 'other')
+    capsys.readouterr()
+    monkeypatch.setattr(rerun.simulate, 'record', lambda *_: 0)
+    assert main(['rerun', str(bag), '--out', str(other)]) == 1
+    logs = run_log.read(bag), run_log.read(other)
+    apart = [f'{abs(logs[0].position - logs[1].position).max():.2g} rad']
+    apart.append(f'{abs(logs[0].command - logs[1].command).max():.2g} N m')
+    told = capsys.readouterr().out.splitlines()[-1]
+    assert told.strip() == f'joints by up to {apart[0]}, commands by up to {apart[1]}'
+    assert '0 rad' not in apart and '0 N m' not in apart
 
 
 def test_changes_during_the_run_are_not_repeated(tmp_path):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -31,6 +32,15 @@ def test_two_processes_make_the_same_file(whole, tmp_path):
     with_processes = tmp_path / 'processes'
     swept(with_processes, workers=Processes(2))
     assert content(with_processes) == content(whole)
+
+
+def test_there_are_no_more_processes_than_tasks(monkeypatch):
+    idle = SimpleNamespace(ready=False, task=None)
+    monkeypatch.setattr('parallel_robot_studies.sweep.workers._start', lambda: idle)
+    workers = Processes(1000)
+    for count in (1, 2, 3):
+        workers.submit(Task('paper_circle', (count,), ({},), version()))
+        assert len(workers._workers) == count
 
 
 STRUCK = """

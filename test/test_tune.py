@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from parallel_robot_base import parameter_file
-from parallel_robot_base.errors import InputError
+from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.fields import parameters
 from parallel_robot_cli.command_line import main
 from parallel_robot_cli.commands import tune
@@ -63,6 +63,23 @@ def test_it_goes_on_and_refuses_what_is_not_the_same(tuned, capsys):
     assert '4 trials' in capsys.readouterr().out
     assert main(['tune', 'smc', 'paper_circle', '--out', out, '--trials', '4', *OPTIONS]) == 2
     assert 'another law' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('words', 'trials'), [([], 240), (['--patience', '30'], 60), (['--until-converged'], 2000)]
+)
+def test_a_search_makes_enough_trials_to_converge_unless_told(
+    words, trials, tmp_path, monkeypatch
+):
+    found = []
+
+    def run(tuning, store, count, *_):
+        found.append(count)
+        raise RunError('enough')
+
+    monkeypatch.setattr('parallel_robot_cli.commands.tune.run', run)
+    assert main(['tune', 'pid', 'paper_circle', '--out', str(tmp_path / 'out'), *words]) == 1
+    assert found == [trials]
 
 
 @pytest.mark.parametrize(

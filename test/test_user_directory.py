@@ -60,3 +60,9 @@ def test_what_others_may_write_is_left_out(mode, above, private, places):
     places[0].chmod(mode)
     places[0].parent.chmod(above)
     assert (places[0] in user_directories()) == private
+
+
+def test_a_user_without_a_home_has_the_temporary_one(places, monkeypatch):
+    monkeypatch.delenv('XDG_CACHE_HOME')
+    monkeypatch.setattr(os.path, 'expanduser', lambda path: path)  # no HOME, an unknown uid
+    assert tuple(user_directories()) == places[1:]

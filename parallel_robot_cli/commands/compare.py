@@ -23,6 +23,7 @@ from parallel_robot_analysis.readable_metrics import (
 )
 from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
+from parallel_robot_base import assignments
 from parallel_robot_base.errors import InputError, RunError, UnknownNameError
 from parallel_robot_cli.commands import simulate
 from parallel_robot_cli.commands.analyze import as_json
@@ -44,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if 'law' in assignments.parse(arguments.assignments):
+        raise InputError('--set law: compare has all laws, or those of --laws')
     overrides = simulate.overrides(arguments)
     values = resolve(arguments.scenario, overrides)
     scenario, known = str(values['scenario']), available(values['custom_laws'])

@@ -14,7 +14,6 @@ import numpy as np
 from parallel_robot_analysis.report import figures
 from parallel_robot_bags import new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
-from parallel_robot_base import assignments
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_cli.commands import simulate
 from parallel_robot_control.configuration import resolve
@@ -52,21 +51,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='torques, measured and predicted: png, pdf, svg',
     )
+    parser.add_argument('--format', choices=('text', 'json'), help='of the results, default: text')
     parser.add_argument(
-        '--format', choices=('text', 'json'), default='text', help='of the results, default: text'
-    )
-    parser.add_argument(
-        '--cutoff', type=float, default=CUTOFF, metavar='HZ', help=f'bandwidth, default {CUTOFF:g}'
+        '--cutoff', type=float, metavar='HZ', help=f'bandwidth, default {CUTOFF:g}'
     )
     parser.add_argument(
         '--design',
         metavar='SCENARIO',
         help='no bag: search for the coefficients of its exciting trajectory, write them to --out',
     )
-    parser.add_argument(
-        '--trials', type=int, default=TRIALS, metavar='N', help=f'of --design, default {TRIALS}'
-    )
-    parser.add_argument('--seed', type=int, default=SEED, help='of --design, default 0')
+    parser.add_argument('--trials', type=int, metavar='N', help=f'of --design, default {TRIALS}')
+    parser.add_argument('--seed', type=int, help=f'of --design, default {SEED}')
     simulate.add_set_argument(parser)
     add_memory_argument(parser)
 
@@ -79,17 +74,39 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError('identify takes either a bag or --design SCENARIO')
     if arguments.design is not None:
         return _design(arguments)
-    if arguments.assignments:
-        raise InputError('--set goes with --design alone')
+    _refuse(
+        arguments, ('assignments', 'param_files', 'trials', 'seed'), '{} goes with --design alone'
+    )
     if arguments.rest:
         return _rest(arguments)
     return _identify(arguments)
 
 
+NAMES = {'assignments': 'set', 'param_files': 'param-file'}  # of options by what holds them
+
+
+def _refuse(arguments: argparse.Namespace, options: Iterable[str], why: str) -> None:
+    """Refuse options that have no meaning.
+
+    Args:
+        arguments: The arguments.
+        options: What must not be given.
+        why: What is said of one.
+
+    Raises:
+        InputError: one is given.
+    """
+    for option in options:
+        given = getattr(arguments, option)
+        if not (given is None or given is False or given == []):
+            raise InputError(why.format(f'--{NAMES.get(option, option)}'))
+
+
 def _rest(arguments: argparse.Namespace) -> int:
     """Tell the noise of the sensors alone."""
-    if arguments.out or arguments.validate or arguments.figure:
-        raise InputError('--rest identifies no robot: no --out, --validate or --figure')
+    _refuse(
+        arguments, ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
+    )
     still = rest.of(run_log.read(arguments.bag, arguments.max_memory))
     if still is None:
         raise BagError(f'{arguments.bag}: {rest.NONE}')
@@ -102,8 +119,9 @@ def _rest(arguments: argparse.Namespace) -> int:
 
 def _identify(arguments: argparse.Namespace) -> int:
     """Identify a robot, check it on a second bag, write what was asked for."""
-    if not np.isfinite(arguments.cutoff):
-        raise InputError(f'--cutoff must be a frequency in Hz, not {arguments.cutoff:g}')
+    cutoff = CUTOFF if arguments.cutoff is None else arguments.cutoff
+    if not np.isfinite(cutoff):
+        raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff:g}')
     if arguments.figure:
         figures.check_format(arguments.figure)
         new_files.check(arguments.figure, '--figure')
@@ -120,14 +138,14 @@ def _identify(arguments: argparse.Namespace) -> int:
         _warn(arguments.validate, (*second[0].warnings, *second[1].left_out))
     _warn(arguments.bag, (*log.warnings, *recorded.left_out))
     with _naming(arguments.bag):
-        found = identified.identify(nominal, recorded, arguments.cutoff)
+        found = identified.identify(nominal, recorded, cutoff)
     if second is None:
         title, checked = 'torque error, rms, same bag [N m]', identified.compare(found, found.rows)
     else:
         title = 'torque error, rms, validation [N m]'
         with _naming(arguments.validate):
             guess = identified.nominal_of(second[0]).guess
-            checked = identified.predict(found, second[1], guess, arguments.cutoff)
+            checked = identified.predict(found, second[1], guess, cutoff)
     try:
         with contextlib.ExitStack() as written:
             if arguments.out:
@@ -157,17 +175,22 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def _design(arguments: argparse.Namespace) -> int:
     """Search for an exciting trajectory and write its parameters."""
+    _refuse(arguments, ('rest', 'validate', 'figure', 'cutoff'), '--design reads no bag: no {}')
+    if arguments.format == 'json':
+        raise InputError('--design reads no bag: no --format json')
     if arguments.out is None:
         raise InputError('--design needs --out FILE for the coefficients')
-    if arguments.trials < 1:
-        raise InputError(f'--trials must be at least 1, not {arguments.trials}')
-    if arguments.seed < 0:
-        raise InputError(f'--seed must not be negative, not {arguments.seed}')
-    values = resolve(arguments.design, assignments.parse(arguments.assignments))
-    found = design.design(values, arguments.trials, arguments.seed)
+    trials = TRIALS if arguments.trials is None else arguments.trials
+    seed = SEED if arguments.seed is None else arguments.seed
+    if trials < 1:
+        raise InputError(f'--trials must be at least 1, not {trials}')
+    if seed < 0:
+        raise InputError(f'--seed must not be negative, not {seed}')
+    values = resolve(arguments.design, simulate.given(arguments))
+    found = design.design(values, trials, seed)
     comment = (
         f'# Exciting trajectory for {values["robot_model"]}: condition number '
-        f'{found.quality.condition:.4g} ({arguments.trials} trials, seed {arguments.seed}).\n'
+        f'{found.quality.condition:.4g} ({trials} trials, seed {seed}).\n'
     )
     tree = {design.SHAPE: found.parameters, 'plant': {'initial_pose': found.parameters['center']}}
     try:

@@ -6,6 +6,7 @@ import argparse
 import csv
 import io
 import math
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from parallel_robot_studies.limit.causes import CAUSES, LeastError, least_error
 from parallel_robot_studies.limit.picture import draw
 
 LEVELS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)  # N m, of chattering
+ESTIMATE = 'sensor.resolution: the step of an encoder counts as noise: an estimate, no bound'
 TRAVELLED = 'travelled while a state is late'
 
 
@@ -59,12 +61,15 @@ def execute(arguments: argparse.Namespace) -> int:
         new_files.check(arguments.figure, '--figure')
     calm = arguments.calm or arguments.figure is not None
     found: dict[str, list[LeastError]] = {}
-    planar = True
+    planar, encoders = True, False
     for scenario, configuration in _experiments(arguments):
         if not configuration.loop.duration:
             raise InputError(ENDLESS)
         planar &= configuration.plant.robot.module.PLANAR
+        encoders |= bool(np.any(configuration.values['sensor.resolution']))
         found.setdefault(scenario, []).append(least_error(configuration, calm=calm))
+    if encoders:
+        print(f'warning: {ESTIMATE}', file=sys.stderr)
     for scenario, members in found.items():
         print('\n'.join(_table(scenario, members, planar)))
         if calm:

@@ -17,8 +17,14 @@ from parallel_robot_analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot_analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
 from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.limits import TRUSTED
-from parallel_robot_base import parameter_file
-from parallel_robot_base.errors import DRIVEN_OUT, ParallelRobotError, RunError, StoppedError
+from parallel_robot_base import assignments, parameter_file
+from parallel_robot_base.errors import (
+    DRIVEN_OUT,
+    InputError,
+    ParallelRobotError,
+    RunError,
+    StoppedError,
+)
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_cli import invocation
 from parallel_robot_cli.commands import run
@@ -78,11 +84,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if 'duration' in assignments.parse(arguments.assignments):
+        raise InputError('--set duration: each step has its own')
     base = base_of(arguments.scenario, given(arguments))
     steps = steps_of(arguments.scenario, base)
     steps = {name: steps[name] for name in arguments.only or STEPS}
     for step in steps.values():
         configure(resolve(arguments.scenario, base | step.changes))  # before anything moves
+    space = full(arguments.namespace)
     new_files.check_directory(arguments.out)
     arguments.out.mkdir(parents=True)
     failed = 0
@@ -94,7 +103,6 @@ def execute(arguments: argparse.Namespace) -> int:
         changed = base | step.changes | learnt
         during = Drill() if step.name == 'drill' else lambda *_: None
         values = resolve(arguments.scenario, changed)
-        space = full(arguments.namespace)
         ended = run.move(configure(values), arguments.scenario, changed, bag, space, during)
         if ended.signal:
             raise StoppedError(ended.signal)

@@ -13,7 +13,7 @@ import numpy as np
 
 from parallel_robot_analysis.replay import replayed
 from parallel_robot_analysis.report import figures
-from parallel_robot_bags import history, new_files, run_log
+from parallel_robot_bags import arithmetic, history, new_files, run_log
 from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.run_log import RunLog
@@ -99,6 +99,8 @@ def execute(arguments: argparse.Namespace) -> int:
     print(f'{log.scenario}, {log.law}: {answered} states answered again by {law}')
     lines = table(log, result) if changes else verdict(log, result)
     print('\n'.join([*lines, *([f'figure  {figure}'] if figure else [])]))
+    if not changes and result.differing.any() and arithmetic.doubt(past.facts):
+        print(f'warning: {arithmetic.doubt(past.facts)}', file=sys.stderr)
     return int(not changes and bool(result.differing.any()))
 
 

@@ -10,8 +10,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from parallel_robot_analysis.replay import recorded_controller
-from parallel_robot_bags import history, run_log
+from parallel_robot_bags import arithmetic, history, run_log
 from parallel_robot_bags.experiment import SIMULATION, software
 from parallel_robot_bags.history import History
 from parallel_robot_bags.indexed_reader import BagReader
@@ -100,6 +102,8 @@ def execute(arguments: argparse.Namespace) -> int:
         part = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
     count, difference = compare(bag, out, memory, until)
     print(f'differs: {difference}' if difference else f'identical: {count} messages{part}')
+    if difference:
+        print(f'         {size(log, run_log.read(out, memory))}')
     return code or int(bool(difference))
 
 
@@ -183,6 +187,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
     if others != ours:
         lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
+    lines += filter(None, [arithmetic.doubt(past.facts)])
     happened = recorded_controller.events(past, configure(values))
     if happened:
         lines.append(
@@ -192,6 +197,15 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     if motions:
         lines.append(f'the motion was changed {motions} times during the run: not repeated')
     return lines
+
+
+def size(log: run_log.RunLog, other: run_log.RunLog) -> str:
+    """How large the difference of two runs is, as far as both go."""
+    pairs = ((log.position, other.position), (log.command, other.command))
+    counts = [min(map(len, pair)) for pair in pairs]
+    apart = [abs(one[:n] - two[:n]) for (one, two), n in zip(pairs, counts, strict=True)]
+    angle, torque = (np.max(each, initial=0.0, where=~np.isnan(each)) for each in apart)
+    return f'joints by up to {angle:.2g} rad, commands by up to {torque:.2g} N m'
 
 
 class _Difference(NamedTuple):

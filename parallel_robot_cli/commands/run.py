@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import signal
 import subprocess
 import sys
@@ -18,7 +17,7 @@ from parallel_robot_bags import history, new_files, run_log, stretches
 from parallel_robot_bags.experiment import command_line
 from parallel_robot_bags.limits import TRUSTED
 from parallel_robot_bags.progress import Progress
-from parallel_robot_base import assignments, cache_directory, hazards
+from parallel_robot_base import assignments, cache_directory, discovery, hazards
 from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
 from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
@@ -56,7 +55,7 @@ During = Callable[[NodeProcesses, 'Session', float], None]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    simulate.add_arguments(parser)
+    simulate.add_run_arguments(parser)
     parser.add_argument(
         '--time-mode',
         choices=['wall', 'lockstep'],
@@ -78,6 +77,9 @@ def execute(arguments: argparse.Namespace) -> int:
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
         changed.pop(key, None)  # of a parameter file, which may be one for other runs
     namespace = full(arguments.namespace)
+    if arguments.live:
+        duration = resolve(arguments.scenario, changed)['duration']
+        print(f'the page ends with the run, after {duration:g} s', flush=True)
     with live_page(namespace) if arguments.live else contextlib.nullcontext():
         return record(arguments.scenario, changed, arguments.out, namespace)
 
@@ -175,7 +177,7 @@ def move(
             raise InputError(ENDLESS, 'duration')
         experiment = assemble(configuration)
     new_files.check_directory(out)
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    discovery.prepare()
     parameters = node_parameters(MODULES, scenario, changed, experiment.loop)
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()

@@ -34,6 +34,17 @@ from trajectory_gen.motion_length import with_duration
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
+    add_run_arguments(parser)
+    parser.add_argument(
+        '--row',
+        type=int,
+        metavar='N',
+        help='one run of a study: SCENARIO is the directory of its sweep, its file or its name',
+    )
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of a command that writes a run as a bag."""
     add_scenario_arguments(parser)
     parser.add_argument('--law', help='control law, default: that of the configuration')
     parser.add_argument(
@@ -45,12 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='SHARE',
         help='run the motion at this share, e.g. 0.5, of the fastest speed that limits of joint '
         'speed and torque allow',
-    )
-    parser.add_argument(
-        '--row',
-        type=int,
-        metavar='N',
-        help='one run of a study: SCENARIO is the directory of its sweep, its file or its name',
     )
 
 
@@ -195,11 +200,11 @@ def execute(arguments: argparse.Namespace) -> int:
         return record(arguments.scenario, overrides(arguments), arguments.out)
     from parallel_robot_studies.sweep.single_row import row_of  # needed for rows alone
 
-    for option in ('law', 'duration', 'hold'):
+    for option in ('law', 'duration', 'hold', 'fit_speed'):
         if getattr(arguments, option) is not None:
-            raise InputError(f'--{option} and --row exclude each other: the study has it')
-    fixed = assignments.parse(arguments.assignments)
-    row, doubts = row_of(arguments.scenario, arguments.row, fixed)
+            name = option.replace('_', '-')
+            raise InputError(f'--{name} and --row exclude each other: the study has it')
+    row, doubts = row_of(arguments.scenario, arguments.row, given(arguments))
     for text in doubts:
         print(f'warning: {text}', file=sys.stderr)
     return record(row.scenario, dict(row.overrides), arguments.out)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot_base import assignments
 from parallel_robot_base.errors import InputError
 from parallel_robot_cli.commands import simulate
 from parallel_robot_studies.sweep import study
@@ -42,7 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
     workers, count = _workers(arguments)
     file = study.file_of(arguments.study)
     text = study.read(file)
-    fixed = assignments.parse(arguments.assignments)
+    fixed = simulate.given(arguments)
     asked = study.parse(text, str(file), file.parent).changed(arguments.runs, fixed)
     out: Path = arguments.out
     summary = sweep(plan(asked), text, out, workers, count)

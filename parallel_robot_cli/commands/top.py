@@ -7,6 +7,7 @@ import os
 import sys
 import time
 
+from parallel_robot_base import discovery
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_cli.top.graph import Graph
@@ -32,7 +33,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError("textual is not installed; pip install 'parallel_robot[top]'") from None
     from parallel_robot_cli.top.ros_graph import RosGraph  # only this command needs ROS
 
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    discovery.prepare()
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     robots = Robots()
     with RosGraph(robots) as graph:

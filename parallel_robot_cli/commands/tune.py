@@ -28,7 +28,7 @@ from parallel_robot_studies.tuning.store import Store
 from parallel_robot_studies.tuning.trial import Trial
 from parallel_robot_studies.tuning.tune import Tuning, infeasible, run
 
-TRIALS = 100
+PATIENCES = 2  # that a search takes unless told: it can show that it has converged
 MOST_UNTIL = 2000  # trials of a search until it has converged
 IMPROVEMENT = 2.0  # percent
 MOST_TRIALS = 100_000
@@ -68,7 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--trials',
         type=int,
         metavar='N',
-        help=f'in total, at most; default {TRIALS}, with --until-converged {MOST_UNTIL}',
+        help=f'in total, at most; default {PATIENCES} times --patience, so that the search can '
+        f'converge; with --until-converged {MOST_UNTIL}',
     )
     parser.add_argument(
         '--until-converged',
@@ -140,16 +141,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     library()
+    tuning, fields = _tuning(arguments)
+    rule = _rule(arguments, tuning)
     trials = arguments.trials
     if trials is None:
-        trials = MOST_UNTIL if arguments.until_converged else TRIALS
+        usual = min(PATIENCES * rule.patience, MOST_TRIALS)
+        trials = MOST_UNTIL if arguments.until_converged else usual
     trials = check('--trials', int, Field('', '', 1, MOST_TRIALS), trials)
     workers = default_workers() if arguments.workers is None else arguments.workers
     workers = check('--workers', int, Field('', '', 1, MOST_WORKERS), workers)
     if arguments.pick is not None:
         check('--pick', int, Field('', '', 0, trials - 1), arguments.pick)
-    tuning, fields = _tuning(arguments)
-    rule = _rule(arguments, tuning)
     with Store(arguments.out, tuning.space, tuning.identity()) as store:
         until = rule if arguments.until_converged else None
         found = run(tuning, store, trials, Processes(workers), until)

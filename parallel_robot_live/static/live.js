@@ -173,10 +173,10 @@ function showConnection() {
   const silent = (performance.now() - heard) / 1000;
   const moving = silent < 1.5;
   const plays = !find('bag').hidden;
-  const text = !connected ? 'no connection' : moving ? 'live' : plays ? 'paused' : 'no states';
+  const text = !connected ? 'no connection' : plays ? (moving ? 'plays' : 'paused') : moving ? 'live' : 'no states';
   const chip = find('connection');
   if (chip.textContent !== text) chip.textContent = text;
-  chip.className = `chip ${!connected ? 'bad' : moving ? 'good' : ''}`;
+  chip.className = `chip ${!connected ? 'bad' : moving && !plays ? 'good' : ''}`;
 }
 
 listen({

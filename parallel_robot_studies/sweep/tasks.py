@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_bags.experiment import software
-from parallel_robot_base import cache_directory
+from parallel_robot_base import code_version
 from parallel_robot_base.errors import RunError
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
@@ -92,9 +92,8 @@ def task(rows: list[Row], limited: bool = False) -> Task:
 
 @functools.cache
 def version() -> str:
-    """Version of the code that makes the numbers: that of the suite, and of its kernels."""
-    kernels = cache_directory.OWN.rpartition('kernels_')[2]
-    return f'{software()["version"]} {kernels}'.strip()
+    """Version of the code that makes the numbers; equal code has the same, wherever it lies."""
+    return f'{software()["version"]} {code_version.of_suite()}'
 
 
 def run_task(task: Task) -> list[Outcome]:

@@ -32,7 +32,7 @@ class Workers(Protocol):
     """Workers that run tasks; a context manager, at whose end they are given up."""
 
     def __enter__(self) -> Workers:
-        """Start them."""
+        """Reach them; processes start with their first tasks."""
 
     def __exit__(
         self,
@@ -108,10 +108,10 @@ class _Worker:
 
 
 class Processes:
-    """Worker processes on this machine, one thread each."""
+    """Worker processes on this machine, one thread each; no more than there are tasks."""
 
     def __init__(self, count: int) -> None:
-        """Prepare `count` processes."""
+        """Prepare at most `count` processes."""
         self._count = count
         self._workers: list[_Worker] = []
         self._queue: deque[Task] = deque()
@@ -128,13 +128,7 @@ class Processes:
         return [worker.process.pid for worker in self._workers]
 
     def __enter__(self) -> Processes:
-        """Start the processes."""
-        try:
-            for _ in range(self._count):
-                self._workers.append(_start())
-        except BaseException:
-            self.__exit__()
-            raise
+        """Start none yet."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -150,6 +144,9 @@ class Processes:
     def submit(self, task: Task) -> None:
         """Give a task to the first process that is free."""
         self._queue.append(task)
+        tasks = len(self._queue) + sum(worker.task is not None for worker in self._workers)
+        if len(self._workers) < min(self._count, tasks):
+            self._workers.append(_start())
         self._distribute()
 
     def wait(self) -> list[tuple[Task, list[Outcome] | None]]:
