@@ -20,9 +20,9 @@ TRUE: Literal['true'] = 'true'
 SEEN: Literal['seen'] = 'seen'
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
-FALLS = (
-    3.0  # ratio of the errors of a part's halves; where it is larger, the robot had not settled
-)
+STEP = 0.1  # s; what moves no longer than that is a step, of which the response is looked at
+FEW = 0.01  # share of samples at which a reference of steps moves at most
+FALLS = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
 SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
 
 
@@ -96,7 +96,9 @@ class Window(NamedTuple):
         stop_s: Its end [s].
         run_s: Duration of all of the run, also of what is not looked at [s].
         asked: Whether somebody asked for this part; then all metrics are of it alone. Else it is
-            the second half of the motion, which ends when the reference rests for good.
+            the second half of the motion: from the first time at which the reference moves to
+            that from which on it rests for good.
+        rests: Whether the reference rests before or after the motion.
         falls: Root mean square joint errors of its halves [rad], where the second is much less:
             the robot had not settled; None where it had.
     """
@@ -105,6 +107,7 @@ class Window(NamedTuple):
     stop_s: float
     run_s: float
     asked: bool = False
+    rests: bool = False
     falls: tuple[float, float] | None = None
 
 
@@ -249,7 +252,8 @@ def figures(
         motions, ideal = _between(motions, ideal, first, math.inf if last is None else last)
     found = Metrics(*_figures(motions, ideal, asked))
     run = float(whole.time[-1] - whole.time[0])
-    return found._replace(window=found.window._replace(run_s=run, asked=asked))
+    rests = found.window.rests or end is not None
+    return found._replace(window=found.window._replace(run_s=run, asked=asked, rests=rests))
 
 
 def _figures(motions: Motions, ideal: np.ndarray | None, asked: bool) -> Metrics:
@@ -280,10 +284,20 @@ def _between(
 
 def rest(motion: Moved) -> float | None:
     """Time from which on the reference of a run rests to the end [s]; None where it moves on."""
-    moves = np.flatnonzero(np.diff(motion.reference_position, axis=0).any(axis=1))
+    moves = _moves(motion)
     if not moves.size or moves[-1] + 2 == len(motion.time):
         return None
     return float(motion.time[moves[-1] + 1])
+
+
+def _moves(motion: Motion) -> np.ndarray:
+    """Indices of the samples before which a reference that moves does so; none if it steps."""
+    moves = np.flatnonzero(np.diff(motion.reference_position, axis=0).any(axis=1))
+    if moves.size:
+        first, last = moves[0], moves[-1] + 1
+        if motion.time[last] - motion.time[first] < STEP or moves.size < FEW * (last - first):
+            return moves[:0]
+    return moves
 
 
 def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
@@ -306,9 +320,10 @@ def evaluate(
         pose: Poses of the run, see :func:`poses`.
         ideal: The ideal torque of each of its samples, see ideal_torque.py [N m], shape (N, n);
             None where it is not known.
-        all_of_it: Whether the window is all of it, else its second half.
+        all_of_it: Whether the window is all of it, else the second half of its motion.
     """
-    half = slice(0 if all_of_it else len(log.time) // 2, None)
+    first = 0 if all_of_it else next(iter(_moves(log)), 0)
+    half = slice(0 if all_of_it else (first + len(log.time)) // 2, None)
     times = log.time[half]
     distance = distances(pose)
     return Metrics(
@@ -321,6 +336,7 @@ def evaluate(
             float(times[0]),
             float(times[-1]),
             float(log.time[-1] - log.time[0]),
+            rests=first > 0,
             falls=None if all_of_it else _falls(log, half),
         ),
     )

@@ -140,8 +140,8 @@ def window(found: Metrics) -> str:
     times = f'{part.start_s:.6g} to {part.stop_s:.6g} s'
     if part.asked:
         return f'{times}, and all other figures, too'
-    if found.duration_s < part.run_s - 1e-9:
-        return f'the second half of its motion, {times}; then it is at rest'
+    if part.rests:
+        return f'the second half of its motion, {times}; else it is at rest'
     return f'the second half, {times}'
 
 

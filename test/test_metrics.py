@@ -170,6 +170,19 @@ def test_a_robot_that_rests_after_its_motion_is_not_looked_at():
     assert held.window[:3] == (0.5, 1.0, 1.0) and held.steady.joint_rms_rad == 9.0
 
 
+def test_a_robot_that_waits_before_its_motion_is_not_looked_at():
+    run = moved(lambda t: np.maximum(t - 0.6, 0.0), lambda t: np.where(t < 0.7995, 9.0, 1e-3))
+    found = metrics.figures(run)
+    assert found.window[:2] == pytest.approx((0.8, 1.0)) and found.window.rests
+    assert found.steady.joint_rms_rad == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize('steps', [(0.2,), (0.1, 0.6)])
+def test_of_steps_the_response_is_looked_at(steps):
+    run = moved(lambda t: sum(1.0 * (t > step) for step in steps), np.zeros_like)
+    assert metrics.figures(run).window[:2] == (0.5, 1.0)
+
+
 def test_a_part_that_was_asked_for_is_all_that_is_looked_at():
     run = moved(lambda t: t, lambda t: np.where((t > 0.2495) & (t < 0.5005), 2e-3, 7.0))
     found = metrics.figures(run, None, 0.25, 0.5)

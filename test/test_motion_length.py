@@ -85,7 +85,7 @@ def test_figures_of_a_motion_are_the_same_with_a_hold(tmp_path, capsys):
     assert steady == expected.steady._asdict()
     assert main(['simulate', 'paper_circle', *words, '--hold', '0.3', '--out', str(bag)]) == 0
     told = capsys.readouterr().out
-    assert told.count('over the second half of its motion, 0.2 to 0.4 s; then it is at rest') == 2
+    assert told.count('over the second half of its motion, 0.2 to 0.4 s; else it is at rest') == 2
     figure = ['--figure', str(tmp_path / 'run.png')]
     analyze = ['analyze', str(bag), '--json', str(tmp_path / 'part.json'), *figure]
     assert main([*analyze, '--from', '0.4']) == 0
