@@ -20,15 +20,23 @@ def prepare() -> None:
     Raises:
         InputError: they would be heard nowhere.
     """
-    chosen = os.environ.setdefault(RANGE, 'LOCALHOST')
+    os.environ.setdefault(RANGE, 'LOCALHOST')
+    if text := doubt():
+        raise InputError(text)
+
+
+def doubt() -> str:
+    """Why nodes of this process are heard nowhere; empty if they can be."""
+    chosen = os.environ.get(RANGE)
     local = chosen == 'LOCALHOST' or os.environ.get(LOCALHOST_ONLY) == '1'
     if chosen == 'OFF' and not local:
-        raise InputError(f'{RANGE} is OFF: no node hears another; unset it, or set LOCALHOST')
+        return f'{RANGE} is OFF: no node hears another; unset it, or set LOCALHOST'
     if local and not _is_up('lo'):
-        raise InputError(
+        return (
             'the interface lo is missing or down, over which the nodes of one machine talk; '
             'ip link set lo up'
         )
+    return ''
 
 
 def _is_up(interface: str) -> bool:

@@ -20,7 +20,7 @@ from rclpy.logging import LoggingSeverity
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from parallel_robot_base import realtime
+from parallel_robot_base import discovery, realtime
 from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import InputError, ParallelRobotError
 from parallel_robot_ros import arguments, middleware
@@ -73,6 +73,8 @@ def run_node(
     try:
         executor.add_node(node)
         prepare_to_log()
+        if text := discovery.doubt():
+            node.get_logger().warning(text)
         gc.collect()
         gc.freeze()  # little is allocated from here on: collections stay short
         wants_priority = node.loop.realtime == 'auto' and not node.loop.lockstep

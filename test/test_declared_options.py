@@ -172,6 +172,8 @@ def test_a_wrong_value_of_an_option_is_never_taken(
         ),
         ('simulate robustness --row 0 --fit-speed 1 --out x', '--fit-speed and --row exclude'),
         ('run robustness --row 0 --out x', "unknown option '--row'"),
+        ('simulate paper_circle --law pid --set law=smc --out x', '--law pid and --set law=smc'),
+        ('simulate paper_circle --duration 1 --set duration=2 --out x', 'duration=2 differ'),
         ('compare paper_circle --set law=pid', '--set law: compare has all laws'),
         ('rehearse --set duration=3 --out x', '--set duration: each step has its own'),
         ('live --trust', '--trust goes with --bag alone'),

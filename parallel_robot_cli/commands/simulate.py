@@ -131,9 +131,11 @@ def overrides(arguments: argparse.Namespace) -> Placed:
         InputError: no such scenario, or an argument is wrong.
     """
     options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
-    changed = merged(
-        [given(arguments), {key: value for key, value in options.items() if value is not None}]
-    )
+    options = {key: value for key, value in options.items() if value is not None}
+    for key, value in assignments.parse(arguments.assignments).items():
+        if options.get(key, value) != value:
+            raise InputError(f'--{key} {options[key]} and --set {key}={value} differ; give one')
+    changed = merged([given(arguments), options])
     share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
     if share is not None:
         changed = _fitted(scenario, changed, share)

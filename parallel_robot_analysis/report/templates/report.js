@@ -36,7 +36,7 @@ class Plot {
       const y = unpack(trace.y);
       return { ...trace, x: unpack(trace.x), y, signed: y };
     });
-    this.button = element.parentElement.querySelector('.log');
+    this.button = element.closest('figure').querySelector('.log');
     this.button?.addEventListener('click', () => { this.scale(!this.log); this.draw(); });
     if (this.button) this.scale(log);
   }
@@ -63,7 +63,8 @@ class Plot {
     }
     this.layout.template = template();
     return Plotly.react(this.element, this.traces, this.layout, {
-      responsive: true, displaylogo: false, displayModeBar: 'hover',
+      responsive: true, displaylogo: false,
+      displayModeBar: matchMedia('(max-width: 40rem)').matches ? false : 'hover',  // it covers the legend
       toImageButtonOptions: { format: 'svg' },
       modeBarButtons: [['toImage'], ['zoom2d', 'pan2d'], ['zoomIn2d', 'zoomOut2d', 'resetScale2d']],
     });
