@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_bags import bag_reader, command_states, experiment, history
+from parallel_robot_bags import bag_reader, certificate, command_states, experiment, history
 from parallel_robot_bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot_bags.counts import TopicCount, count
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.message_arrays import Samples, decoder, ours, physical, whole
+from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_bags.state_doubts import doubts
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
@@ -147,7 +149,10 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     referenced = newest_age(stamps + age, references.stamps) <= limit
     if not referenced.all():
         warnings.append(f'{bag}: {_unreferenced(stamps, start, references.stamps, referenced)}')
-    answered = command_states.align(commands.log_times, streams.get(topics.ANSWERED, []))
+    answers = streams.get(topics.ANSWERED, [])
+    counted = {topics.COMMANDS: [commands], topics.ANSWERED: answers}
+    complete = _complete(counted, found.notes.get(MESSAGES, []))
+    answered = command_states.align(commands.log_times, answers, complete)
     answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
         loop.scenario if found.metadata else 'unknown',
@@ -172,6 +177,18 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         has_efforts,
         tuple(warnings),
         referenced,
+    )
+
+
+def _complete(
+    counted: Mapping[Topic, Sequence[Samples]], notes: Sequence[Mapping[str, str]]
+) -> bool:
+    """Whether one recorder says that no message of some topics is missing."""
+    return len(notes) == 1 and all(
+        certificate.is_complete(
+            notes[0].get(topic.name, ''), sum(len(part.log_times) for part in parts)
+        )
+        for topic, parts in counted.items()
     )
 
 

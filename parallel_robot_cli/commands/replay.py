@@ -101,7 +101,7 @@ def execute(arguments: argparse.Namespace) -> int:
     print('\n'.join([*lines, *([f'figure  {figure}'] if figure else [])]))
     if not changes and result.differing.any() and arithmetic.doubt(past.facts):
         print(f'warning: {arithmetic.doubt(past.facts)}', file=sys.stderr)
-    return int(not changes and bool(result.differing.any()))
+    return int(not changes and result.remembered and bool(result.differing.any()))
 
 
 def configuration(
@@ -146,6 +146,11 @@ def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
     if not differing.size:
         return [*lines, f'identical: {count} commands']
     difference = np.abs(result.torque - result.recorded)[differing].max()
+    if not result.remembered:
+        lines.append(
+            'not compared: the bag begins while the controller ran, and what law and estimator '
+            'remembered then is not in it; with an empty memory:'
+        )
     return [
         *lines,
         f'{differing.size} of {count} commands differ, by up to {difference:.3g} N m, '
