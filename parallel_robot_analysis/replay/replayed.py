@@ -28,8 +28,8 @@ class Replay(NamedTuple):
         torque: [N m], shape (N, n).
         recorded: The recorded commands, NaN where there is none [N m], shape (N, n).
         late: How many states were answered with an older reference, extrapolated.
-        remembered: Whether the bag begins with the law, else while it ran: what it remembers then is
-            not known.
+        remembered: Whether it is known what law and estimator remembered at the first state; not
+            in a bag that begins while they run.
     """
 
     torque: np.ndarray
