@@ -93,6 +93,23 @@ def test_table_1_from_a_noiseless_motion(excited):
     assert np.allclose(found.robot.values, found.fit.values, rtol=1e-5)
 
 
+def test_what_noise_leaves_and_what_no_inertias_explain(excited):
+    """A leg of 401 mm in place of 400; efforts of other joints."""
+    assert not identify(excited).left.doubt
+    for recorded in (
+        noisy(excited, np.random.default_rng(4)),
+        noisy(excited, np.random.default_rng(5), 1e-4, 0.0),
+    ):
+        assert not identify(excited, recorded).left.doubt
+    longer = motion(**{'true_robot.l1': 0.401})
+    longer.nominal = excited.nominal
+    found = identify(longer)
+    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.2
+    assert '0.29 % of a torque is left, and that is no noise' in found.left.doubt
+    other = replaced(excited, effort=excited.recording.effort[:, [1, 2, 0]])
+    assert 'no set of inertias explains the motion' in identify(excited, other).left.doubt
+
+
 def test_the_nominal_values_do_not_matter(excited):
     robot = excited.nominal.robot
     wrong = robot.parameters._replace(m1=3.0, m2=9.0, mp=6.0, I1=0.2, I2=0.1, Ip=0.2)

@@ -24,6 +24,7 @@ from parallel_robot_studies.identification import (
     recording,
     rest,
     robot_file,
+    unexplained,
 )
 from parallel_robot_studies.identification.regression_rows import CUTOFF
 
@@ -139,6 +140,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     _warn(arguments.bag, (*log.warnings, *recorded.left_out))
     with _naming(arguments.bag):
         found = identified.identify(nominal, recorded, cutoff)
+    if found.left.doubt:
+        print(f'warning: {arguments.bag}: {found.left.doubt}', file=sys.stderr)
     if second is None:
         title, checked = 'torque error, rms, same bag [N m]', identified.compare(found, found.rows)
     else:
@@ -220,3 +223,5 @@ def _naming(bag: Path) -> Iterator[None]:
         yield
     except BagError as error:
         raise BagError(f'{bag}: {error}') from None
+    except np.linalg.LinAlgError as error:
+        raise BagError(f'{bag}: {unexplained.UNKNOWN}: {error}') from None
