@@ -18,6 +18,7 @@ from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_bags.state_doubts import doubts
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.loop import SWAPPED
 from parallel_robot_base.topics import RECORDED, Topic
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.contract import JointReference
@@ -25,7 +26,6 @@ from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_sim.imperfections import told_age
 
 EMPTY = np.zeros((0, 0))
-SWAPPED = 1_000_000_000  # ns, by which the stamps of states may go back within one run
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 

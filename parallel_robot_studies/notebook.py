@@ -111,7 +111,8 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
     log = part.log
-    ended = early(float(log.time[-1] - log.time[0]), float(log.config['duration']))
+    time = part.motions.best.time
+    ended = early(float(time[-1] - time[0]), float(log.config['duration']))
     first = next((status for status in past.statuses if status.fault != NO_FAULT), None)
     limits = {LIMIT_TEXT.get(code, code) for status in past.statuses for code in status.limits}
     return Run(
