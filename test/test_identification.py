@@ -348,6 +348,17 @@ def test_a_cutoff_that_does_not_fit_is_refused(excited, cutoff):
         identify(excited, cutoff=cutoff)
 
 
+def test_states_at_100_hz_take_the_default_bandwidth(excited):
+    """Their stamps are a nanosecond off, so that a tenth of the rate is a little below 10 Hz."""
+    kept = excited.recording
+    slow = Recording(
+        kept.time[::10] * (1.0 + 1e-7),
+        *(rows[::10] for rows in (kept.position, kept.effort, kept.usable)),
+    )
+    assert regression_rows.highest_cutoff(slow) < CUTOFF
+    assert identify(excited, slow).rows.duration > 13.0
+
+
 def test_a_robot_without_a_linear_model_is_refused(excited):
     robot = excited.nominal.robot._replace(name='mine', module=SimpleNamespace())
     nominal = identified.Nominal(robot, excited.nominal.friction, excited.nominal.guess)

@@ -440,4 +440,5 @@ def test_without_velocities_that_were_used_a_bag_is_analysed_and_no_more(simulat
     capsys.readouterr()
     assert main(['replay', str(bag)]) == 2
     err = capsys.readouterr().err.splitlines()[-1]
-    assert err.endswith('the bag has no velocities, which estimator.kind auto takes')
+    assert 'the bag has no velocities, which estimator.kind auto takes; --set estimator' in err
+    assert main(['replay', str(bag), '--set', 'estimator.kind=levant']) == 0  # as that line says

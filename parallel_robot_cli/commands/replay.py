@@ -27,7 +27,8 @@ from parallel_robot_model.configuration import is_known
 from trajectory_gen.shapes import shapes
 
 # Beginnings of keys on which torques depend, beside those of the laws.
-USED = ('law', *config.CUSTOM, 'robot', 'safety', 'controller')
+GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'safety')
+USED = ('law', *config.CUSTOM, 'robot', *GROUPS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
