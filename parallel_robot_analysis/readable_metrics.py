@@ -126,12 +126,14 @@ def head(scenario: str, law: str, found: Metrics, planned: float) -> str:
         found: The metrics.
         planned: How long the run was to be [s]; 0 if not known.
     """
-    run = found.window.run_s
-    length = f'{run:g} s'
-    if run < planned - 1e-9:
-        length = f'ended early, after {run:g} s of {planned:g} s'
+    length = early(found.window.run_s, planned) or f'{found.window.run_s:g} s'
     lines = [f'{scenario}, {law}, {length}; errors over {window(found)}', *unsettled(found)]
     return '\n'.join(lines)
+
+
+def early(run: float, planned: float) -> str:
+    """That a run ended before its time [s], if it did; 0 as `planned` if that is not known."""
+    return f'ended early, after {run:g} s of {planned:g} s' if run < planned - 1e-9 else ''
 
 
 def window(found: Metrics) -> str:

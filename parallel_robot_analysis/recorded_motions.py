@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parallel_robot_analysis import metrics
 from parallel_robot_bags.experiment import SIMULATION
 from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.errors import ParallelRobotError
+from parallel_robot_base.topics import REFERENCE
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.configuration import is_known, robot_of
@@ -135,16 +137,20 @@ def _again(log: RunLog, past: History) -> Moved | None:
     if configuration.parameters.engine == MUJOCO:
         return None
     tick, age = loop.period_ns, told_age(log.config)
-    count = round((int(log.stamps[-1]) + age - log.start_stamp) / tick) + 1
-    reference = trajectory_of(log.config).sample(np.arange(count) * loop.period)
+    measured = np.rint((log.stamps + age - log.start_stamp) / tick).astype(int)
+    count = int(measured[-1]) + 1
     simulated = past.facts.get('source') == SIMULATION
+    if simulated:  # its last states may be lost, or their stamps be ahead
+        references = log.messages[REFERENCE.name]
+        count = references.count + references.missing
+    reference = trajectory_of(log.config).sample(np.arange(count) * loop.period)
     if simulated or loop.lockstep:
         again = plant_again.under_commands(configuration, log.command, reference)
     elif len(log.stamps) == count and not age:
         again = plant_again.under_torques(configuration, log.effort, reference)
     else:
         again = None
-    if again is None or not _told(log, again):
+    if again is None or not _told(log, again, measured):
         return None
     nominal, guess = nominal_of(log.config)
     true, rows = robot_of(log.config, 'true_robot'), slice(len(again.joints))
@@ -154,9 +160,15 @@ def _again(log: RunLog, past: History) -> Moved | None:
     return Moved(time, again.joints, wanted, again.effort, poses)
 
 
-def _told(log: RunLog, again: plant_again.Again) -> bool:
-    """Whether a plant told what a bag says, but for few states."""
-    told = again.told[again.heard.told[: len(again.told)]]
+def _told(log: RunLog, again: plant_again.Again, measured: NDArray[np.int64]) -> bool:
+    """Whether a plant told what a bag says, but for few states; `measured`: their samples."""
+    rows = np.flatnonzero(again.heard.told[: len(again.told)])
+    samples = rows - again.heard.late[rows]
+    kept = np.isin(samples, measured)  # states that are not valid are not read
+    rows, samples = rows[kept], samples[kept]
+    if (np.diff(measured) >= 0).all():  # they were put in order
+        rows = rows[np.argsort(samples, kind='stable')]
+    told = again.told[rows]
     if len(told) != len(log.position):
         return False
     return bool(np.mean(np.abs(told - log.position).max(axis=1) > SAME) <= FEW)

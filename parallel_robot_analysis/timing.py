@@ -189,7 +189,7 @@ def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]
     known = counted & (answers > 0)
     took = (log.stamps[1:] - answers)[known] - age
     lag = np.rint(took / period).astype(np.int64)
-    return lag, int(counted.sum() - known.sum())
+    return lag, int((counted & (answers == 0)).sum())  # of the last ones the bag may not say it
 
 
 @kernel

@@ -50,6 +50,7 @@ class Bag(Generic[Part]):
         notes: Other metadata records, by their name.
         sources: Source of each custom law and robot by key, as ``custom_laws``, and by name; bad
             names and long sources are left out.
+        channels: Type of each topic of the bag, by its full name.
     """
 
     streams: dict[str, list[Part]]
@@ -57,6 +58,7 @@ class Bag(Generic[Part]):
     warnings: tuple[str, ...]
     notes: dict[str, list[dict[str, str]]]
     sources: dict[str, dict[str, bytes]]
+    channels: dict[str, str]
 
 
 def read(
@@ -80,6 +82,7 @@ def read(
     streams: dict[str, list[Part]] = {}
     facts: dict[str, str] = {}
     notes: dict[str, list[dict[str, str]]] = {}
+    channels: dict[str, str] = {}
     sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
     doubled: set[tuple[str, str]] = set()
     damage: list[Damage] = []
@@ -95,6 +98,7 @@ def read(
                 schemas[record.id] = record.name
             elif isinstance(record, Channel):
                 name = f'/{record.topic.lstrip("/")}'
+                channels[name] = schemas.get(record.schema_id, '')
                 for topic in topics:
                     same = schemas.get(record.schema_id, '') in (topic.type, '')
                     if same and name.endswith(f'/{topic.name}'):
@@ -132,7 +136,7 @@ def read(
     for key, name in sorted(doubled):
         del sources[key][name]
         warnings.append(f'{bag} holds several files {key}/{name}; none of them is used')
-    return Bag(streams, facts, tuple(warnings), notes, sources)
+    return Bag(streams, facts, tuple(warnings), notes, sources, channels)
 
 
 def warning(bag: Path, damage: Iterable[Damage]) -> str:

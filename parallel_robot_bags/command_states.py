@@ -12,6 +12,8 @@ from parallel_robot_control.contract import JointReference
 
 UNKNOWN = -1  # stamp where the bag does not say
 NEIGHBOURS = 21  # messages (odd) whose median says how many commands came before each of them
+EVEN = 0.5, 2.0  # of the usual time between two messages; others came in a burst or after a pause
+CALM = 5  # messages to both sides that came so, beside one whose log time counts
 EXTRAPOLATED = ('position', 'velocity', 'acceleration')
 
 
@@ -62,16 +64,21 @@ class Used(NamedTuple):
         return Used(self.stamps[chosen], self.acts[chosen], self.late[chosen], older, samples)
 
 
-def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
+def align(
+    heard: np.ndarray, messages: Sequence[Samples], complete: bool = False
+) -> Answered | None:
     """Find the record of each command.
 
     Records and commands are in the same order, so it is enough to know how many commands came
     before each message of records. The bag may begin in the middle of a message and end before the
-    last one; log times may be out of order here and there, so neighbours decide together.
+    last one; log times may be out of order here and there, so neighbours decide together. Those of
+    a recorder that stood still, and then got all at once, say nothing: what came before and after
+    it counts. Where nothing is lost, one number holds for all.
 
     Args:
         heard: Log times of the commands in order [ns], shape (M,).
         messages: Messages on ``controller/answered``; those that do not hold threes are ignored.
+        complete: Whether no command and no record is missing between the first and the last.
 
     Returns:
         What was recorded; None when there is no record.
@@ -96,7 +103,11 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
     ahead = ends - np.searchsorted(heard, times, side='right')
     # The last command may be logged after its record: what comes after all of them counts, too.
     after = int(np.median([*ahead[-2:][[0, -1]], ends[-1] - len(heard)]))
-    ahead = _median(ahead, after)
+    if complete:
+        values, counts = np.unique(ahead, return_counts=True)
+        ahead = np.full_like(ahead, values[np.argmax(counts)])
+    else:
+        ahead = _median(_calm(times, ahead), after)
     free = np.maximum.accumulate(np.concatenate([[0], ends - ahead]))[:-1]
     command = np.arange(len(rows)) - np.repeat(ahead, sizes)
     found = (command >= np.repeat(free, sizes)) & (command < len(heard))
@@ -112,6 +123,30 @@ def align(heard: np.ndarray, messages: Sequence[Samples]) -> Answered | None:
         int(steps[steps > 0].sum()),
         int((steps < 0).sum()),
     )
+
+
+def _calm(times: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """How far records are ahead, where their messages did not come as usual by those that did.
+
+    Args:
+        times: Log times of the messages [ns], shape (K,).
+        ahead: Records less commands up to each of them, shape (K,).
+    """
+    steps = np.diff(times)
+    usual = np.median(steps) if len(steps) else 0.0
+    even = (steps >= EVEN[0] * usual) & (steps <= EVEN[1] * usual)
+    around = np.pad(even, CALM, constant_values=True)
+    windows = np.lib.stride_tricks.sliding_window_view(around, 2 * CALM)
+    calm = np.flatnonzero(windows.all(axis=1))
+    if 2 * len(calm) < len(times):  # nothing is usual here
+        return ahead
+    rows = np.arange(len(times))
+    next_one = np.searchsorted(calm, rows)
+    before = ahead[calm[np.maximum(next_one - 1, 0)]]
+    after = ahead[calm[np.minimum(next_one, len(calm) - 1)]]
+    found = np.clip(ahead, np.minimum(before, after), np.maximum(before, after))
+    found[calm] = ahead[calm]
+    return found
 
 
 def _median(values: np.ndarray, after: int) -> np.ndarray:

@@ -106,7 +106,7 @@ def ours(
     having = [part for part in parts if not part.joints or {*joints} & {*part.joints}]
     strange = sum(len(part.stamps) for part in parts) - sum(len(part.stamps) for part in having)
     if having and strange:
-        others = [name for part in parts for name in part.joints if name not in joints]
+        others = [n for part in parts if not {*joints} & {*part.joints} for n in part.joints]
         names = ', '.join(dict.fromkeys(others))
         remarks.append(f'{strange} messages on {topic.name} are of other joints ({names})')
         parts = having

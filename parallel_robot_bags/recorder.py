@@ -245,7 +245,7 @@ class Recorder:
         gaps = stream.gaps
         expected = self.expected(topic) if self._over else None  # else it was stopped early
         skips = not self._loop.lockstep and topic in ANSWERS  # a state may stay unanswered
-        if expected is None or (skips and gaps is not None):
+        if expected is None or (skips and stream.received):
             return gaps
         return max(expected - stream.received, gaps or 0)
 

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_bags import bag_reader, command_states, experiment, history
+from parallel_robot_bags import bag_reader, certificate, command_states, experiment, history
 from parallel_robot_bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot_bags.counts import TopicCount, count
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.message_arrays import Samples, decoder, ours, physical, whole
+from parallel_robot_bags.record_names import MESSAGES
 from parallel_robot_bags.state_doubts import doubts
 from parallel_robot_base import topics
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.loop import SWAPPED
+from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import RECORDED, Topic
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_sim.imperfections import told_age
 
+FEW = 5  # topics of a bag that are named
 EMPTY = np.zeros((0, 0))
-SWAPPED = 1_000_000_000  # ns, by which the stamps of states may go back within one run
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
@@ -105,7 +109,7 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     streams = streams_of(bag, found.streams)
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if needed not in streams:
-            raise BagError(f'{bag} has no messages on {needed.name}')
+            raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found.channels)}')
     values, loop, start = experiment.configuration(
         bag, found.metadata, history.parameters_in(found.notes)
     )
@@ -147,7 +151,13 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
     referenced = newest_age(stamps + age, references.stamps) <= limit
     if not referenced.all():
         warnings.append(f'{bag}: {_unreferenced(stamps, start, references.stamps, referenced)}')
-    answered = command_states.align(commands.log_times, streams.get(topics.ANSWERED, []))
+    if not found.metadata:
+        robot = f'{values["robot_model"]} with the parameters of the paper'
+        warnings.append(f'{bag} does not say of which robot it is: taken to be of {robot}')
+    answers = streams.get(topics.ANSWERED, [])
+    counted = {topics.COMMANDS: [commands], topics.ANSWERED: answers}
+    complete = _complete(counted, found.notes.get(MESSAGES, []))
+    answered = command_states.align(commands.log_times, answers, complete)
     answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
         loop.scenario if found.metadata else 'unknown',
@@ -173,6 +183,37 @@ def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
         tuple(warnings),
         referenced,
     )
+
+
+def _complete(
+    counted: Mapping[Topic, Sequence[Samples]], notes: Sequence[Mapping[str, str]]
+) -> bool:
+    """Whether one recorder says that no message of some topics is missing."""
+    return len(notes) == 1 and all(
+        certificate.is_complete(
+            notes[0].get(topic.name, ''), sum(len(part.log_times) for part in parts)
+        )
+        for topic, parts in counted.items()
+    )
+
+
+def _wanted(topic: Topic, found: Mapping[Topic, Any], channels: Mapping[str, str]) -> str:
+    """A topic that a bag lacks, its type, and which topics it has that may be meant.
+
+    Args:
+        topic: The topic.
+        found: The topics that the bag has.
+        channels: Type of each of its topics, by its full name.
+    """
+    kind, taken = topic.type.replace('/msg/', '/'), {other.name for other in found}
+    others = [
+        f'{printable(name, 60)} ({printable(other, 60)})'
+        for name, other in channels.items()
+        if (other.replace('/msg/', '/') == kind or name.endswith(f'/{topic.name}'))
+        and name.lstrip('/') not in taken
+    ]
+    what = f'{topic.name} ({topic.type})'
+    return f'{what}; it has {", ".join(others[:FEW])}' if others else what
 
 
 def _commanded(answer: np.ndarray) -> np.ndarray:

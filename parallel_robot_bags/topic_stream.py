@@ -36,8 +36,6 @@ class TopicStream:
         of_suite: Whether it is one of the suite's.
         stamp_of: Reads the stamp of a message [ns]; None for types without one.
         received: Messages taken.
-        gaps: Numbers missing between those that the publisher gave its messages; None where they
-            are not known or several publishers number theirs.
     """
 
     def __init__(self, topic: Topic, channel: Channel) -> None:
@@ -49,7 +47,8 @@ class TopicStream:
         stamped = self.of_suite and topic.type not in UNSTAMPED
         self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
         self.received = 0
-        self.gaps: int | None = None
+        self._missing: int | None = None
+        self._restarted = False
         self._number = 0  # of the last message; 0: none had one
 
     def count(self, number: int) -> None:
@@ -58,12 +57,22 @@ class TopicStream:
         if not number:
             return
         if not self._number:
-            self.gaps = 0
-        elif number > self._number + 1 and self.gaps is not None:
-            self.gaps += number - self._number - 1
+            self._missing = 0
+        elif number > self._number + 1 and self._missing is not None:
+            self._missing += number - self._number - 1
+        self._restarted |= number < self._number
         self._number = number
+
+    @property
+    def gaps(self) -> int | None:
+        """Numbers missing between those that the publisher gave its messages.
+
+        None where they are not known, several publishers number theirs, or none is missing but
+        perhaps the last ones of a publisher that was started anew.
+        """
+        return None if self._restarted and not self._missing else self._missing
 
     def several(self) -> None:
         """Note that the topic has several publishers, whose numbers cannot be told apart."""
-        self.gaps = None
+        self._missing = None
         self._number = self._number or 1

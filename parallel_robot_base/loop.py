@@ -15,6 +15,7 @@ from parallel_robot_base.units import NANOSECONDS
 
 STEP_START = NANOSECONDS  # stamp of t = 0 in lockstep; 0 would mean "no time yet" in ROS
 WAIT = -1  # start_stamp of a node that waits for the common start
+SWAPPED = NANOSECONDS  # by which the stamps of states may go back within one run
 OLDEST = NANOSECONDS // 10  # ns, by which the first state in lockstep may be older than the start
 
 DURATION = 12.0  # s, of a simulation whose scenario says nothing: two turns of the paper's circle

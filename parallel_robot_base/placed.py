@@ -15,10 +15,11 @@ INDEX = re.compile(r'\[\d+\]$')  # of one of several numbers
 
 
 class Place(NamedTuple):
-    """A line of a file, from 1."""
+    """A line of a file, from 1, and the columns of the table that was read from there."""
 
     file: str
     line: int
+    columns: tuple[str, ...] = ()
 
 
 class Placed(dict[str, Any]):

@@ -10,7 +10,7 @@ from typing import Any
 
 from parallel_robot_base import yaml_file
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.placed import Placed, locating
+from parallel_robot_base.placed import Place, Placed, locating
 from parallel_robot_base.printable import printable
 
 FILE, TIMES, POINTS = 'waypoints.file', 'waypoints.times', 'waypoints.points'
@@ -38,15 +38,17 @@ def filled(values: Placed) -> Placed:
             raise InputError(f'{FILE} and {beside} exclude each other', FILE)
         try:
             path = Path(place.file if place else '').parent / Path(name).expanduser()
-            times, points = read(path)
+            times, points, columns = read(path)
         except (RuntimeError, InputError) as error:  # home of an unknown user
             raise InputError(f'{FILE}: {error}', FILE) from None
     found = {FILE: '', TIMES: times, POINTS: points}
-    return values | Placed(found, dict.fromkeys(found, place) if place else None)
+    places = dict.fromkeys(found, place) if place else {}
+    places[POINTS] = (place or Place(str(path), 1))._replace(columns=columns)
+    return values | Placed(found, places)
 
 
-def read(path: Path) -> tuple[list[float], list[float]]:
-    """Read times [s] and points, one after another, in the units of the robot.
+def read(path: Path) -> tuple[list[float], list[float], tuple[str, ...]]:
+    """Read times [s], points, one after another, in the units of the robot, and their columns.
 
     Args:
         path: A CSV with a header: HEADER.
@@ -80,7 +82,7 @@ def read(path: Path) -> tuple[list[float], list[float]]:
         raise InputError(f'{path}, line {lines.line_num}: {error}') from None
     if len(times) < 2:
         raise InputError(f'{path} must hold at least 2 points, not {len(times)}')
-    return times, points
+    return times, points, tuple(header[1:])
 
 
 def _is_header(names: list[str]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 from parallel_robot_base.options import number
 
@@ -13,8 +14,20 @@ def add_window_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             name,
             dest=dest,
-            type=number,
+            type=_time,
             metavar='S',
             help=f'{end} time of the part that all figures are of, default: errors are those of '
             'the second half of the motion',
         )
+
+
+def _time(text: str) -> float:
+    """A time [s].
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    found = number(text)
+    if not math.isfinite(found):
+        raise argparse.ArgumentTypeError(f'a time in s is wanted, not {text!r}')
+    return found

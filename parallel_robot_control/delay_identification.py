@@ -168,7 +168,9 @@ def text(lock_in: LockIn, found: Result, assumed: float, phase: int) -> str:
         what = f'{size} N m at {lock_in.frequency / 2.0 / math.pi:g} Hz are added for'
         return f'{known}, being identified: {what} {lock_in.length * lock_in.period:g} s'
     if phase == FOUND:
-        return f'{1e3 * found.delay:.4g} ms identified, {tell}'
+        cycle = 2e3 * math.pi / lock_in.frequency
+        same = f'{cycle:.4g} ms more would look the same'
+        return f'{1e3 * found.delay:.4g} ms identified, {tell}; {same}'
     if phase == KEPT:
         most = 1e3 * APART * lock_in.period
         return f'{known}, not identified: {tell}, more than {most:g} ms from all, or below 0'

@@ -9,10 +9,12 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from parallel_robot_base.joint_layouts import OWN
 from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import QUEUE, Topic
 from parallel_robot_ros.message_types import message_class
+from parallel_robot_ros.our_joints import OurJoints
 from parallel_robot_ros.single_publisher import SinglePublisher
 from parallel_robot_ros.subscription import listen, qos_of
 
@@ -21,7 +23,11 @@ class Connections:
     """Publishers and subscriptions of one node."""
 
     def __init__(
-        self, node: Node, loop: LoopParameters, on_stranger: Callable[[Topic, bool], None]
+        self,
+        node: Node,
+        loop: LoopParameters,
+        on_stranger: Callable[[Topic, bool], None],
+        on_others: Callable[[Topic], None],
     ) -> None:
         """Prepare; nothing is connected yet.
 
@@ -30,11 +36,13 @@ class Connections:
             loop: Time mode, and how many subscribers each essential output has.
             on_stranger: Called for each message that is dropped because it may be of another
                 publisher than those before; with its topic, and whether publishers take turns.
+            on_others: Called for each message that is dropped because none of its joints is ours.
         """
         self._node = node
         self._lockstep = loop.lockstep
         self._subscribers = loop.subscribers
-        self._on_stranger = on_stranger
+        self._on_stranger, self._on_others = on_stranger, on_others
+        self._joints = loop.joints
         self._outputs: list[Publisher] = []  # the essential ones
         self._inputs: dict[Topic, Subscription] = {}
         self._watched: dict[Topic, SinglePublisher] = {}  # inputs in wall time
@@ -56,8 +64,12 @@ class Connections:
         watched = SinglePublisher(lambda: self._inputs[topic].get_publisher_count() <= 1)
         self._watched[topic] = watched
 
+        ours = OurJoints(topic, self._joints) if topic.type in OWN else None
+
         def take(data: bytes, _: int, number: int) -> None:
-            if watched.strange(number):
+            if ours is not None and ours.others(data):
+                self._on_others(topic)
+            elif watched.strange(number):
                 self._on_stranger(topic, watched.several())
             else:
                 callback(data)

@@ -87,7 +87,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.lockstep = self.loop.lockstep
         self.period_ns, self.last_index = self.loop.period_ns, self.loop.last_index
         self._common_start = CommonStart(self.loop)
-        self._connections = Connections(self, self.loop, self._on_stranger)
+        self._connections = Connections(self, self.loop, self._on_stranger, self._on_others)
         self.declare_groups(('', loop.LoopParameters))
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._on_second)
@@ -311,6 +311,12 @@ class SuiteNode(Node):  # type: ignore[misc]
                 self.set_start(stamp)
             except ParallelRobotError as error:
                 self.fail(error)
+
+    def _on_others(self, topic: Topic) -> None:
+        name = f'{topic.name}: messages of other joints'
+        if not self.counts[name]:
+            self.get_logger().warning(f'{name} are left out')
+        self.counts[name] += 1
 
     def _on_stranger(self, topic: Topic, several: bool) -> None:
         self.counts[f'{topic.name}: messages of two publishers'] += 1

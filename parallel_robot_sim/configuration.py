@@ -105,6 +105,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
         )
         nominal = robot_with(loop, groups.at('robot', robot.Parameters))
         start = groups[PlantParameters].initial_pose
+        motion.check_columns(values, nominal)
         trajectory = motion.trajectory_from(groups, nominal, known, start)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
         controller = control.control_from(loop, groups, nominal, laws, guess)

@@ -57,6 +57,7 @@ class Course(NamedTuple):
         lost: Samples at which states have been refused for too long, and the fault that it is.
         clears: Samples at which the first state comes after a call of ``~/clear_fault``.
         renewals: Samples at which a controller hears its first state; 0 is not among them.
+        invalid: Samples whose states have a velocity that is not a number.
     """
 
     heard: Heard
@@ -69,6 +70,7 @@ class Course(NamedTuple):
     lost: Mapping[int, int] = MappingProxyType({})
     clears: frozenset[int] = frozenset()
     renewals: frozenset[int] = frozenset()
+    invalid: frozenset[int] = frozenset()
 
     @property
     def returns(self) -> list[int]:
@@ -177,6 +179,7 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
         {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
         frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
         frozenset(renewed - {0}),
+        frozenset(k for k in range(count) if times.refusal(k) == 'states_invalid'),
     )
 
 

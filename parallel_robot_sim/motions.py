@@ -9,6 +9,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import KinematicsError
+from parallel_robot_base.loop import SWAPPED
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_model import poses as forward
@@ -166,12 +167,25 @@ def of_simulation(made: Simulation) -> Motions:
 
 
 def _told(made: Simulation) -> Moved:
-    """The joints of a simulation as their messages tell them, without their poses."""
+    """The joints of a simulation as their messages tell them, without their poses.
+
+    As of a bag: those of valid states that have a reference, in the order of their stamps.
+    """
     run, tick, desired = made.run, made.experiment.loop.period_ns, made.reference
-    heard = made.course.heard.head(run.steps)
-    late, rows = round(made.age * NANOSECONDS / tick), np.flatnonzero(heard.answered)
+    course = made.course
+    heard = course.heard.head(run.steps)
+    late, last = round(made.age * NANOSECONDS / tick), len(desired.position) - 1
+    timeout = made.experiment.plant.safety.reference_timeout * NANOSECONDS
+    oldest = round(max(timeout, 2.0 * tick)) // tick
+    rows = np.array([k for k in np.flatnonzero(heard.told) if k not in course.invalid], np.int64)
     measured = rows - heard.late[rows]
-    known = np.maximum(measured - late, 0)  # the newest reference at the stamp, or the first
+    kept = (measured >= 0) & (measured <= last + oldest)
+    rows, measured = rows[kept], measured[kept]
+    back = tick * (np.maximum.accumulate(measured) - measured)
+    if len(rows) and back.max() <= SWAPPED:
+        order = np.argsort(measured, kind='stable')
+        rows, measured = rows[order], measured[order]
+    known = np.clip(measured - late, 0, last)  # the newest reference at the stamp, or the first
     reference = extrapolate_rows(
         tick * (measured - late - known),
         *(getattr(desired, name)[known] for name in ('position', 'velocity', 'acceleration')),
@@ -180,6 +194,6 @@ def _told(made: Simulation) -> Moved:
         tick * (measured - late) / NANOSECONDS,
         run.position[rows],
         reference.position,
-        told_effort(run.effort[: run.steps], late)[measured],
+        told_effort(run.effort[: run.steps], late)[rows - np.maximum(heard.late[rows], 0)],
         Poses(run.pose[:0], run.pose[:0]),
     )

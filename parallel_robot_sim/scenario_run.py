@@ -23,6 +23,7 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motions, saturation, told_remarks
 from parallel_robot_sim.simulation import Simulation
+from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration
 
 File = str | Path
@@ -220,6 +221,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
             *made.experiment.control.law.warnings,
             *told_remarks(values),
             *saturation(values, record.effort),
+            *motion_doubts(made.experiment.trajectory),
         ),
         made,
     )

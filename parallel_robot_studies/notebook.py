@@ -21,6 +21,7 @@ from parallel_robot_analysis.readable_metrics import (
     METRICS,
     NEVER,
     defined,
+    early,
     shown,
     unsettled,
     window,
@@ -110,6 +111,8 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
     log = part.log
+    time = part.motions.best.time
+    ended = early(float(time[-1] - time[0]), float(log.config['duration']))
     first = next((status for status in past.statuses if status.fault != NO_FAULT), None)
     limits = {LIMIT_TEXT.get(code, code) for status in past.statuses for code in status.limits}
     return Run(
@@ -128,7 +131,7 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
         part.poses.planar,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
-        (*log.warnings, *filter(None, [part.cut]), *part.remarks, *part.doubts),
+        (*log.warnings, *filter(None, [part.cut, ended]), *part.remarks, *part.doubts),
         motions=part.motions,
     )
 

@@ -90,12 +90,12 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'compare': [('paper_circle',)],
 }  # fmt: skip
 WORK = (  # what a command does when it has read all options
-    'parallel_robot_cli.commands.simulate.simulate',
+    'parallel_robot_cli.commands.simulate.attempt',
     'parallel_robot_cli.commands.run._supervise',
     'parallel_robot_studies.sweep.sweep.completed',
     'parallel_robot_cli.commands.tune.run',
     'parallel_robot_cli.commands.limit.least_error',
-    'parallel_robot_cli.commands.compare.simulation.simulate',
+    'parallel_robot_cli.commands.compare.simulation.attempt',
     'parallel_robot_cli.commands.verify.verify',
     'parallel_robot_studies.identification.design.design',
     'parallel_robot_live.started_graph.NodeProcesses',

@@ -93,6 +93,23 @@ def test_table_1_from_a_noiseless_motion(excited):
     assert np.allclose(found.robot.values, found.fit.values, rtol=1e-5)
 
 
+def test_what_noise_leaves_and_what_no_inertias_explain(excited):
+    """A leg of 401 mm in place of 400; efforts of other joints."""
+    assert not identify(excited).left.doubt
+    for recorded in (
+        noisy(excited, np.random.default_rng(4)),
+        noisy(excited, np.random.default_rng(5), 1e-4, 0.0),
+    ):
+        assert not identify(excited, recorded).left.doubt
+    longer = motion(**{'true_robot.l1': 0.401})
+    longer.nominal = excited.nominal
+    found = identify(longer)
+    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.2
+    assert '0.29 % of a torque is left, and that is no noise' in found.left.doubt
+    other = replaced(excited, effort=excited.recording.effort[:, [1, 2, 0]])
+    assert 'no set of inertias explains the motion' in identify(excited, other).left.doubt
+
+
 def test_the_nominal_values_do_not_matter(excited):
     robot = excited.nominal.robot
     wrong = robot.parameters._replace(m1=3.0, m2=9.0, mp=6.0, I1=0.2, I2=0.1, Ip=0.2)
@@ -329,6 +346,17 @@ def test_too_short_a_motion_is_refused_with_the_reason(excited):
 def test_a_cutoff_that_does_not_fit_is_refused(excited, cutoff):
     with pytest.raises(InputError, match='--cutoff must be positive and at most 100 Hz'):
         identify(excited, cutoff=cutoff)
+
+
+def test_states_at_100_hz_take_the_default_bandwidth(excited):
+    """Their stamps are a nanosecond off, so that a tenth of the rate is a little below 10 Hz."""
+    kept = excited.recording
+    slow = Recording(
+        kept.time[::10] * (1.0 + 1e-7),
+        *(rows[::10] for rows in (kept.position, kept.effort, kept.usable)),
+    )
+    assert regression_rows.highest_cutoff(slow) < CUTOFF
+    assert identify(excited, slow).rows.duration > 13.0
 
 
 def test_a_robot_without_a_linear_model_is_refused(excited):

@@ -69,6 +69,28 @@ def test_a_run_has_one_set_of_figures(scenario, law, values, tmp_path, capsys):
     assert ('seen' in data) == (found.seen is not None)
 
 
+@pytest.mark.parametrize(
+    'hazard',
+    [
+        'states_ahead size 0.05 at 0.1 for 0.08',
+        'states_ahead size 0.2 at 0.1 for 0.19',  # beyond the last reference
+        'states_ahead size 1.5 at 0.1 for 0.02',
+        'states_late delay 0.05 at 0.1 for 0.1',
+        'velocity_nan joint joint1 at 0.1 for 0.02',
+        'states_lost at 0.22 for 0.2',  # to the end
+        'references_lost at 0.1 for 0.3',
+    ],
+)
+def test_states_that_are_stale_or_of_wrong_stamps_change_no_figure(hazard, tmp_path):
+    run = notebook.simulate('paper_circle', duration=0.3, hazards=[hazard])
+    found = notebook.metrics(run)
+    notebook.save(run, tmp_path / 'bag')
+    other = notebook.metrics(notebook.load(tmp_path / 'bag'))
+    excess = {'excess_chattering_nm': float('nan')}
+    for metric in defined(METRICS, found._replace(effort=found.effort._replace(**excess))):
+        assert metric.value(other) == metric.value(found), metric.name
+
+
 def _reported(bag):
     return [one.metrics for runs in read_runs([bag]).values() for one in runs]
 

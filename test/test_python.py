@@ -14,7 +14,8 @@ from mcap.reader import make_reader
 
 import parallel_robot_sim
 from parallel_robot_analysis import table
-from parallel_robot_bags import run_log
+from parallel_robot_analysis.report.runs import read_runs
+from parallel_robot_bags import run_log, simulation_bag
 from parallel_robot_base.errors import BagError, InputError
 from parallel_robot_base.loop import DURATION
 from parallel_robot_cli import command_line
@@ -309,3 +310,18 @@ def test_every_array_of_a_run_is_on_the_page():
     text = (ROOT / 'docs' / 'python.md').read_text()
     names = [field.name for field in fields(Run)] + ['error', 'velocity_error', 'pose_error']
     assert all(f'`{name}`' in text for name in names if name != 'planar')
+
+
+def test_a_bag_that_ended_early_says_so(tmp_path, capsys):
+    """Figures of a start are of no law: 0.6 s of 12 s in Python, in a report, and by analyze."""
+    made = simulate('paper_circle', duration=0.6).simulation
+    bag = tmp_path / 'bag'
+    simulation_bag.write(bag, {**made.configuration.values, 'duration': 12.0}, made)
+    told = 'ended early, after 0.6 s of 12 s'
+    assert told in notebook.load(bag).warnings
+    ((shown,),) = read_runs([bag]).values()
+    assert told in shown.doubts
+    assert command_line.main(['analyze', str(bag)]) == 0
+    assert told in capsys.readouterr().out
+    notebook.save(simulate('paper_circle', duration=0.6), tmp_path / 'whole')
+    assert not any('early' in text for text in notebook.load(tmp_path / 'whole').warnings)

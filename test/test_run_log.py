@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from assembly import simulated as simulate
 from bags import JOINTS, MS, START, WRITERS, content, streams, write_foreign
+from mcap.writer import Writer
 
 from parallel_robot_analysis import metrics
 from parallel_robot_bags import run_log, simulation_bag
 from parallel_robot_bags.bag_writer import BagWriter
 from parallel_robot_base import config, layouts, topics
 from parallel_robot_base.errors import BagError, KinematicsError
+from parallel_robot_base.topics import Topic
 
 COUNT = 100
 RANDOM = np.random.default_rng(3)
@@ -196,7 +198,9 @@ def test_whoever_wrote_it_the_figures_are_the_same(kind, simulated, tmp_path):
     log, messages = simulated
     WRITERS[kind](tmp_path / 'bag', messages)
     other = run_log.read(tmp_path / 'bag')
-    assert other.warnings == () and other.messages == log.messages
+    assert other.messages == log.messages
+    (robot,) = other.warnings
+    assert 'does not say of which robot it is: taken to be of planar_3rrr' in robot
     for name in log._fields:
         if isinstance(getattr(log, name), np.ndarray):
             assert np.array_equal(getattr(other, name), getattr(log, name)), name
@@ -318,7 +322,7 @@ def test_messages_of_other_publishers_are_left_out(record):
         ]
     log = record(found)
     assert np.array_equal(log.position, CALM) and np.array_equal(log.effort, EFFORT)
-    gripper, positions = log.warnings
+    gripper, positions, _ = log.warnings
     assert '10 messages on joint_states are of other joints (gripper)' in gripper
     assert '10 of 110 messages on joint_states have no velocity' in positions
 
@@ -331,3 +335,31 @@ def test_states_of_two_publishers_or_recordings_are_doubted(record):
     found[topics.REFERENCE] += streams(CALM, CALM, start=START + 3600_000 * MS)[topics.REFERENCE]
     doubts = ' '.join(record(found).warnings)
     assert 'no states for 3600 s' in doubts and 'leap by more than 0.1 rad and back' in doubts
+
+
+@pytest.mark.parametrize(
+    ('name', 'kind'),
+    [
+        ('/robot1/joint_states', 'sensor_msgs/msg/JointState'),
+        ('/joint_states', 'sensor_msgs/JointState'),
+    ],
+)
+def test_topics_that_may_be_meant_are_named(name, kind, tmp_path):
+    """Those of another namespace than the reference, or with a type as ROS 1 writes it."""
+    found = streams(REFERENCE, POSITION)
+    states = Topic(name.lstrip('/'), kind)
+    found = {topics.REFERENCE: found[topics.REFERENCE], states: found[topics.JOINT_STATES]}
+    with (tmp_path / 'bag.mcap').open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        for topic, messages in found.items():
+            schema = writer.register_schema(topic.type, 'ros2msg', b'')
+            channel = writer.register_channel(f'/{topic.name}', 'cdr', schema)
+            for log_time, data in messages:
+                writer.add_message(channel, log_time, data, log_time)
+        writer.finish()
+    missing = 'reference' if 'robot1' in name else 'joint_states'
+    with pytest.raises(BagError, match=f'no messages on {missing}') as error:
+        run_log.read(tmp_path / 'bag.mcap')
+    meant = '/reference (trajectory_msgs' if 'robot1' in name else f'{name} ({kind})'
+    assert f'it has {meant}' in str(error.value)

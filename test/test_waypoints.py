@@ -10,6 +10,7 @@ from parallel_robot_base.errors import InputError
 from parallel_robot_cli.command_line import main
 from parallel_robot_sim import simulate
 from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.waypoints import Parameters, motion, prepare
 
 TIMES = np.array([0.0, 0.7, 1.1, 2.0, 3.5, 4.0, 5.2])
@@ -194,3 +195,43 @@ def test_a_figure_of_eight_from_eight_points_is_as_exact_as_the_papers_circle():
     assert len(run.values['waypoints.times']) == 9  # the last is the first
     error = np.hypot(*run.pose_error[len(run.time) // 2 :, :2].T)
     assert np.sqrt(np.mean(error**2)) < 3e-6
+
+
+@pytest.mark.parametrize(
+    ('of', 'header', 'point'),
+    [
+        ('paper_circle', 't, q1, q2, q3', '0.52, 0.37, 1.57'),
+        ('serial_2r_circle', 't, q1, q2', '0.5, 0.5'),
+    ],
+)
+def test_joints_are_no_poses(scenario, of, header, point, capsys):
+    """Columns say what they are: read as metres, those of joints would be another motion."""
+    text = scenario.read_text().replace('paper_circle', of)
+    scenario.write_text(text)
+    (scenario.parent / 'points.csv').write_text(f'{header}\n0, {point}\n1, {point}\n')
+    assert main(['simulate', str(scenario), '--out', 'bag']) == 2
+    error = capsys.readouterr().err
+    assert 'own.yaml, line 4: waypoints.file: columns q1, q2' in error and 'x [m], y [m]' in error
+    scenario.write_text(text.replace('shape: waypoints', 'shape: circle'))
+    assert config.resolve(str(scenario))['waypoints.points'] and trajectory_of(
+        config.resolve(str(scenario))
+    )  # which nobody follows
+
+
+def test_numbers_of_other_units_are_doubted(scenario):
+    def doubts(of, times=(0.0, 1.0), angle=1.57, **changes):
+        points = [0.5, 0.37, angle, 0.51, 0.37, angle]
+        changes = {'waypoints.times': [*times], 'waypoints.points': points, **changes}
+        values = {'trajectory.shape': 'waypoints', **changes}
+        return motion_doubts(trajectory_of(config.resolve(of, values)))
+
+    assert doubts('paper_circle') == ()
+    (degrees,) = doubts('paper_circle', angle=90.0)
+    assert 'phi reaches 90 rad, 14.3 turns' in degrees and 'must be 1.571 rad' in degrees
+    (nanoseconds,) = doubts('paper_circle', (0.0, 6e9))
+    assert 'last 6e+09 s: if they are in ns' in nanoseconds and 'to last 6 s' in nanoseconds
+    (dropped,) = doubts('serial_2r_circle')
+    assert 'phi, which is not used: the pose of serial_2r is x, y' in dropped
+    circle = {'trajectory.shape': 'circle', 'circle.phi': -90.0}
+    (degrees,) = motion_doubts(trajectory_of(config.resolve('paper_circle', circle)))
+    assert 'circle: phi reaches -90 rad' in degrees

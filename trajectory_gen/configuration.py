@@ -13,7 +13,7 @@ from parallel_robot_base import config, fields, points_file
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.groups import Declared, Groups, build
 from parallel_robot_base.loop import loop_of
-from parallel_robot_base.placed import locating
+from parallel_robot_base.placed import locating, places_of
 from parallel_robot_model.configuration import robot_defaults
 from parallel_robot_model.contract import Robot
 from parallel_robot_model.robots import RobotModel, module_of, robot_with
@@ -110,7 +110,36 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
         robot, known = module_of(loop), shapes(loop.custom_trajectories)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, known)])
         nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        check_columns(values, nominal)
         return Motions(nominal, known, groups, values.get(INITIAL, ()))
+
+
+def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
+    """Refuse points of a file whose columns are joints where poses are wanted, or the reverse.
+
+    Args:
+        values: A resolved configuration.
+        robot: The robot that is to follow the points.
+
+    Raises:
+        InputError: they are.
+    """
+    place = places_of(values).get(points_file.POINTS)
+    if place is None or not place.columns or values['trajectory.shape'] != 'waypoints':
+        return
+    module, columns = robot.module, place.columns
+    axes = module.coordinates(robot.parameters)
+    own = columns[: len(axes)] == tuple(axis.name for axis in axes)
+    of_plane = columns[0] == 'x'
+    if own or of_plane == module.PLANAR or (of_plane and len(columns) != len(axes)):
+        return
+    names = ', '.join(f'{axis.name} [{axis.unit}]' for axis in axes)
+    what = 'a place in a plane' if of_plane else 'joints'
+    raise InputError(
+        f'{points_file.FILE}: columns {", ".join(columns)} are {what}; a point must be a pose '
+        f'of {robot.name}, {names}',
+        points_file.POINTS,
+    )
 
 
 def changed(motions: Motions, values: Mapping[str, Any]) -> Motions:

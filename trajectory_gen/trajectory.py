@@ -66,6 +66,7 @@ class Trajectory:
         parameters: Which motion, and how it is published.
         limits: Limits of the motion that only this robot has.
         shape: What the shape computes the motion from: its parameters, or what it has prepared.
+        size: Number of coordinates that the shape has; a robot in a plane may not have phi.
         entry: How the motion is entered from another one, if it is.
     """
 
@@ -97,7 +98,7 @@ class Trajectory:
         self.shape, self._length = prepared(name, shape, given)
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
-        size = len(shape.motion(self.shape, 0.0).pose)
+        self.size = size = len(shape.motion(self.shape, 0.0).pose)
         in_plane = self.robot.module.PLANAR and self._size < size == 3
         if size != self._size and not in_plane:
             names = ', '.join(
@@ -142,6 +143,7 @@ class Trajectory:
         """Another motion of the same robot, within the same limits, at its own speed."""
         made = copy.copy(self)
         made.shape, made._length = spline, waypoints.span(spline)
+        made.size = spline.coefficients.shape[2]
         made.parameters = self.parameters._replace(shape='waypoints', speed_factor=1.0)
         made._motion = FirstClass(waypoints.motion, spline, 0.0)
         made.entry = None

@@ -33,6 +33,7 @@ from trajectory_gen import motion_change, motion_message, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.course import Course
 from trajectory_gen.messages import pose_messages, reference_messages
+from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.ros_present_pose import PresentPose
 from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
 
@@ -62,6 +63,9 @@ class TrajectoryNode(SuiteNode):
         self.declare_groups(('robot', robot.Parameters), *groups)
         if self._present is None:
             preflight.check(trajectory, self.loop.period)
+        if self.loop.start_stamp != WAIT:  # else who starts it says so
+            for doubt in motion_doubts(trajectory):
+                self.get_logger().warning(doubt)
         self._motions.load()
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._course = Course(trajectory, self.loop.period)

@@ -122,7 +122,8 @@ class RecordedController:
         estimator = configuration.estimator
         if estimator.takes_velocities and not log.has_velocities:
             raise BagError(
-                f'the bag has no velocities, which estimator.kind {estimator.kind} takes'
+                f'the bag has no velocities, which estimator.kind {estimator.kind} takes; '
+                '--set estimator.kind=filter or levant needs none'
             )
         self._configuration = configuration
         self._loop, safety = configuration.loop, configuration.safety

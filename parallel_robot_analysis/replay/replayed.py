@@ -28,11 +28,14 @@ class Replay(NamedTuple):
         torque: [N m], shape (N, n).
         recorded: The recorded commands, NaN where there is none [N m], shape (N, n).
         late: How many states were answered with an older reference, extrapolated.
+        remembered: Whether it is known what law and estimator remembered at the first state; not
+            in a bag that begins while they run.
     """
 
     torque: np.ndarray
     recorded: np.ndarray
     late: int
+    remembered: bool = True
 
     @property
     def known(self) -> np.ndarray:
@@ -67,7 +70,7 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
     ]
     expected = loop.expected.copy()
     torque = np.empty_like(expected)
-    slack = SLACK
+    slack, remembered = SLACK, True
     while k < len(torque):
         due = loop.stamps[-1] + 1
         if pending:  # a pose that was told is seen in no command: at its recorded time
@@ -92,9 +95,9 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
             late += 1
         else:  # not explained: from here on, everything at its recorded time
             expected[k:] = np.nan
-            slack = 0
+            slack, remembered = 0, remembered and (common or k > 0)
     late += 0 if log.used is None else int(log.used.late.sum())
-    return Replay(loop.spread(torque), log.answer, late)
+    return Replay(loop.spread(torque), log.answer, late, remembered)
 
 
 def instead(log: RunLog, history: History, configuration: ControlConfiguration) -> Replay:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_analysis import metrics, recorded_motions, timing
-from parallel_robot_analysis.readable_metrics import unsettled
+from parallel_robot_analysis.readable_metrics import early, unsettled
 from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.labels import label, law_label
 from parallel_robot_analysis.timing import Timing
@@ -121,7 +121,8 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
     if len(laws) > 1:  # it is no run of its first law
         name = ', then '.join(map(law_label, laws))
         log = log._replace(law=', then '.join(laws))
-    told = [*unsettled(result), *part.remarks, *stretches.told(parts)]
+    ended = early(result.window.run_s, float(part.log.config['duration']))
+    told = [*filter(None, [ended]), *unsettled(result), *part.remarks, *stretches.told(parts)]
     return Run(bag, name, style, log, poses, result, coupling, timed, part.cut, told, faulted)
 
 

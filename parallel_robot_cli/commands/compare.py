@@ -33,6 +33,8 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
 from parallel_robot_studies.ideal_torque import torque_of
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.motion_doubts import motion_doubts
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,7 +64,7 @@ def execute(arguments: argparse.Namespace) -> int:
         new_files.check(arguments.json, '--json')
     results = {}
     ideal: np.ndarray | None = None  # the same for all laws
-    notes: list[str] = []
+    notes = [*motion_doubts(trajectory_of(values))]
     failed: dict[str, str] = {}
     causes: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):

@@ -24,8 +24,9 @@ from parallel_robot_studies.identification import (
     recording,
     rest,
     robot_file,
+    unexplained,
 )
-from parallel_robot_studies.identification.regression_rows import CUTOFF
+from parallel_robot_studies.identification.regression_rows import CUTOFF, highest_cutoff
 
 TRIALS = 2500
 SEED = 0
@@ -53,7 +54,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--format', choices=('text', 'json'), help='of the results, default: text')
     parser.add_argument(
-        '--cutoff', type=float, metavar='HZ', help=f'bandwidth, default {CUTOFF:g}'
+        '--cutoff',
+        type=float,
+        metavar='HZ',
+        help=f'bandwidth, default {CUTOFF:g}, or a tenth of the rate',
     )
     parser.add_argument(
         '--design',
@@ -119,8 +123,8 @@ def _rest(arguments: argparse.Namespace) -> int:
 
 def _identify(arguments: argparse.Namespace) -> int:
     """Identify a robot, check it on a second bag, write what was asked for."""
-    cutoff = CUTOFF if arguments.cutoff is None else arguments.cutoff
-    if not np.isfinite(cutoff):
+    cutoff = arguments.cutoff
+    if cutoff is not None and not np.isfinite(cutoff):
         raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff:g}')
     if arguments.figure:
         figures.check_format(arguments.figure)
@@ -137,8 +141,12 @@ def _identify(arguments: argparse.Namespace) -> int:
         identified.check_same_robot(log, second[0])
         _warn(arguments.validate, (*second[0].warnings, *second[1].left_out))
     _warn(arguments.bag, (*log.warnings, *recorded.left_out))
+    if cutoff is None:
+        cutoff = min(CUTOFF, highest_cutoff(recorded))
     with _naming(arguments.bag):
         found = identified.identify(nominal, recorded, cutoff)
+    if found.left.doubt:
+        print(f'warning: {arguments.bag}: {found.left.doubt}', file=sys.stderr)
     if second is None:
         title, checked = 'torque error, rms, same bag [N m]', identified.compare(found, found.rows)
     else:
@@ -220,3 +228,5 @@ def _naming(bag: Path) -> Iterator[None]:
         yield
     except BagError as error:
         raise BagError(f'{bag}: {error}') from None
+    except np.linalg.LinAlgError as error:
+        raise BagError(f'{bag}: {unexplained.UNKNOWN}: {error}') from None

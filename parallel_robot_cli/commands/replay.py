@@ -27,7 +27,8 @@ from parallel_robot_model.configuration import is_known
 from trajectory_gen.shapes import shapes
 
 # Beginnings of keys on which torques depend, beside those of the laws.
-USED = ('law', *config.CUSTOM, 'robot', 'safety', 'controller')
+GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'safety')
+USED = ('law', *config.CUSTOM, 'robot', *GROUPS)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -101,7 +102,7 @@ def execute(arguments: argparse.Namespace) -> int:
     print('\n'.join([*lines, *([f'figure  {figure}'] if figure else [])]))
     if not changes and result.differing.any() and arithmetic.doubt(past.facts):
         print(f'warning: {arithmetic.doubt(past.facts)}', file=sys.stderr)
-    return int(not changes and bool(result.differing.any()))
+    return int(not changes and result.remembered and bool(result.differing.any()))
 
 
 def configuration(
@@ -146,6 +147,11 @@ def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
     if not differing.size:
         return [*lines, f'identical: {count} commands']
     difference = np.abs(result.torque - result.recorded)[differing].max()
+    if not result.remembered:
+        lines.append(
+            'not compared: the bag begins while the controller ran, and what law and estimator '
+            'remembered then is not in it; with an empty memory:'
+        )
     return [
         *lines,
         f'{differing.size} of {count} commands differ, by up to {difference:.3g} N m, '

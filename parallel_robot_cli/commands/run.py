@@ -34,6 +34,7 @@ from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import ENDLESS
+from trajectory_gen.motion_doubts import motion_doubts
 
 if TYPE_CHECKING:
     from parallel_robot_cli.ros_session import Session
@@ -121,6 +122,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         RunError: the run did not come to its end.
     """
     configuration = configure(resolve(scenario, changed))
+    for text in motion_doubts(configuration.trajectory):
+        print(f'warning: {text}', file=sys.stderr)
     ended = move(configuration, scenario, changed, out, namespace)
     try:
         log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)

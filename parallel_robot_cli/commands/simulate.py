@@ -29,6 +29,7 @@ from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.motions import of_simulation, saturation
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import Simulation, attempt
+from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration
 
 
@@ -223,6 +224,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     configuration = configure(values)
+    for text in motion_doubts(configuration.trajectory):
+        print(f'warning: {text}', file=sys.stderr)
     simulation = attempt(configuration)
     for text in (*noise_doubts(configuration), *remarks(simulation)):
         print(f'warning: {text}', file=sys.stderr)

@@ -19,12 +19,14 @@ from parallel_robot_studies.identification import (
     least_squares,
     physical_robot,
     regression_rows,
+    unexplained,
 )
 from parallel_robot_studies.identification.base_parameters import BaseParameters
 from parallel_robot_studies.identification.least_squares import Fit
 from parallel_robot_studies.identification.physical_robot import PhysicalRobot
 from parallel_robot_studies.identification.recording import Recording
 from parallel_robot_studies.identification.regression_rows import Rows
+from parallel_robot_studies.identification.unexplained import Unexplained
 
 LATEST = 0.02  # s, largest delay that is looked for
 COUNTS = 0.2  # of a period, a delay that is taken into account
@@ -99,6 +101,11 @@ class Identified:
     rows: Rows
     delay: Delay
     period: float
+
+    @property
+    def left(self) -> Unexplained:
+        """What the fit leaves of the torques."""
+        return unexplained.unexplained(self.rows, self.fit)
 
 
 @dataclass(frozen=True)

@@ -59,12 +59,11 @@ def fit(rows: Rows, nominal: Array, scale: Array) -> Fit:
     """
     Y, error = rows.Y * scale, rows.torque - rows.Y @ nominal
     floor = FLOOR * np.sqrt(np.mean(rows.torque**2)) + 1e-15
-    count = np.maximum(rows.known.T.astype(float) @ rows.known, 1.0)
     weight = np.eye(error.shape[1])
     for _ in range(ITERATIONS):
         change, condition = _solve(Y, weight, error)
         left = error - Y @ change
-        spread = np.einsum('ti,tj->ij', left, left) / count
+        spread = _spread(left, rows.known)
         weight = np.linalg.inv(spread + floor**2 * np.eye(len(spread)))
     change, condition = _solve(Y, weight, error)
     left = error - Y @ change
@@ -88,6 +87,21 @@ def fit(rows: Rows, nominal: Array, scale: Array) -> Fit:
         condition,
         rms(left, rows.known),
     )
+
+
+def _spread(left: Array, known: NDArray[np.bool_]) -> Array:
+    """Covariance of what is left of the torques [N^2 m^2], shape (n, n).
+
+    Joints that stand still at different times are seldom known together. Where the mean over those
+    times is no covariance, as of errors that are much alike, that over the times of each joint is.
+    """
+    total = np.einsum('ti,tj->ij', left, left)
+    together = np.maximum(known.T.astype(float) @ known, 1.0)
+    found = total / together
+    if np.linalg.eigvalsh(found)[0] > 0.0:
+        return np.asarray(found)
+    alone = np.diag(together)
+    return np.asarray(total / np.sqrt(np.outer(alone, alone)))
 
 
 def rms(values: Array, known: NDArray[np.bool_]) -> Array:

@@ -99,8 +99,8 @@ def nearest(
         return base.of(inertia, *np.split(x[len(start) :] * friction_scale, 2))
 
     sharp = np.diag((SHARPEST * scale) ** 2)
-    root = np.linalg.cholesky(np.linalg.inv(fit.covariance + sharp)).T
     errors = np.sqrt(np.diag(fit.covariance) + np.diag(sharp))
+    root = _root((fit.covariance + sharp) / np.outer(errors, errors)) / errors
 
     def cost(x: Array) -> Array:
         away = WEIGHT * (x[: len(start)] - start / size)
@@ -127,3 +127,10 @@ def nearest(
     viscous, coulomb = np.split(found[len(start) :] * friction_scale, 2)
     chosen = {key: plain(value) for key, value in named(found).items()}
     return PhysicalRobot(chosen, nominal, viscous, coulomb, values(found), misfit(found))
+
+
+def _root(correlation: Array) -> Array:
+    """R with R^T R = C^-1, also where C is singular but for rounding, shape (B, B)."""
+    sizes, vectors = np.linalg.eigh(correlation)
+    least = SHARPEST**2 * sizes[-1]
+    return np.asarray(vectors.T / np.sqrt(np.maximum(sizes, least))[:, np.newaxis])

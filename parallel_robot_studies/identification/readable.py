@@ -105,6 +105,8 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
             }
             for k, (name, unit) in enumerate(zip(found.base.names, found.base.units, strict=True))
         ],
+        'left_of_torque': found.left.share.tolist(),
+        'left_correlation': found.left.correlation,
         'not_told': [
             {
                 'combination': name,

@@ -35,6 +35,7 @@ SUPPORT = 3.3  # of 1 / cutoff, the length of the low-pass filter
 SLOW = 0.02  # of its rms, the speed below which the sign of a joint's rate is in doubt
 DOUBT = 0.2  # share of such time above which a row says nothing of friction
 FEWEST = 4  # rows for each parameter
+ROUNDING = 1e-3  # relative, of the highest cut-off frequency: stamps are not exact
 RATIO = 10.0  # samples in a period of the cut-off frequency
 
 
@@ -89,9 +90,8 @@ def rows(
         InputError: the cut-off frequency does not fit the period.
         BagError: too little of the recording can be used, or a sample has no pose.
     """
-    period = recording.period
-    if not 0.0 < cutoff <= 1.0 / (RATIO * period):
-        highest = 1.0 / (RATIO * period)
+    period, highest = recording.period, highest_cutoff(recording)
+    if not 0.0 < cutoff <= (1.0 + ROUNDING) * highest:
         raise InputError(
             f'--cutoff must be positive and at most {highest:g} Hz for samples every '
             f'{period:g} s, not {cutoff:g}'
@@ -119,6 +119,11 @@ def rows(
     if joined.known.sum() < FEWEST * joined.Y.shape[-1]:
         raise BagError(_too_little(joined.duration, recording))
     return joined
+
+
+def highest_cutoff(recording: Recording) -> float:
+    """Highest bandwidth for the rate of a recording [Hz]."""
+    return 1.0 / (RATIO * recording.period)
 
 
 def base_of(recording: Recording, robot: RobotModel, guess: Array) -> BaseParameters:

@@ -1,0 +1,43 @@
+"""Doubts about a motion whose numbers look like those of other units, or are not all used."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from trajectory_gen.trajectory import LOOKS, Trajectory
+
+TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
+LONG = 1000.0  # s, a time that may be in another unit
+USUAL = 100.0  # s, the longest time that is usual
+UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}  # s
+
+
+def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
+    """What a motion looks like that was given in other units, one line each; often nothing."""
+    robot, name = trajectory.robot, trajectory.parameters.shape
+    axes, found = robot.module.coordinates(robot.parameters), []
+    poses = trajectory.poses(np.linspace(0.0, trajectory.span, LOOKS + 1)).pose
+    for axis, values in zip(axes, poses.T, strict=True):
+        angle = float(values[np.argmax(np.abs(values))])
+        if axis.unit == 'rad' and abs(angle) > TURN:
+            found.append(
+                f'{name}: {axis.name} reaches {angle:.4g} rad, {angle / TURN:.3g} turns: '
+                f'if that is in degrees, it must be {math.radians(angle):.4g} rad'
+            )
+    if name != 'waypoints':
+        return tuple(found)
+    length = trajectory.span * trajectory.parameters.speed_factor
+    if length > LONG:
+        unit = next((unit for unit, size in UNITS.items() if length * size <= USUAL), 'ns')
+        found.append(
+            f'waypoints.times last {length:.4g} s: if they are in {unit}, they must be divided '
+            f'to last {length * UNITS[unit]:.4g} s'
+        )
+    if trajectory.size > len(axes):
+        names = ', '.join(axis.name for axis in axes)
+        found.append(
+            f'waypoints.points have phi, which is not used: the pose of {robot.name} is {names}'
+        )
+    return tuple(found)
