@@ -100,7 +100,7 @@ class ControllerNode(SuiteNode):
         self._state_age = round(configured.safety.state_age * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
-            self.create_timer(RIVALS, self._watch_rivals)
+        self.create_timer(RIVALS, self._watch_rivals)
         if not self.lockstep and not self.loop.start_stamp:  # `run` ends with its controller
             self._kept_stop = KeptStop(self.get_fully_qualified_name())
             self.background.finish(stop, self._keep_stop)
@@ -275,6 +275,7 @@ class ControllerNode(SuiteNode):
         """Enter a fault when another node publishes commands, too."""
         if self._controller.fault == faults.NONE and self.shared_outputs():
             self._trip(faults.COMMANDS_DISAGREE)
+            self.background.do(lambda: self._warn((self.disputes(),)))
 
     def _stop_again(self) -> None:
         """Begin in the emergency stop that was told to a controller of this name before."""

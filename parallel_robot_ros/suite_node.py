@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import math
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -31,6 +33,7 @@ from parallel_robot_ros.diagnostics import Usage, diagnostics_message
 from parallel_robot_ros.parameter_services import BoundedParameterService
 from parallel_robot_ros.parameters import START, CommonStart
 
+STRANGERS = 10.0  # s without messages of a stranger, after which they are told anew
 GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
 Resolve = Callable[[str, Mapping[str, Any]], dict[str, Any]]
 
@@ -80,6 +83,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._granted: dict[str, str] = {}
         self._thread: DeadlineThread | None = None
         self._usage = Usage()
+        self._told_strangers: dict[Topic, float] = {}  # s, time of the last message of one
         given = parameters.overrides(self)
         self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
         self.values = resolve(self._scenario, given)
@@ -100,7 +104,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         """React to the common start stamp [ns]; nodes without a start of their own ignore it."""
 
     def leave_out(self, topic: Topic) -> None:
-        """React to a message that is dropped because its topic has publishers that take turns."""
+        """React to a message of a topic that has publishers that take turns."""
 
     def diagnose(self) -> dict[str, Any]:
         """Entries of the diagnostics, of the last second."""
@@ -155,8 +159,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         return self._connections.shared_outputs()
 
     def disputes(self) -> str:
-        """Which topics have another publisher, and the nodes; empty for none (wall time)."""
-        return '' if self.lockstep else '; '.join(self._connections.disputes())
+        """Which topics have another publisher, and the nodes; empty for none."""
+        return '; '.join(self._connections.disputes())
 
     def begin(self) -> None:
         """Start what keeps time; called when all that takes long is done."""
@@ -181,8 +185,8 @@ class SuiteNode(Node):  # type: ignore[misc]
 
         In wall time, the publisher that is heard first is trusted, and messages of another one
         are dropped, see :class:`SinglePublisher`. In lockstep, where the loop would stop without
-        a message and stamps reveal a second publisher, none is dropped once this node's essential
-        outputs have their subscribers; before that, all are, and the plant sends its state again.
+        a message, those are told, too, but none is dropped once this node's essential outputs
+        have their subscribers; before that, all are, and the plant sends its state again.
 
         Args:
             topic: Name and type.
@@ -314,8 +318,17 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _on_stranger(self, topic: Topic, several: bool) -> None:
         self.counts[f'{topic.name}: messages of two publishers'] += 1
+        now = time.monotonic()
+        if now - self._told_strangers.get(topic, -math.inf) > STRANGERS:
+            self.background.do(functools.partial(self._tell_strangers, topic))
+        self._told_strangers[topic] = now
         if several:
             self.leave_out(topic)
+
+    def _tell_strangers(self, topic: Topic) -> None:
+        used = 'all are used' if self.lockstep else 'those of one are left out'
+        found = self._connections.publishers_of_input(topic)
+        self.get_logger().warning(f'messages of two publishers, {used}: {found}')
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
