@@ -7,7 +7,7 @@ import math
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -34,6 +34,7 @@ from parallel_robot_ros.parameter_services import BoundedParameterService
 from parallel_robot_ros.parameters import START, CommonStart
 
 STRANGERS = 10.0  # s without messages of a stranger, after which they are told anew
+NO_CLOCK = 'use_sim_time is true and nobody publishes /clock: set it to false, or start who does'
 GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
 Resolve = Callable[[str, Mapping[str, Any]], dict[str, Any]]
 
@@ -83,6 +84,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._granted: dict[str, str] = {}
         self._thread: DeadlineThread | None = None
         self._usage = Usage()
+        self._told_doubts: Set[str] = set()
         self._told_strangers: dict[Topic, float] = {}  # s, time of the last message of one
         given = parameters.overrides(self)
         self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
@@ -108,6 +110,10 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def diagnose(self) -> dict[str, Any]:
         """Entries of the diagnostics, of the last second."""
+        return {}
+
+    def doubts(self) -> dict[str, str]:
+        """What is odd just now, a line for each kind; told once while it lasts."""
         return {}
 
     def handled(self) -> int | None:
@@ -335,13 +341,25 @@ class SuiteNode(Node):  # type: ignore[misc]
         response.success = not response.message
         return response
 
+    def _doubts(self) -> dict[str, str]:
+        clock = self.get_clock()
+        stands = clock.ros_time_is_active and not clock.now().nanoseconds
+        if stands and not self.lockstep and not self.count_publishers('/clock'):
+            return {'clock': NO_CLOCK, **self.doubts()}
+        return self.doubts()
+
     def _on_second(self) -> None:
         self.background.do(self._publish_diagnostics)
 
     def _publish_diagnostics(self) -> None:
         usual = {**self.diagnose(), **self._usage.measure(self.handled()), **self._granted}
         usual |= self._times.take()
+        doubts = {kind: text for kind, text in self._doubts().items() if text}
+        for kind in doubts.keys() - self._told_doubts:
+            self.get_logger().warning(doubts[kind])
+        self._told_doubts = doubts.keys()
         several = self._connections.several_publishers()
         unusual = {**self.counts, **{f'{name}: publishers': n for name, n in several.items()}}
-        message = diagnostics_message(self, {**usual, **unusual}, unusual, self.alarm())
+        warnings = [*doubts.values(), *unusual]
+        message = diagnostics_message(self, {**usual, **unusual}, warnings, self.alarm())
         self._diagnostics.publish(message)
