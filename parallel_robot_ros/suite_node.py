@@ -12,6 +12,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -271,8 +272,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         return super().create_service(kind, name, self._guarded(name, callback), *words, **options)
 
     def create_timer(self, period: float, callback: Any, *words: Any, **options: Any) -> Timer:
-        """Make a timer as any node does, guarded."""
+        """Make a timer as any node does, guarded; of real time, whatever ``use_sim_time`` says."""
         guarded = self._guarded(f'timer of {period:g} s', callback)
+        options = {'clock': Clock(clock_type=ClockType.STEADY_TIME)} | options
         return super().create_timer(period, guarded, *words, **options)
 
     def _guarded(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:

@@ -141,6 +141,8 @@ def test_a_simulated_time_that_stands_is_told(loop, monkeypatch):
     loop.give(SECOND)
     loop.controller._publish_diagnostics()
     assert sum('/clock' in line for line in lines) == 1
+    kinds = {timer.clock.clock_type for timer in loop.controller.timers}
+    assert kinds == {ClockType.STEADY_TIME}  # else nothing would watch the states
 
 
 def lines_of(loop, monkeypatch):
