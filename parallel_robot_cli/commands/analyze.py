@@ -73,7 +73,7 @@ def execute(arguments: argparse.Namespace) -> int:
     log = part.log
     if part.cut:
         print(f'warning: {part.cut}', file=sys.stderr)
-    found = metrics.figures(part.motions, None, arguments.start, arguments.stop)
+    found = metrics.figures(part.motions, arguments.start, arguments.stop)
     failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
     if found.window.asked:
         failure = ''
