@@ -43,6 +43,7 @@ from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import ControllerTopics
+from parallel_robot_ros.connections import NOT_KNOWN
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.parameters import START
@@ -99,6 +100,7 @@ class ControllerNode(SuiteNode):
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = configured.safety.state_timeout
+        self._rivals, self._rivals_told = '', False  # who publishes commands, too
         self._refused, self._refused_at = (faults.NONE, 0), -math.inf  # the last one
         self._state_age = round(configured.safety.state_age * NANOSECONDS)
         if not self.lockstep:
@@ -307,9 +309,17 @@ class ControllerNode(SuiteNode):
 
     def _watch_rivals(self) -> None:
         """Enter a fault when another node publishes commands, too."""
-        if self._controller.fault == faults.NONE and self.shared_outputs():
+        shared = bool(self.shared_outputs())
+        if shared and self._controller.fault == faults.NONE:
             self._trip(faults.COMMANDS_DISAGREE)
-            self.background.do(lambda: self._warn((self.disputes(),)))
+        if shared and not self._rivals_told:
+            self._rivals = self.disputes()
+        named = NOT_KNOWN not in self._rivals or not shared  # else it will be soon
+        if self._rivals and named and not self._rivals_told:
+            self._rivals_told = True
+            self.doubt(self._rivals)
+        if not shared:
+            self._rivals, self._rivals_told = '', False
 
     def _stop_again(self) -> None:
         """Begin in the emergency stop that was told to a controller of this name before."""

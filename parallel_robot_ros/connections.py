@@ -16,6 +16,9 @@ from parallel_robot_ros.message_types import message_class
 from parallel_robot_ros.single_publisher import SinglePublisher
 from parallel_robot_ros.subscription import listen, qos_of
 
+NOT_KNOWN = 'one that is not known yet'
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # for ROS, of a node that was discovered a moment ago
+
 
 class Connections:
     """Publishers and subscriptions of one node."""
@@ -115,6 +118,11 @@ class Connections:
     def _publishers_of(self, name: str) -> str:
         """A line that names the nodes that publish on a topic, by its full name."""
         found = self._node.get_publishers_info_by_topic(name)
-        nodes = sorted(f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found)
+        nodes = sorted(
+            NOT_KNOWN
+            if one.node_name == UNKNOWN
+            else f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+            for one in found
+        )
         several = '' if len(nodes) == 1 else 's'
         return printable(f'{name} has {len(nodes)} publisher{several}: {", ".join(nodes)}')

@@ -25,6 +25,7 @@ from parallel_robot_base import config, fields, loop, scenario_file
 from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError, first_line
 from parallel_robot_base.groups import build
+from parallel_robot_base.processes import WATCH
 from parallel_robot_base.topics import Topic
 from parallel_robot_ros import parameters
 from parallel_robot_ros.background import Background
@@ -250,6 +251,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         text = f'unforeseen {first_line(error)} at {frame.filename}:{frame.lineno}'
         self.get_logger().error(text, throttle_duration_sec=1.0)
 
+    def doubt(self, text: str) -> None:
+        """Log what whoever started the node must know; ``run`` tells it, too."""
+        self.get_logger().get_child(WATCH).warning(text)
+
     def show_granted(self, **texts: str) -> None:
         """Show what the system granted, in the diagnostics and as parameters, for bags."""
         for key, text in texts.items():
@@ -336,7 +341,7 @@ class SuiteNode(Node):  # type: ignore[misc]
     def _tell_strangers(self, topic: Topic) -> None:
         used = 'all are used' if self.lockstep else 'those of one are left out'
         found = self._connections.publishers_of_input(topic)
-        self.get_logger().warning(f'messages of two publishers, {used}: {found}')
+        self.doubt(f'messages of two publishers, {used}: {found}')
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
@@ -344,11 +349,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         return response
 
     def _doubts(self) -> dict[str, str]:
-        clock = self.get_clock()
+        clock, found = self.get_clock(), {}
         stands = clock.ros_time_is_active and not clock.now().nanoseconds
         if stands and not self.lockstep and not self.count_publishers('/clock'):
-            return {'clock': NO_CLOCK, **self.doubts()}
-        return self.doubts()
+            found['clock'] = NO_CLOCK
+        return found | self.doubts()
 
     def _on_second(self) -> None:
         self.background.do(self._publish_diagnostics)
@@ -358,7 +363,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         usual |= self._times.take()
         doubts = {kind: text for kind, text in self._doubts().items() if text}
         for kind in doubts.keys() - self._told_doubts:
-            self.get_logger().warning(doubts[kind])
+            self.doubt(doubts[kind])
         self._told_doubts = doubts.keys()
         several = self._connections.several_publishers()
         unusual = {**self.counts, **{f'{name}: publishers': n for name, n in several.items()}}

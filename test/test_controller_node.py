@@ -152,9 +152,9 @@ def lines_of(loop, monkeypatch):
     def ignore(*_, **__):
         pass
 
-    logger = SimpleNamespace(
-        warning=lambda text, **_: lines.append(text), error=ignore, info=ignore
-    )
+    logger = SimpleNamespace(error=ignore, info=ignore)
+    logger.warning = lambda text, **_: lines.append(text)
+    logger.get_child = lambda _: logger
     monkeypatch.setattr(loop.controller, 'get_logger', lambda: logger)
     return lines
 

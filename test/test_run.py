@@ -63,6 +63,7 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
         'warning: fault',
         'warning: limits acted',
         'warning: real time',
+        'warning: controller: joint states are',
     )  # the machine stood still
     assert [line for line in process.stderr.splitlines() if not line.startswith(slow)] == []
     log = run_log.read(tmp_path / 'bag')

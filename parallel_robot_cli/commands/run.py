@@ -181,7 +181,7 @@ def move(
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
     ended = _supervise(parameters, experiment.loop, namespace, during)
-    return ended._replace(doubts=tuple(experiment.control.law.warnings))
+    return ended._replace(doubts=(*experiment.control.law.warnings, *ended.doubts))
 
 
 def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
@@ -226,7 +226,7 @@ class End(NamedTuple):
     Attributes:
         driven_out: Whether the robot was driven out of its workspace.
         signal: Number of the signal that ended it; 0: none.
-        doubts: What the theory says against the gains of its law.
+        doubts: What the theory says against the gains of its law, and what the nodes doubted.
     """
 
     driven_out: bool = False
@@ -268,10 +268,10 @@ def _supervise(
                         samples, duration = loop.last_index or 0, loop.duration
                         follow(processes, session, samples, duration, progress, act)
                 except StoppedError as error:
-                    return End(signal=error.signal)
+                    return End(signal=error.signal, doubts=tuple(processes.doubts()))
                 for name in session.silent(filter(processes.running, MODULES)):
                     print(f'warning: {name} does not answer any more', file=sys.stderr)
-                return End(session.driven_out)
+                return End(session.driven_out, doubts=tuple(processes.doubts()))
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
