@@ -17,7 +17,8 @@ from parallel_robot_base import layouts
 from parallel_robot_base.topics import FRAME, FRAMES, MARKERS, ROBOT_DESCRIPTION
 from parallel_robot_base.units import NANOSECONDS
 
-PATHS = {'reference': (0.6, 0.6, 0.6), 'end effector': (0.16, 0.32, 0.75)}
+REFERENCE = 'reference'
+PATHS = {REFERENCE: (0.6, 0.6, 0.6), 'end effector': (0.16, 0.32, 0.75)}
 WIDTH = 0.001  # m, of a path
 ALL = 10_000  # points of a path, more than a screen has dots
 
@@ -25,18 +26,20 @@ ALL = 10_000  # points of a path, more than a screen has dots
 class Frames:
     """Adds description, frames and paths to the bag that is a copy of that of a run."""
 
-    def __init__(self, log: RunLog) -> None:
+    def __init__(self, log: RunLog, seen: bool = False) -> None:
         """Prepare.
 
         Args:
             log: The run.
+            seen: Whether its joints and its nominal robot may show another motion than the true
+                one; then the path is named so.
 
         Raises:
             InputError: its robot says nothing of its links.
         """
         from rosbags.typesys import Stores, get_typestore  # slow to import
 
-        self._log = log
+        self._log, self._seen = log, seen
         self._posture = posture_of(log.config)
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self.count = 0
@@ -100,7 +103,7 @@ class Frames:
             marker = self._message(
                 'visualization_msgs/msg/Marker',
                 header=self._header(stamp, FRAME),
-                ns=name,
+                ns=f'{name}, seen' if self._seen and name != REFERENCE else name,
                 id=0,
                 type=4,  # LINE_STRIP
                 action=0,

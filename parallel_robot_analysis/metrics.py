@@ -226,7 +226,6 @@ def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
 
 def figures(
     motions: Motions,
-    ideal: np.ndarray | None = None,
     start: float | None = None,
     stop: float | None = None,
 ) -> Metrics:
@@ -237,7 +236,6 @@ def figures(
 
     Args:
         motions: The run.
-        ideal: As of :func:`evaluate`, for the samples of the true motion.
         start: Time from which on it is looked at [s]; None: from its first sample on.
         stop: Time up to which it is looked at [s]; None: up to its last sample.
 
@@ -249,27 +247,26 @@ def figures(
     if asked or end is not None:
         first = -math.inf if start is None else start
         last = stop if end is None else end
-        motions, ideal = _between(motions, ideal, first, math.inf if last is None else last)
-    found = Metrics(*_figures(motions, ideal, asked))
+        motions = _between(motions, first, math.inf if last is None else last)
+    found = Metrics(*_figures(motions, asked))
     run = float(whole.time[-1] - whole.time[0])
     rests = found.window.rests or end is not None
     return found._replace(window=found.window._replace(run_s=run, asked=asked, rests=rests))
 
 
-def _figures(motions: Motions, ideal: np.ndarray | None, asked: bool) -> Metrics:
+def _figures(motions: Motions, asked: bool) -> Metrics:
     seen = (
         None if motions.seen is None else evaluate(motions.seen, motions.seen.poses, None, asked)
     )
     if motions.true is None:
         assert seen is not None
         return seen._replace(source=SEEN, seen=seen)
-    return evaluate(motions.true, motions.true.poses, ideal, asked)._replace(seen=seen)
+    found = evaluate(motions.true, motions.true.poses, motions.ideal, asked)
+    return found._replace(seen=seen)
 
 
-def _between(
-    motions: Motions, ideal: np.ndarray | None, first: float, last: float
-) -> tuple[Motions, np.ndarray | None]:
-    """The part of a run between two times [s], both included, and the ideal torque of it."""
+def _between(motions: Motions, first: float, last: float) -> Motions:
+    """The part of a run between two times [s], both included."""
     end, time = np.nextafter(last, math.inf), motions.best.time
     part = motions.between(first, end)
     if not first < last or not len(part.best.time):
@@ -279,7 +276,7 @@ def _between(
         )
     if part.seen is not None and not len(part.seen.time):
         part = part._replace(seen=None)
-    return part, None if ideal is None else ideal[slice(*np.searchsorted(time, [first, end]))]
+    return part
 
 
 def rest(motion: Moved) -> float | None:

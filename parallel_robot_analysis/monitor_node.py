@@ -18,6 +18,7 @@ from parallel_robot_model.tree import has_tree
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_sim.motions import differs
 from trajectory_gen.configuration import resolve
 
 LINKS = Topic('monitor/joint_states', 'sensor_msgs/msg/JointState', topics.MARKERS_EVERY)
@@ -59,6 +60,10 @@ class MonitorNode(SuiteNode):
             self._links = self.publisher(LINKS, essential=False)
             description = self.publisher(topics.ROBOT_DESCRIPTION, essential=False)
             description.publish(layouts.text_message(self._posture.description))
+        if differs(self.values):
+            self.get_logger().info(
+                'metrics, joints and frames are seen: true_robot or sensors differ'
+            )
         self.subscribe(topics.REFERENCE, self._on_reference)
         self.subscribe(topics.JOINT_STATES, self._on_state)
 

@@ -18,6 +18,7 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.configuration import is_known, robot_of
 from parallel_robot_sim import plant_again
 from parallel_robot_sim.configuration import configure_plant
+from parallel_robot_sim.ideal_torque import along
 from parallel_robot_sim.imperfections import told_age
 from parallel_robot_sim.motions import (
     Motions,
@@ -32,6 +33,8 @@ from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.configuration import trajectory_of
 
 SAME = 1e-9  # rad, to which a plant that moves again tells the same
+MOST_STEPS = 2  # samples for each state of a bag; if more, too many are missing
+PLANNED = 1e-6  # rad, to which references are those that were planned
 ROUNDING = 1e-6  # s, much less than between two samples
 FEW = 1e-3  # share of its states that may differ: steps of an encoder on another processor
 UNKNOWN = 'the plant of this bag is not known: errors are those seen, by the nominal robot'
@@ -100,6 +103,15 @@ def of_bag(log: RunLog, past: History) -> Recorded:
         InputError: the robot of the bag cannot be built.
         KinematicsError: not even the first sample has a pose.
     """
+    found = _of_bag(log, past)
+    true = found.motions.true
+    if true is None:
+        return found
+    return found._replace(motions=found.motions._replace(ideal=_ideal(log, true)))
+
+
+def _of_bag(log: RunLog, past: History) -> Recorded:
+    """The motions of a bag, without the ideal torque."""
     part, poses, cut = metrics.with_poses(log)
     seen = Moved(part.time, part.position, part.reference_position, part.effort, poses)
     if not (is_known(log.config) and of_plant(past)):
@@ -117,6 +129,27 @@ def of_bag(log: RunLog, past: History) -> Recorded:
         again, reason = None, str(error)
     remark = HIDDEN.format(', '.join(hidden), reason) if reason else ''
     return Recorded(part, poses, Motions(again, seen), cut, remark, saturated)
+
+
+def _ideal(log: RunLog, true: Moved) -> np.ndarray | None:
+    """The ideal torque at each sample of a true motion [N m], shape (N, n).
+
+    None where the plant is not known exactly, or its motion is not the one that was planned.
+    """
+    try:
+        plant, trajectory = configure_plant(log.config), trajectory_of(log.config)
+        rows = np.rint(true.time / plant.loop.period).astype(np.int64)
+        last = int(rows[-1])
+        if plant.parameters.engine == MUJOCO or not 0 <= rows[0] < last <= MOST_STEPS * len(rows):
+            return None
+        if plant.loop.last_index != last:  # it ended early, or had no end
+            plant = plant._replace(loop=plant.loop._replace(duration=last * plant.loop.period))
+        planned = trajectory.sample(plant.loop.period * rows).position
+        if np.abs(planned - true.reference_position).max() > PLANNED:
+            return None
+        return along(trajectory, plant)[rows]
+    except ParallelRobotError:
+        return None
 
 
 def of_plant(past: History) -> bool:

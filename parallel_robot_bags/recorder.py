@@ -25,7 +25,7 @@ from parallel_robot_base import plain_data
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.hazard_times import HazardTimes
 from parallel_robot_base.hazards import parse
-from parallel_robot_base.loop import STEP_START, LoopParameters
+from parallel_robot_base.loop import LoopParameters
 from parallel_robot_base.topics import (
     ACTIVE_LAW,
     ANSWERED,
@@ -110,7 +110,7 @@ class Recorder:
             BagError: the directory exists or cannot be created.
             RunError: the disk is full.
         """
-        self._start = start_stamp or (STEP_START if self._loop.lockstep else 0)
+        self._start = start_stamp or (self._loop.step_start if self._loop.lockstep else 0)
         self._switches = SwitchTimes(self._start)
         if self._loop.last_index is not None and start_stamp:
             self._end = start_stamp + self._loop.last_index * self._loop.period_ns

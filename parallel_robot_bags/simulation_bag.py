@@ -15,7 +15,6 @@ from parallel_robot_bags.experiment import SIMULATION, describe
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base import layouts, topics
 from parallel_robot_base.hazard_times import HazardTimes
-from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
@@ -51,7 +50,7 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
     count = run.steps
     course, samples = simulation.course, np.arange(count)
     heard = course.heard.head(count)
-    stamps = STEP_START + samples * loop.period_ns
+    stamps = loop.step_start + samples * loop.period_ns
     age = experiment.plant.setup.imperfections.age  # s, which the stamps tell
     acts = stamps - heard.late * loop.period_ns  # as the controller knows it
     measured = acts - round(age * NANOSECONDS)
@@ -90,14 +89,14 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         records[topics.POSE] = shown, pose_messages(stamps[shown], run.pose[shown])
         records[topics.POSE_REFERENCE] = slow, pose_messages(stamps[slow], reference.pose[slow])
     known, suite = faults.of(robot), topics.recorded(robot.PLANAR)
-    facts = describe(loop, values, STEP_START, SIMULATION)
+    facts = describe(loop, values, loop.step_start, SIMULATION)
     sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
     with BagWriter(directory, suite, facts) as writer:
         for name, source in sources:
             writer.attach(name, source)
-        writer.write(topics.ACTIVE_LAW.name, STEP_START, layouts.text_message(law.name))
+        writer.write(topics.ACTIVE_LAW.name, loop.step_start, layouts.text_message(law.name))
         status, phases = None, simulation.phases
-        known_stamps = STEP_START + course.known * loop.period_ns
+        known_stamps = loop.step_start + course.known * loop.period_ns
         answers, last, written = [], 0, dict.fromkeys(records, 0)
         estimator = experiment.control.setup.estimator
         acted = told_limits(run.acted[:count], measured, heard.answered, course.renewals)

@@ -13,7 +13,8 @@ from parallel_robot_base.placed import locating
 from parallel_robot_base.topics import SLOW
 from parallel_robot_base.units import NANOSECONDS
 
-STEP_START = NANOSECONDS  # stamp of t = 0 in lockstep; 0 would mean "no time yet" in ROS
+STEP_START = NANOSECONDS  # earliest stamp of t = 0 in lockstep; 0 is "no time yet" in ROS
+MICROSECOND = NANOSECONDS // 1_000_000  # ns
 WAIT = -1  # start_stamp of a node that waits for the common start
 SWAPPED = NANOSECONDS  # by which the stamps of states may go back within one run
 OLDEST = NANOSECONDS // 10  # ns, by which the first state in lockstep may be older than the start
@@ -75,18 +76,33 @@ class LoopParameters(NamedTuple):
         return round(self.period * NANOSECONDS)
 
     @property
+    def grid(self) -> int:
+        """Grid of t = 0 [ns], so that topics for display have a sample there."""
+        return SLOW * self.period_ns
+
+    @property
+    def step_start(self) -> int:
+        """Stamp of t = 0 in lockstep [ns]."""
+        return -(-STEP_START // self.grid) * self.grid
+
+    @property
     def last_index(self) -> int | None:
         """Index of the last state of the motion; None if it has no end."""
         return round(self.duration / self.period) if self.duration > 0.0 else None
+
+
+def length(values: Mapping[str, Any]) -> float:
+    """How long the run of a resolved configuration is to be, in whole periods [s]."""
+    period = float(values['period'])
+    return round(float(values['duration']) / period) * period
 
 
 def loop_of(values: Mapping[str, Any]) -> LoopParameters:
     """What a resolved configuration says of the loop.
 
     Raises:
-        InputError: a value is wrong. No joints, or two with one name; a period of which ten do
-            not fit into 0.1 s, the grid on which slow topics and common starts lie; a motion
-            without samples.
+        InputError: a value is wrong. No joints, or two with one name; a period that is
+            not a whole number of microseconds; a motion without samples.
     """
     loop = group(values, LoopParameters, '')
     with locating(values):
@@ -98,9 +114,9 @@ def _check(loop: LoopParameters) -> None:
     if not loop.joints or len(set(loop.joints)) != len(loop.joints):
         raise InputError(f'joints must be different names, not {list(loop.joints)}', 'joints')
     hazards.checked(loop.hazards, loop.joints, loop.period)
-    if (NANOSECONDS // 10) % (SLOW * loop.period_ns):
+    if loop.period_ns % MICROSECOND:
         raise InputError(
-            f'period must divide 0.01 s, e.g. 0.0005, 0.001, 0.002, 0.005, not {loop.period:g}',
+            f'period must be a whole number of µs, e.g. 0.001, 0.004, not {loop.period:.12g}',
             'period',
         )
     if loop.last_index == 0:

@@ -32,6 +32,8 @@ MODULES = {
 }
 # The plant ends first, at a state; what the others still publish is recorded.
 STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))
+WATCH = 'watch'  # end of the name of a node's logger for what is odd
+DOUBTS = re.compile(rf'^\[WARN\] \[[\d.]+\] \[[\w.]+\.{WATCH}\]: (.*)$', re.MULTILINE)
 LONGEST = 100_000  # characters of a value on a command line, of which Linux takes 131 071
 END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 
@@ -135,6 +137,13 @@ class NodeProcesses:
             how = f'signal {signal.Signals(-code).name}' if code < 0 else f'exit code {code}'
             reason = self._last_line(name)
             raise RunError(f'{name} ended with {how}' + (f': {reason}' if reason else ''))
+
+    def doubts(self) -> list[str]:
+        """What the nodes have warned of that concerns who started them, each once."""
+        found = [
+            f'{name}: {text}' for name in self._logs for text in DOUBTS.findall(self._output(name))
+        ]
+        return list(dict.fromkeys(found))
 
     def stop(self) -> None:
         """End all processes that still run, in order, waiting for them."""

@@ -56,7 +56,6 @@ from parallel_robot_control.shared_arrays import (
     POSITION,
     RATE,
     REFERENCE,
-    SKIPPED,
     SLIDING,
     START,
     TAKES_OVER,
@@ -257,7 +256,6 @@ def _open(
         joins = numbers[WAITS] != 0 and not overdue
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
-            numbers[SKIPPED] += (stamp - before) // timing.period - 1
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             write_row(vectors, TORQUE, applied)
             joins = True

@@ -8,14 +8,20 @@ from parallel_robot_base import layouts
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import answers_message
-from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, SKIPPED, Shared
+from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, Shared
+from parallel_robot_control.state_rhythm import StateRhythm
 
 
 class AnswerLog:
-    """The record that the kernels keep of each answer, collected from time to time."""
+    """The record that the kernels keep of each answer, collected from time to time.
 
-    def __init__(self, arrays: Shared) -> None:
-        """Prepare the log; `arrays` are shared with the kernels."""
+    Attributes:
+        rhythm: How often states come and are skipped, of what was collected.
+    """
+
+    def __init__(self, arrays: Shared, period: int) -> None:
+        """Prepare the log; `arrays` are shared with the kernels, `period` is in ns."""
+        self.rhythm = StateRhythm(period)
         self._arrays = arrays
         self._numbers = arrays.numbers
         self._ages_taken = 0
@@ -24,11 +30,6 @@ class AnswerLog:
     def answered(self) -> int:
         """Number of states that were answered."""
         return int(self._numbers[ANSWERS])
-
-    @property
-    def skipped(self) -> int:
-        """Number of states not answered, because a newer one was there or they never arrived."""
-        return int(self._numbers[SKIPPED])
 
     def zero_command(self) -> bytes:
         """A command of zero torque that answers no state, and is logged as such."""
@@ -40,6 +41,7 @@ class AnswerLog:
         """Message of ``controller/answered``: which states were answered since the last call."""
         count = min(int(self._numbers[LOGGED]), AGES)
         self._numbers[LOGGED] = 0
+        self.rhythm.note(self._arrays.log[:count, 0].copy())
         return answers_message(self._arrays.log[:count])
 
     def take_ages(self) -> Array:

@@ -100,7 +100,7 @@ class Controller(ControllerState):
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
         common = law_core.common(self._references.compiled, timing, self._arrays)
-        self.log = AnswerLog(self._arrays)
+        self.log = AnswerLog(self._arrays, loop.period_ns)
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
         self._first: int | None = None  # stamp from which on the first torque of the run acted

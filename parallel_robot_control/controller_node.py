@@ -6,6 +6,7 @@ wrong leads to a latched fault and a safe action: see docs/safety.md.
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -20,7 +21,7 @@ from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.kept_stop import KeptStop
 from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_control import configuration, faults
+from parallel_robot_control import configuration, faults, state_warnings
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
     EARLY,
@@ -42,6 +43,7 @@ from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import ControllerTopics
+from parallel_robot_ros.connections import NOT_KNOWN
 from parallel_robot_ros.joint_reader import JointReader
 from parallel_robot_ros.life_cycle import run_node
 from parallel_robot_ros.parameters import START
@@ -55,6 +57,7 @@ DOUBTS = {
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
 }
 GUESS = 'controller.guess'
+LATELY = 0.2  # s, since a state was left out, in which that is told
 LOOKS = 4  # checks of the joint states within the time after which they are stale
 RIVALS = 0.1  # s, from one look whether others publish commands to the next
 
@@ -97,10 +100,12 @@ class ControllerNode(SuiteNode):
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = configured.safety.state_timeout
+        self._rivals, self._rivals_told = '', False  # who publishes commands, too
+        self._refused, self._refused_at = (faults.NONE, 0), -math.inf  # the last one
         self._state_age = round(configured.safety.state_age * NANOSECONDS)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
-            self.create_timer(RIVALS, self._watch_rivals)
+        self.create_timer(RIVALS, self._watch_rivals)
         if not self.lockstep and not self.loop.start_stamp:  # `run` ends with its controller
             self._kept_stop = KeptStop(self.get_fully_qualified_name())
             self.background.finish(stop, self._keep_stop)
@@ -159,19 +164,38 @@ class ControllerNode(SuiteNode):
 
     def diagnose(self) -> dict[str, str]:
         """What the controller is doing."""
+        self._controller.log.rhythm.look()
         figures = {
             'law': self._controller.law.name,
             'laws': self._laws,
             'joints': ', '.join(self.loop.joints),
             'limits that acted': limits_text(self._controller.status.acted),
             'answered': str(self._controller.log.answered),
-            'skipped': str(self._controller.log.skipped),
+            'skipped': str(self._controller.log.rhythm.skipped),
         }
         ages = self._controller.log.take_ages()
         if ages.size and not self.lockstep:
             p50, p99, largest = 1e3 * np.percentile(ages, [50, 99, 100])
             figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
         return figures
+
+    def doubts(self) -> dict[str, str]:
+        """What is wrong with the joint states."""
+        found = {'rate': self._controller.log.rhythm.doubt}
+        if self.lockstep:
+            return found
+        ahead = self._controller.stamp - max(self._clocks())
+        if time.monotonic() - self._refused_at < LATELY:
+            wrong, difference = self._refused
+            if wrong == faults.STATES_AHEAD:
+                ahead = difference
+            elif wrong == faults.STATES_LATE:
+                limit = self._state_age / NANOSECONDS
+                found['age'] = state_warnings.of_age(difference, limit)
+            else:
+                problem = self._state_reader.problem
+                found['numbers'] = state_warnings.of_numbers(problem, self.loop.joints)
+        return found | {'ahead': state_warnings.of_clock(ahead)}
 
     def handled(self) -> int:
         """Number of states answered."""
@@ -222,6 +246,7 @@ class ControllerNode(SuiteNode):
             self._watch()
         message = self._state_reader.read(data)
         if message is None:
+            self._note_refusal(faults.STATES_INVALID)
             self._lose_torque(not self.lockstep and self._controller.refuse(faults.STATES_INVALID))
             return
         if code == UNKNOWN and self._state_reader.layout is not None:
@@ -253,11 +278,22 @@ class ControllerNode(SuiteNode):
         """Why a state is not to be answered: it waited in a queue, or its clock is ahead."""
         if self.lockstep:
             return faults.NONE
-        ros = self.get_clock().now().nanoseconds  # perhaps a simulated time
-        clocks = time.time_ns(), self._clock_offset + time.monotonic_ns(), ros
+        clocks = self._clocks()
         if min(clocks) - stamp > self._state_age:
-            return faults.STATES_LATE
-        return faults.STATES_AHEAD if max(clocks) - stamp < -self._state_age else faults.NONE
+            return self._note_refusal(faults.STATES_LATE, min(clocks) - stamp)
+        if max(clocks) - stamp < -self._state_age:
+            return self._note_refusal(faults.STATES_AHEAD, stamp - max(clocks))
+        return faults.NONE
+
+    def _clocks(self) -> tuple[int, int, int]:
+        """Present times that a stamp may be of [ns]."""
+        ros = self.get_clock().now().nanoseconds  # perhaps a simulated time
+        return time.time_ns(), self._clock_offset + time.monotonic_ns(), ros
+
+    def _note_refusal(self, wrong: int, difference: int = 0) -> int:
+        """Note why a state was left out, and by how much its stamp is wrong [ns]."""
+        self._refused, self._refused_at = (wrong, difference), time.monotonic()
+        return wrong
 
     def _send(self, sample: Answer | None) -> None:
         """Publish an answer, if there is one."""
@@ -273,8 +309,17 @@ class ControllerNode(SuiteNode):
 
     def _watch_rivals(self) -> None:
         """Enter a fault when another node publishes commands, too."""
-        if self._controller.fault == faults.NONE and self.shared_outputs():
+        shared = bool(self.shared_outputs())
+        if shared and self._controller.fault == faults.NONE:
             self._trip(faults.COMMANDS_DISAGREE)
+        if shared and not self._rivals_told:
+            self._rivals = self.disputes()
+        named = NOT_KNOWN not in self._rivals or not shared  # else it will be soon
+        if self._rivals and named and not self._rivals_told:
+            self._rivals_told = True
+            self.doubt(self._rivals)
+        if not shared:
+            self._rivals, self._rivals_told = '', False
 
     def _stop_again(self) -> None:
         """Begin in the emergency stop that was told to a controller of this name before."""

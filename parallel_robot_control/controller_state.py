@@ -10,7 +10,7 @@ import numpy as np
 
 from parallel_robot_base.arrays import Array
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.loop import STEP_START, WAIT
+from parallel_robot_base.loop import WAIT
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults, transitions
 from parallel_robot_control.assembly_mode import AssemblyModes
@@ -66,7 +66,7 @@ class ControllerState:
         elif loop.start_stamp > 0:
             self.begin(loop.start_stamp)
         elif loop.lockstep:
-            self.begin(STEP_START)
+            self.begin(loop.step_start)
         if configuration.stopped:
             self.trip(faults.EMERGENCY_STOP)
 

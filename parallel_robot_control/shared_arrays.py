@@ -31,7 +31,7 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     FAULT, TAKES_OVER, KNOWN, ACTED,  # of the cycle
     LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
     HEARD,  # time of the last answer on the monotonic clock; 0: none, or the end
-    LOGGED, ANSWERS, SKIPPED,  # counts: rows of the log, answers, states not answered
+    LOGGED, ANSWERS,  # counts: rows of the log, answers
     AGE,  # of the last state, from the measurement until the torque acts [ns]
     PHASE,  # of the identification of the delay, see lock_in.py
     CAUSE,  # fault whose cause was there at the last state
@@ -39,7 +39,7 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     UNTIL,  # stamp of the newest reference that counts
     POSE_LOST, BEGINS,  # of the cycle
     WAITS,  # whether the last reference was overdue
-) = range(20)  # fmt: skip
+) = range(19)  # fmt: skip
 
 
 class Shared(NamedTuple):
@@ -49,7 +49,7 @@ class Shared(NamedTuple):
         pose: Pose of the last cycle, shape (m,).
         vectors: State of the cycle, one row a vector, shape (10, n).
         telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Fault, stamps and counts, shape (20,).
+        numbers: Fault, stamps and counts, shape (19,).
         command: The command message of the last answer, serialised.
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
@@ -75,7 +75,7 @@ def shared(state: CycleState) -> Shared:
         np.array(state.pose),
         np.zeros((10, joints)),
         np.zeros((4, joints)),
-        np.zeros(20, np.int64),
+        np.zeros(19, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),

@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot_analysis import recorded_motions
 from parallel_robot_analysis.replay import replayed
-from parallel_robot_bags import history, run_log
+from parallel_robot_bags import history, run_log, stretches
 from parallel_robot_bags.history import History
 from parallel_robot_bags.run_log import RunLog
 from parallel_robot_bags.trust import custom_files
 from parallel_robot_base.errors import BagError
+from parallel_robot_base.printable import printable
 from parallel_robot_cli.commands import replay
 from parallel_robot_control.configuration import (
     ControlConfiguration,
@@ -30,6 +32,7 @@ from parallel_robot_live import readable_state
 from parallel_robot_live.frames import Camera, Motion
 from parallel_robot_live.source import RefusedError
 from parallel_robot_model.configuration import is_known
+from parallel_robot_sim.motions import differs
 from trajectory_gen.shapes import shapes
 
 PAST = 12.0  # s before a moment that is sought, for the curves
@@ -61,6 +64,9 @@ class BagSource:
         none = np.full_like(log.effort, np.nan)
         self._motion = Motion(log.time, log.position, log.reference_position, log.effort, none)
         self._ghost, self._torques = '', {'': none}
+        self._seen = not recorded_motions.of_plant(past) or differs(log.config)
+        parts = stretches.of_run(past, log)
+        self._changes = [[one.begin, printable(one.change)] for one in parts[1:]]
         self._starts = np.array([status.stamp for status in past.statuses], dtype=np.int64)
         self._duration = float(log.time[-1])
         self._speed, self._playing = 1.0, True
@@ -115,11 +121,13 @@ class BagSource:
                 'gains': {},
                 'shape': '',
                 'shapes': {},
+                'seen': self._seen,
             },
             'bag': {
                 'duration': self._duration,
                 'playing': self._playing,
                 'speed': self._speed,
+                'changes': self._changes,
             },
         }
 

@@ -27,6 +27,7 @@ from parallel_robot_live.recording import Recording
 from parallel_robot_live.source import RefusedError
 from parallel_robot_live.watched import Graph, Watched
 from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.motions import differs
 
 EVERY = 6  # looks, from one check of what runs to the next: five a second
 LONGEST = 100  # characters of a name that a browser sends
@@ -108,9 +109,12 @@ class GraphSource:
                 'recording': self._recording.state(),
                 'trouble': self._trouble,
             },
-            'setup': readable_state.setup(
-                self._watched.parameters, self._graph.descriptions, robot.laws
-            ),
+            'setup': {
+                **readable_state.setup(
+                    self._watched.parameters, self._graph.descriptions, robot.laws
+                ),
+                'seen': 'plant' not in robot.nodes or differs(self._values or {}),
+            },
         }
 
     def _prepare(self) -> None:

@@ -18,6 +18,9 @@ from parallel_robot_ros.our_joints import OurJoints
 from parallel_robot_ros.single_publisher import SinglePublisher
 from parallel_robot_ros.subscription import listen, qos_of
 
+NOT_KNOWN = 'one that is not known yet'
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # for ROS, of a node that was discovered a moment ago
+
 
 class Connections:
     """Publishers and subscriptions of one node."""
@@ -34,8 +37,8 @@ class Connections:
         Args:
             node: The node.
             loop: Time mode, and how many subscribers each essential output has.
-            on_stranger: Called for each message that is dropped because it may be of another
-                publisher than those before; with its topic, and whether publishers take turns.
+            on_stranger: Called for each message that may be of another publisher than those
+                before; with its topic, and whether publishers take turns.
             on_others: Called for each message that is dropped because none of its joints is ours.
         """
         self._node = node
@@ -45,7 +48,7 @@ class Connections:
         self._joints = loop.joints
         self._outputs: list[Publisher] = []  # the essential ones
         self._inputs: dict[Topic, Subscription] = {}
-        self._watched: dict[Topic, SinglePublisher] = {}  # inputs in wall time
+        self._watched: dict[Topic, SinglePublisher] = {}  # inputs
         self._complete = False  # whether the essential outputs have had all their subscribers
 
     def publisher(self, topic: Topic, essential: bool) -> Publisher:
@@ -58,9 +61,6 @@ class Connections:
 
     def subscribe(self, topic: Topic, callback: Callable[[bytes], None], complete: bool) -> None:
         """Subscribe to the serialised messages of a topic, see :meth:`SuiteNode.subscribe`."""
-        if self._lockstep:
-            self._inputs[topic] = self._subscribe_in_lockstep(topic, callback)
-            return
         watched = SinglePublisher(lambda: self._inputs[topic].get_publisher_count() <= 1)
         self._watched[topic] = watched
 
@@ -74,23 +74,19 @@ class Connections:
             else:
                 callback(data)
 
-        qos = QoSProfile(depth=QUEUE)
-        if not complete:
-            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._inputs[topic] = listen(self._node, topic, qos, take)
-
-    def _subscribe_in_lockstep(
-        self, topic: Topic, callback: Callable[[bytes], None]
-    ) -> Subscription:
-        """Subscribe to every message from the time on when all can hear this node's answers."""
-
-        def take(data: bytes) -> None:
+        def take_all(data: bytes, _: int, number: int) -> None:
             self._complete = self._complete or not self.without_subscribers()
-            if self._complete:
-                callback(data)
+            if not self._complete:
+                return
+            if watched.strange(number):
+                self._on_stranger(topic, watched.several())
+            callback(data)
 
-        kind, qos = message_class(topic.type), QoSProfile(depth=QUEUE)
-        return self._node.create_subscription(kind, topic.name, take, qos, raw=True)
+        qos = QoSProfile(depth=QUEUE)
+        if not (complete or self._lockstep):
+            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        heard = take_all if self._lockstep else take
+        self._inputs[topic] = listen(self._node, topic, qos, heard)
 
     def missing(self) -> str:
         """What the node still waits for; empty when every partner is there."""
@@ -122,10 +118,23 @@ class Connections:
     def disputes(self) -> list[str]:
         """Topics of which another publisher acts, or would act, just now, with their nodes."""
         turns = [topic for topic, one in self._watched.items() if one.several()]
-        names = [self._inputs[topic].topic_name for topic in turns] + self.shared_outputs()
-        return [self._publishers_of(name) for name in names]
+        return [
+            *map(self.publishers_of_input, turns),
+            *map(self._publishers_of, self.shared_outputs()),
+        ]
+
+    def publishers_of_input(self, topic: Topic) -> str:
+        """A line that names the nodes that publish on a topic that this one hears."""
+        return self._publishers_of(self._inputs[topic].topic_name)
 
     def _publishers_of(self, name: str) -> str:
+        """A line that names the nodes that publish on a topic, by its full name."""
         found = self._node.get_publishers_info_by_topic(name)
-        nodes = sorted(f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in found)
-        return printable(f'{name} has {len(nodes)} publishers: {", ".join(nodes)}')
+        nodes = sorted(
+            NOT_KNOWN
+            if one.node_name == UNKNOWN
+            else f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+            for one in found
+        )
+        several = '' if len(nodes) == 1 else 's'
+        return printable(f'{name} has {len(nodes)} publisher{several}: {", ".join(nodes)}')

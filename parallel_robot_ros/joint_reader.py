@@ -23,6 +23,7 @@ class JointReader:
     stamp.
 
     Attributes:
+        problem: Why the last message that could not be used was none.
         layout: Byte layout of the last message; None when it was not understood.
         order: Index of each joint in the message.
     """
@@ -50,6 +51,7 @@ class JointReader:
         self._fields = fields
         self._counts = counts
         self._optional = optional or {}
+        self.problem = ''
         self.layout: cdr.Layout | None = None
         self.order = list(range(len(joints)))
         # Learn the layout that the suite publishes, and import all that reading needs.
@@ -67,17 +69,22 @@ class JointReader:
             problem = self._learn(data)
             records = self.layout.decode(data) if self.layout and not problem else None
             if records is None:
-                self._counts[f'{self._topic.name}: {problem or "not understood"}'] += 1
+                self._refuse(problem or 'not understood')
                 return None
         vectors = [records[name][0][self.order] for name in self._fields]
-        if not all(np.isfinite(vector).all() for vector in vectors):
-            self._counts[f'{self._topic.name}: not finite'] += 1
-            return None
+        for name, vector in zip(self._fields, vectors, strict=True):
+            if not np.isfinite(vector).all():
+                self._refuse(f'{name} is not finite')
+                return None
         if records['nanosec'][0] >= NANOSECONDS:
-            self._counts[f'{self._topic.name}: the stamp has more than a second in ns'] += 1
+            self._refuse('the stamp has more than a second in ns')
             return None
         vectors += [self._read_optional(records, *each) for each in self._optional.items()]
         return int(cdr.stamps_of(records)[0]), vectors
+
+    def _refuse(self, problem: str) -> None:
+        self.problem = problem
+        self._counts[f'{self._topic.name}: {problem}'] += 1
 
     def _read_optional(self, records: np.ndarray, name: str, unknown: float) -> np.ndarray:
         if name not in (records.dtype.names or ()):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import functools
+import math
+import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -22,6 +25,7 @@ from parallel_robot_base import config, fields, loop, scenario_file
 from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_base.errors import InputError, ParallelRobotError, UnknownNameError, first_line
 from parallel_robot_base.groups import build
+from parallel_robot_base.processes import WATCH
 from parallel_robot_base.topics import Topic
 from parallel_robot_ros import parameters
 from parallel_robot_ros.background import Background
@@ -31,6 +35,8 @@ from parallel_robot_ros.diagnostics import Usage, diagnostics_message
 from parallel_robot_ros.parameter_services import BoundedParameterService
 from parallel_robot_ros.parameters import START, CommonStart
 
+STRANGERS = 10.0  # s without messages of a stranger, after which they are told anew
+NO_CLOCK = 'use_sim_time is true and nobody publishes /clock: set it to false, or start who does'
 GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
 Resolve = Callable[[str, Mapping[str, Any]], dict[str, Any]]
 
@@ -80,6 +86,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._granted: dict[str, str] = {}
         self._thread: DeadlineThread | None = None
         self._usage = Usage()
+        self._told_doubts: Set[str] = set()
+        self._told_strangers: dict[Topic, float] = {}  # s, time of the last message of one
         given = parameters.overrides(self)
         self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
         self.values = resolve(self._scenario, given)
@@ -100,10 +108,14 @@ class SuiteNode(Node):  # type: ignore[misc]
         """React to the common start stamp [ns]; nodes without a start of their own ignore it."""
 
     def leave_out(self, topic: Topic) -> None:
-        """React to a message that is dropped because its topic has publishers that take turns."""
+        """React to a message of a topic that has publishers that take turns."""
 
     def diagnose(self) -> dict[str, Any]:
         """Entries of the diagnostics, of the last second."""
+        return {}
+
+    def doubts(self) -> dict[str, str]:
+        """What is odd just now, a line for each kind; told once while it lasts."""
         return {}
 
     def handled(self) -> int | None:
@@ -155,8 +167,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         return self._connections.shared_outputs()
 
     def disputes(self) -> str:
-        """Which topics have another publisher, and the nodes; empty for none (wall time)."""
-        return '' if self.lockstep else '; '.join(self._connections.disputes())
+        """Which topics have another publisher, and the nodes; empty for none."""
+        return '; '.join(self._connections.disputes())
 
     def begin(self) -> None:
         """Start what keeps time; called when all that takes long is done."""
@@ -181,8 +193,8 @@ class SuiteNode(Node):  # type: ignore[misc]
 
         In wall time, the publisher that is heard first is trusted, and messages of another one
         are dropped, see :class:`SinglePublisher`. In lockstep, where the loop would stop without
-        a message and stamps reveal a second publisher, none is dropped once this node's essential
-        outputs have their subscribers; before that, all are, and the plant sends its state again.
+        a message, those are told, too, but none is dropped once this node's essential outputs
+        have their subscribers; before that, all are, and the plant sends its state again.
 
         Args:
             topic: Name and type.
@@ -239,6 +251,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         text = f'unforeseen {first_line(error)} at {frame.filename}:{frame.lineno}'
         self.get_logger().error(text, throttle_duration_sec=1.0)
 
+    def doubt(self, text: str) -> None:
+        """Log what whoever started the node must know; ``run`` tells it, too."""
+        self.get_logger().get_child(WATCH).warning(text)
+
     def show_granted(self, **texts: str) -> None:
         """Show what the system granted, in the diagnostics and as parameters, for bags."""
         for key, text in texts.items():
@@ -261,8 +277,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         return super().create_service(kind, name, self._guarded(name, callback), *words, **options)
 
     def create_timer(self, period: float, callback: Any, *words: Any, **options: Any) -> Timer:
-        """Make a timer as any node does, guarded."""
+        """Make a timer as any node does, guarded; of real time, whatever ``use_sim_time`` says."""
         guarded = self._guarded(f'timer of {period:g} s', callback)
+        options = {'clock': Clock(clock_type=ClockType.STEADY_TIME)} | options
         return super().create_timer(period, guarded, *words, **options)
 
     def _guarded(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
@@ -320,13 +337,29 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _on_stranger(self, topic: Topic, several: bool) -> None:
         self.counts[f'{topic.name}: messages of two publishers'] += 1
+        now = time.monotonic()
+        if now - self._told_strangers.get(topic, -math.inf) > STRANGERS:
+            self.background.do(functools.partial(self._tell_strangers, topic))
+        self._told_strangers[topic] = now
         if several:
             self.leave_out(topic)
+
+    def _tell_strangers(self, topic: Topic) -> None:
+        used = 'all are used' if self.lockstep else 'those of one are left out'
+        found = self._connections.publishers_of_input(topic)
+        self.doubt(f'messages of two publishers, {used}: {found}')
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
         response.success = not response.message
         return response
+
+    def _doubts(self) -> dict[str, str]:
+        clock, found = self.get_clock(), {}
+        stands = clock.ros_time_is_active and not clock.now().nanoseconds
+        if stands and not self.lockstep and not self.count_publishers('/clock'):
+            found['clock'] = NO_CLOCK
+        return found | self.doubts()
 
     def _on_second(self) -> None:
         self.background.do(self._publish_diagnostics)
@@ -334,7 +367,12 @@ class SuiteNode(Node):  # type: ignore[misc]
     def _publish_diagnostics(self) -> None:
         usual = {**self.diagnose(), **self._usage.measure(self.handled()), **self._granted}
         usual |= self._times.take()
+        doubts = {kind: text for kind, text in self._doubts().items() if text}
+        for kind in doubts.keys() - self._told_doubts:
+            self.doubt(doubts[kind])
+        self._told_doubts = doubts.keys()
         several = self._connections.several_publishers()
         unusual = {**self.counts, **{f'{name}: publishers': n for name, n in several.items()}}
-        message = diagnostics_message(self, {**usual, **unusual}, unusual, self.alarm())
+        warnings = [*doubts.values(), *unusual]
+        message = diagnostics_message(self, {**usual, **unusual}, warnings, self.alarm())
         self._diagnostics.publish(message)

@@ -14,6 +14,7 @@ from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_model import poses as forward
 from parallel_robot_model.robots import RobotModel
+from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.messages import told_effort
 from parallel_robot_sim.simulation import Simulation
 
@@ -77,10 +78,13 @@ class Motions(NamedTuple):
         true: The motion of the plant; None where the plant is not known, as that of a real robot.
         seen: What sensors and the nominal robot make of it; None where that is the true motion,
             or has no poses.
+        ideal: Torque that holds the true robot on its reference at each sample of the true motion,
+            see ideal_torque.py [N m], shape (N, n); None where it is not known.
     """
 
     true: Moved | None
     seen: Moved | None
+    ideal: Array | None = None
 
     @property
     def best(self) -> Moved:
@@ -91,13 +95,26 @@ class Motions(NamedTuple):
 
     def between(self, begin: float, end: float) -> Motions:
         """The part from one time on, up to another one [s]."""
-        true, seen = (each and each.between(begin, end) for each in self)
-        return Motions(true, seen)
+        true, seen = (each and each.between(begin, end) for each in (self.true, self.seen))
+        ideal = self.ideal
+        if ideal is not None and self.true is not None:
+            ideal = ideal[slice(*np.searchsorted(self.true.time, [begin, end]))]
+        return Motions(true, seen, ideal)
 
 
 def untrue(values: Mapping[str, Any]) -> list[str]:
     """Parameters of a resolved configuration by which told joints are not the true ones."""
     return [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0), object) != 0.0)]
+
+
+def differs(values: Mapping[str, Any]) -> bool:
+    """Whether sensors and nominal robot of a configuration show another motion than the true."""
+    prefix = 'true_robot.'
+    return bool(untrue(values)) or any(
+        value != values.get(f'robot.{key.removeprefix(prefix)}')
+        for key, value in values.items()
+        if key.startswith(prefix)
+    )
 
 
 def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
@@ -146,6 +163,7 @@ def of_simulation(made: Simulation) -> Motions:
     """The motions of a simulation, to the last bit those of its bag.
 
     Raises:
+        InputError: the robot does not reach the motion.
         KinematicsError: a sample of the true motion has no pose.
     """
     nominal, true = made.configuration.control.robot, made.configuration.plant.robot
@@ -155,15 +173,16 @@ def of_simulation(made: Simulation) -> Motions:
     time = made.experiment.loop.period_ns * np.arange(run.steps) / NANOSECONDS  # as stamps tell
     poses = poses_of(nominal, true, guess, wanted, joints)
     moved = Moved(time, joints, wanted, run.effort[rows], poses)
+    ideal = torque_of(made.configuration)[: run.steps]
     exact = not untrue(made.configuration.values)
     if exact and nominal.parameters == true.parameters:
-        return Motions(moved, None)
+        return Motions(moved, None, ideal)
     told = moved if exact else _told(made)
     try:
         poses = poses_of(nominal, nominal, guess, told.reference_position, told.position)
     except KinematicsError:
-        return Motions(moved, None)
-    return Motions(moved, told._replace(poses=poses))
+        return Motions(moved, None, ideal)
+    return Motions(moved, told._replace(poses=poses), ideal)
 
 
 def _told(made: Simulation) -> Moved:

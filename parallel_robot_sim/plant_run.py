@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_base.errors import RunError
-from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.loop import WAIT, LoopParameters
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_sim.simulator import Simulator
 
@@ -142,7 +142,7 @@ class PlantRun:
             self._was_ready = True
             return False
         if self.index is None:
-            self._start, self.index = self._start or STEP_START, 0
+            self._start, self.index = self._start or self._loop.step_start, 0
             self._was_reset = False
         self._show(self._start + self.index * self._period)
         return True

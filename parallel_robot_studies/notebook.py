@@ -39,7 +39,6 @@ from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_sim.motions import Motions, Moved, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
-from parallel_robot_studies.ideal_torque import torque_of
 from parallel_robot_studies.sweep import study as studies
 from parallel_robot_studies.sweep import table
 from parallel_robot_studies.sweep.plan import plan
@@ -197,9 +196,7 @@ def metrics(run: Run, *, start: float | None = None, stop: float | None = None) 
     Raises:
         InputError: there is none of the run between `start` and `stop`.
     """
-    motions = _motions(run)
-    ideal = None if run.simulation is None else torque_of(run.simulation.configuration)
-    return RunMetrics(*evaluation.figures(motions, ideal, start, stop))
+    return RunMetrics(*evaluation.figures(_motions(run), start, stop))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:

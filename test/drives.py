@@ -3,8 +3,10 @@
 What is copied from ros2_controllers (forward_command_controller, effort_controllers,
 joint_state_broadcaster):
 
-- A command of another length is dropped without a word; the last one is handed on for ever. While
-  the effort controller is inactive, nothing is handed on, and what came then is forgotten.
+- An empty command is dropped without a word, one that is not finite with a warning; the last
+  one is handed on for ever. While the effort controller is inactive, nothing is handed on, and
+  what came then is forgotten.
+- A command of another length is an error, after which the controller manager deactivates it.
 - When it is deactivated, the efforts become zero; here, the brakes close too, and open when it is
   activated. The states go on.
 - The joints are in an order of their own, with others among them, and NaN stands for what there
@@ -67,9 +69,12 @@ class Drives(Node):
 
     def _on_command(self, message):
         with self._turn:
-            if len(message.data) == len(self._names):
-                self._command = np.array(message.data)
-                self._peaks[1] = max(self._peaks[1], np.abs(self._command).max())
+            command = np.array(message.data)
+            if len(command) not in (0, len(self._names)):
+                self._switch(False)
+            elif len(command) and np.isfinite(command).all():
+                self._command = command
+                self._peaks[1] = max(self._peaks[1], np.abs(command).max())
 
     def _on_hand(self, message):
         with self._turn:
@@ -77,10 +82,13 @@ class Drives(Node):
 
     def _on_switch(self, request, response):
         with self._turn:
-            self._active, self._command = request.data, None
-            self._interface = np.zeros_like(self._interface)
+            self._switch(request.data)
         response.success = True
         return response
+
+    def _switch(self, active):
+        self._active, self._command = active, None
+        self._interface = np.zeros_like(self._interface)
 
     def _update(self, stamp):
         """One turn of the controller manager: read, update, write."""

@@ -161,7 +161,7 @@ def test_simulate_ends_with_the_metrics_of_analyze(words, tmp_path, capsys):
     assert main(shlex.split(following)[2:]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert head == first
-    told = len(STEADY + TORQUE + EFFORT) - 1  # no excess chattering
+    told = len(STEADY + TORQUE + EFFORT)
     told += 2 if words else 0  # what is seen of the end effector
     metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[:told]]
     assert '; '.join(line.strip() for line in brief) == '; '.join(metrics_of_bag)
@@ -200,7 +200,7 @@ def test_simulate_and_analyze(tmp_path, capsys):
     )
     assert set(found['steady']) == {'xy_rms_m', 'xy_max_m', 'joint_rms_rad', 'sync_rms_rad'}
     assert set(found['torque']) == {'max_nm', 'total_variation_nm_per_s', 'chattering_nm'}
-    assert set(found['effort']) == {'torque_rms_nm', 'energy_j'}  # no ideal torque in a bag
+    assert set(found['effort']) == {'torque_rms_nm', 'energy_j', 'excess_chattering_nm'}
     assert 0.0 < found['steady']['xy_rms_m'] < 1e-4 and 1.0 < found['torque']['max_nm'] < 20.0
     assert found['steady']['xy_rms_m'] <= found['steady']['xy_max_m']
     assert found['messages']['joint_states'] == {'count': 4001, 'missing': 0}
@@ -267,7 +267,10 @@ def test_help_names_every_command(capsys):
     [
         ('hold.pose=nonsense', 'hold.pose must be a list of numbers'),
         ('pid.Kp=.nan', 'pid.Kp must be finite'),
-        ('period=0.003', 'period must divide 0.01 s'),
+        (
+            'period=0.0010004',
+            'period must be a whole number of µs, e.g. 0.001, 0.004, not 0.0010004',
+        ),
         ('duration=1e-9', 'duration must be at least one period, 0.001 s, not 1e-09'),
         ('seed=010', '010 is octal for YAML, 8; write 8 or 10'),
     ],

@@ -1,5 +1,6 @@
 """The controller's node and the time: states that wait, and a node that stands still."""
 
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,7 +33,7 @@ class Loop:
     def __init__(self, node, monkeypatch):
         self.controller, self._commands = node(ControllerNode, topics.COMMANDS)
         values = config.resolve('paper_circle')
-        self._plant = Simulator(configure_plant(values))
+        self.message = Simulator(configure_plant(values)).message
         self._motion = trajectory_of(values).sample(np.zeros(1))
         self.stands = 0.0  # s, for which the node has stood still
         clock = SimpleNamespace(monotonic_ns=lambda: SECOND + round(1e9 * self.stands))
@@ -48,7 +49,7 @@ class Loop:
             reference_messages(joints, np.array([stamp]), self._motion)[0].tobytes()
         )
         count = len(self._commands)
-        self.controller._on_state(self._plant.message(stamp))
+        self.controller._on_state(self.message(stamp))
         layout = layouts.float64_multi_array(len(joints))
         return [layout.decode(data)['data'][0] for data in self._commands[count:]]
 
@@ -82,6 +83,80 @@ def test_a_node_that_stood_still_does_not_go_on_as_if_nothing_were(loop):
     (torque,) = loop.give(2 * SECOND)
     assert not torque.any()  # the safe action of a robot at rest
     assert loop.controller._controller.clear_fault() == ''
+
+
+def of_joints(fields, **values):
+    """A state of the robot with these fields alone, as a function of its stamp [ns]."""
+    layout = layouts.joint_state(('joint1', 'joint2', 'joint3'), fields)
+    position = trajectory_of(config.resolve('paper_circle')).sample(np.zeros(1)).position[0]
+    return lambda stamp: layout.encode(stamp, position=position, **values)
+
+
+NAN = {'velocity': [np.nan] * 3, 'effort': [np.nan] * 3}
+OTHERWISE = 'estimator.kind filter or levant'
+ODD = {  # states, their stamps [ns] and ages [ns], and what must be said of them
+    'ahead': (None, 200 * MS, -200 * MS, 's ahead: cannot be latency; synchronise'),
+    'a little ahead': (None, 20 * MS, -20 * MS, 'cannot be latency; synchronise'),
+    'late': (
+        None,
+        -700 * MS,
+        700 * MS,
+        's old when they come and refused (safety.state_age 0.04 s)',
+    ),
+    'none': (of_joints(('position',)), 0, 0, 'velocity is missing or short; ' + OTHERWISE),
+    'NaN': (of_joints(('position', *NAN), **NAN), 0, 0, 'not finite; ' + OTHERWISE),
+}
+
+
+@pytest.mark.parametrize('case', ODD)
+def test_odd_states_are_told_at_once_and_once(case, loop, monkeypatch):
+    message, ahead, age, text = ODD[case]
+    monkeypatch.setattr(loop, 'message', message or loop.message)
+    lines = lines_of(loop, monkeypatch)
+    for _ in range(2):
+        loop.give(time.time_ns() + ahead, age)
+        loop.controller._publish_diagnostics()
+    told = [line for line in lines if text in line]
+    assert len(told) == 1 and 'joint states are ' in told[0]
+    loop.controller._refused_at -= 1.0  # s
+    assert 'clock' not in loop.controller.doubts()
+
+
+def test_another_rate_of_the_states_is_told_and_nothing_is_skipped(loop, monkeypatch):
+    lines = lines_of(loop, monkeypatch)
+    for k in range(100):
+        loop.give(SECOND + 2 * k * MS)
+    figures = loop.controller.diagnose()
+    loop.controller._publish_diagnostics()
+    assert figures['skipped'] == '0'
+    (line,) = (line for line in lines if 'come at' in line)
+    assert line.startswith('joint states come at 500 Hz, the period says 1000 Hz: give the')
+
+
+def test_a_simulated_time_that_stands_is_told(loop, monkeypatch):
+    lines = lines_of(loop, monkeypatch)
+    loop.controller._publish_diagnostics()
+    (line,) = lines
+    assert line.startswith('use_sim_time is true and nobody publishes /clock')
+    loop.give(SECOND)
+    loop.controller._publish_diagnostics()
+    assert sum('/clock' in line for line in lines) == 1
+    kinds = {timer.clock.clock_type for timer in loop.controller.timers}
+    assert kinds == {ClockType.STEADY_TIME}  # else nothing would watch the states
+
+
+def lines_of(loop, monkeypatch):
+    """List that grows by the warnings of the node."""
+    lines = []
+
+    def ignore(*_, **__):
+        pass
+
+    logger = SimpleNamespace(error=ignore, info=ignore)
+    logger.warning = lambda text, **_: lines.append(text)
+    logger.get_child = lambda _: logger
+    monkeypatch.setattr(loop.controller, 'get_logger', lambda: logger)
+    return lines
 
 
 def test_a_pose_is_told_by_a_parameter_in_a_fault_alone(loop):

@@ -29,7 +29,7 @@ def state(position, names=NAMES):
 
 
 UNUSABLE = {
-    'joint_states: not finite': state([np.nan] * 3),
+    'joint_states: position is not finite': state([np.nan] * 3),
     'joint_states: joint2 is missing': state(angles(POSE), NAMES[:3]),
     'mode fits the joint angles': state([*angles(POSE)[:2], 2.4]),
     'motion refused': state(angles([0.51, 0.39, 2.35])),  # close to a singularity

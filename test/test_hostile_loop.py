@@ -1,9 +1,10 @@
-"""Joint states of strangers in a loop that runs: it goes on, or says why not and can be reset."""
+"""Messages of strangers in a loop that runs: it goes on, or says why not and can be reset."""
 
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from parallel_robot_base import topics
@@ -87,6 +88,23 @@ def test_a_loop_goes_on_after_joint_states_of_strangers(time_mode, launch, peer)
         loop.moves()
     for node in loop.nodes.values():
         assert node.end(2) == 0 and 'unforeseen' not in node.stderr
+
+
+def test_commands_of_a_stranger_are_told_by_name_in_lockstep_too(launch, peer):
+    loop = Loop(launch, peer, ['time_mode:=lockstep', 'duration:=0'])
+    loop.moves()
+    stranger = peer.publisher(topics.COMMANDS)
+    for _ in range(20):
+        stranger.publish(Float64MultiArray(data=[0.5, 0.5, 0.5]))
+    line = '/effort_controller/commands has 2 publishers: /controller, /peer'
+    for node in ('plant', 'controller'):
+        loop.nodes[node].until(lambda node=node: line in loop.nodes[node].stderr)
+    assert 'messages of two publishers, all are used' in loop.nodes['plant'].stderr
+    peer.until(lambda: 'another node publishes' in loop.alarms['controller'])
+    answer = loop.call('controller/clear_fault')
+    assert not answer.success and line in answer.message
+    peer.node.destroy_publisher(stranger)
+    loop.moves()
 
 
 def test_a_lockstep_that_stands_still_says_why_and_goes_on(launch, peer):

@@ -6,8 +6,8 @@ import pytest
 from parallel_robot_analysis import metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.simulator import Simulator
-from parallel_robot_studies.ideal_torque import torque_of
 
 PERIOD, COUNT = 1e-3, 2000
 TIME = PERIOD * np.arange(COUNT + 1)

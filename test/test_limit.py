@@ -10,9 +10,9 @@ from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.plant_coordinates import coordinates_of
 from parallel_robot_sim.simulator import Simulator
 from parallel_robot_studies.limit.causes import WHOLE, least_error
-from parallel_robot_studies.limit.coordinates import coordinates_of
 from parallel_robot_studies.limit.linear_motion import LinearMotion, linearise
 from parallel_robot_studies.limit.prediction import Noise, errors, least, noise_of
 from parallel_robot_studies.sweep import study

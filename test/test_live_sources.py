@@ -6,6 +6,8 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from parallel_robot_analysis.frames import Frames
+from parallel_robot_bags import run_log
 from parallel_robot_base.errors import UnknownNameError
 from parallel_robot_cli.command_line import main
 from parallel_robot_cli.top.robots import OK, Robots
@@ -68,6 +70,19 @@ def test_a_bag_plays_at_its_speed_and_ends(source, clock):
     assert heads(source.look())[-1][1] == 0.5 and not source.texts()['bag']['playing']
     act(source, 'play', True)  # once more from the start
     assert heads(source.look())[-1][1] == 0.0
+
+
+@pytest.mark.parametrize('key', ['true_robot.l1=0.4005', 'sensor.delay=0.002', 'seed=3'])
+def test_what_may_not_be_the_true_motion_is_called_seen(key, tmp_path, capsys):
+    bag, seen = tmp_path / 'bag', key != 'seed=3'
+    words = ['simulate', 'paper_circle', '--duration', '0.1', '--set', key, '--out', str(bag)]
+    assert main(words) == 0
+    with ExitStack() as stack:
+        assert open_bag(stack, bag, False, 1 << 30).texts()['setup']['seen'] == seen
+    assert main(['export', str(bag), '--foxglove', str(tmp_path / 'copy')]) == 0
+    assert ('frames of the robot, seen' in capsys.readouterr().out) == seen
+    _, path = Frames(run_log.read(bag), seen)._paths(0).markers
+    assert path.ns == 'end effector' + ', seen' * seen
 
 
 def test_a_jump_shows_the_past_of_a_moment_under_another_number(source):

@@ -185,13 +185,13 @@ def test_of_steps_the_response_is_looked_at(steps):
 
 def test_a_part_that_was_asked_for_is_all_that_is_looked_at():
     run = moved(lambda t: t, lambda t: np.where((t > 0.2495) & (t < 0.5005), 2e-3, 7.0))
-    found = metrics.figures(run, None, 0.25, 0.5)
+    found = metrics.figures(run, 0.25, 0.5)
     assert found.steady.joint_rms_rad == pytest.approx(2e-3, rel=1e-9) and found.window.asked
     assert found.window[:3] == (0.25, 0.5, 1.0) and found.duration_s == 0.25
-    assert metrics.figures(run, None, None, 0.1).window[:2] == (0.0, 0.1)
+    assert metrics.figures(run, None, 0.1).window[:2] == (0.0, 0.1)
     for start, stop in (0.5, 0.25), (2.0, None), (None, -1.0), (np.nan, 0.5), (0.3, 0.3):
         with pytest.raises(InputError, match='the run is from 0 to 1 s'):
-            metrics.figures(run, None, start, stop)
+            metrics.figures(run, start, stop)
 
 
 def test_errors_that_still_fall_are_no_settled_ones():

@@ -198,7 +198,7 @@ def test_a_node_says_in_one_line_what_is_wrong(launch, domain, here):
         ('base: paper_circle\n\ncircle:\n  radius: .nan', 4, 'circle.radius must be finite'),
         ('base: paper_circle\ncircle.radios: 1', 2, "did you mean 'circle.radius'?"),
         ('base: paper_cirle', 1, "unknown base 'paper_cirle'; did you mean 'paper_circle'?"),
-        ('period: 0.003', 1, 'period must divide 0.01 s'),
+        ('period: 0.0010004', 1, 'period must be a whole number of µs'),
         ('duration: -1', 1, 'duration must be at least 0 s'),
         ('law: smk', 1, "unknown law 'smk'; did you mean 'smc_k'?"),
         ('robot_model: axs', 1, "unknown robot_model 'axs'; did you mean 'axes'?"),

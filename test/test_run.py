@@ -6,6 +6,7 @@ import re
 import resource
 import signal
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ from rosbags.rosbag2 import Reader
 from warm_process import children
 
 from parallel_robot_analysis.replay import replayed
+from parallel_robot_analysis.report.charts import charts
+from parallel_robot_analysis.report.plots import plot
+from parallel_robot_analysis.report.runs import read_runs
 from parallel_robot_bags import history, run_log
 from parallel_robot_bags.recovery import recover
 from parallel_robot_base import topics
@@ -25,6 +29,7 @@ from parallel_robot_base.module_process import command
 from parallel_robot_base.processes import MODULES
 from parallel_robot_cli.command_line import main
 from parallel_robot_control.configuration import configure
+from parallel_robot_live.bag_source import open_bag
 
 pytest_plugins = ['ros_fixtures']
 
@@ -58,6 +63,7 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
         'warning: fault',
         'warning: limits acted',
         'warning: real time',
+        'warning: controller: joint states are',
     )  # the machine stood still
     assert [line for line in process.stderr.splitlines() if not line.startswith(slow)] == []
     log = run_log.read(tmp_path / 'bag')
@@ -84,33 +90,61 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
     assert main(['replay', str(tmp_path / 'bag')]) == 0
 
 
-def test_a_change_during_the_run_is_in_the_bag_and_replayed(start, peer, tmp_path):
+def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tmp_path, capsys):
     process = start('bag', 8.0, '--time-mode', 'lockstep')
-    under_way(process, tmp_path / 'bag')
-    gains = Parameter('s_fotsmc.G', value=20.0).to_parameter_msg()
-    answer = peer.call(
-        SetParameters, 'controller/set_parameters', SetParameters.Request(parameters=[gains]),
-        process,
-    )  # fmt: skip
-    assert answer.results[0].successful
+    for size, key, value in ((60_000, 's_fotsmc.G', 20.0), (600_000, 'law', 'pid')):
+        under_way(process, tmp_path / 'bag', size)
+        changed = [Parameter(key, value=value).to_parameter_msg()]
+        answer = peer.call(
+            SetParameters, 'controller/set_parameters', SetParameters.Request(parameters=changed),
+            process,
+        )  # fmt: skip
+        assert answer.results[0].successful
     assert process.wait() == 0, process.stderr
     past = history.read(tmp_path / 'bag')
     assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
     assert past.parameters['/controller']['s_fotsmc.G'] == 10.0
     in_lockstep = dict.fromkeys(past.parameters, 'normal')
     assert history.granted_priorities(past) == in_lockstep
-    (change,) = past.changes
-    assert change.node == '/controller' and change.values['s_fotsmc.G'] == 20.0
+    gain, law = past.changes
+    assert gain.node == law.node == '/controller'
+    assert gain.values['s_fotsmc.G'] == 20.0 and law.values['law'] == 'pid'
     assert 'limits acted: ramp after a take-over' in process.stderr
     assert main(['replay', str(tmp_path / 'bag')]) == 0
     log = run_log.read(tmp_path / 'bag')
     unaware = replayed.again(log, past._replace(changes=()), configure(log.config))
     assert unaware.differing.any()
+    check_stretches(tmp_path / 'bag', capsys)
 
 
-def under_way(process, bag):
-    """Wait until there is motion in the bag; return the nodes."""
-    process.until(lambda: any(file.stat().st_size > 60_000 for file in bag.glob('*.mcap')))
+def check_stretches(bag, capsys):
+    """Both changes are told with their times, and shown; each stretch has figures of its own."""
+    capsys.readouterr()
+    assert main(['analyze', str(bag)]) == 0
+    out = capsys.readouterr().out
+    assert 's_fotsmc, then pid, 8 s' in out
+    (line,) = (line for line in out.splitlines() if 'changed while it ran' in line)
+    told = re.search(r't = (.*) s: s_fotsmc.G 20.0; t = (.*) s: law pid$', line).groups()
+    first, second = map(float, told)
+    assert 0.0 < first < second < 8.0
+    assert re.search(rf'^  {second:g} to 8 s, pid: end-effector error, rms', out, re.MULTILINE)
+    ((run,),) = read_runs([bag]).values()
+    assert run.marks == pytest.approx([first, second])
+    _, *over_time = (plot(chart, 'auto')['layout'] for chart in charts([run]))
+    for layout in over_time:
+        assert {shape['x0'] for shape in layout['shapes']} == {*run.marks}
+    with ExitStack() as stack:
+        texts = open_bag(stack, bag, False, 1 << 30).texts()
+    assert texts['bag']['changes'] == [
+        [run.marks[0], 's_fotsmc.G 20.0'],
+        [run.marks[1], 'law pid'],
+    ]
+    assert not texts['setup']['seen']
+
+
+def under_way(process, bag, size=60_000):
+    """Wait until there is motion in the bag, of some bytes; return the nodes."""
+    process.until(lambda: any(file.stat().st_size > size for file in bag.glob('*.mcap')))
     nodes = process.children()
     assert set(nodes) == set(MODULES.values())
     return nodes

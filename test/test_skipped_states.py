@@ -39,7 +39,9 @@ def joint_error(law, missing):
         errors.append(np.abs(rig.reference().position - rig.measured().position).max())
         rig.simulator.advance(torque)
         rig.k += 1
-    assert rig.controller.log.skipped == missing[: np.flatnonzero(~missing)[-1]].sum()
+    rig.controller.log.take()
+    rig.controller.log.rhythm.look()
+    assert rig.controller.log.rhythm.skipped == missing[: np.flatnonzero(~missing)[-1]].sum()
     return np.sqrt(np.mean(np.square(errors[STEADY:])))
 
 

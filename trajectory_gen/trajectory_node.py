@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from parallel_robot_base import cdr_reader, realtime, topics
 from parallel_robot_base.errors import InputError, MotionError, ParallelRobotError
-from parallel_robot_base.loop import OLDEST, STEP_START, WAIT
+from parallel_robot_base.loop import OLDEST, WAIT
 from parallel_robot_base.parameter_file import MOTION
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_ros import parameters
@@ -195,7 +195,7 @@ class TrajectoryNode(SuiteNode):
         stamp = cdr_reader.header_stamp(data)
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
-        start = self._start or STEP_START
+        start = self._start or self.loop.step_start
         if not self._asked or stamp <= self._asked:
             self._late = start - stamp if 0 < start - stamp <= OLDEST else 0
         k = (stamp + self._late - start) // self.period_ns

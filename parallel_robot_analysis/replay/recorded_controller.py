@@ -13,7 +13,6 @@ from parallel_robot_bags.run_log import RunLog
 from parallel_robot_base.errors import BagError
 from parallel_robot_base.hazard_times import HazardTimes
 from parallel_robot_base.hazards import parse
-from parallel_robot_base.loop import STEP_START
 from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults
 from parallel_robot_control.assembly import Control, assemble
@@ -186,7 +185,7 @@ class RecordedController:
 
     def common_start(self, history: History) -> bool:
         """Whether the first state was the start of the motion, for the controller too."""
-        told = int(history.facts.get('start_stamp', 0)) or STEP_START
+        told = int(history.facts.get('start_stamp', 0)) or self._loop.step_start
         acts = self.stamps[0] + round(self._states.age[0] * NANOSECONDS)
         return bool(self.stamps[0] <= told <= acts)
 

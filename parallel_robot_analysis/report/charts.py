@@ -43,6 +43,7 @@ class Panel(NamedTuple):
         unit: Unit of y.
         curves: The curves.
         dashed: Whether curves are dashed; a path that repeats itself would fill its own gaps.
+        marks: Times at which law or gains of a run changed [s].
     """
 
     title: str
@@ -50,6 +51,7 @@ class Panel(NamedTuple):
     unit: str
     curves: list[Curve]
     dashed: bool = True
+    marks: tuple[float, ...] = ()
 
 
 class Chart(NamedTuple):
@@ -91,13 +93,17 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
 
     Those of the path and of its errors are left out for a robot that does not move in a plane.
     """
-    path = [
-        _path(runs),
-        _path_error(runs, 4, 0, 'x'),
-        _path_error(runs, 5, 1, 'y'),
-    ]
-    joints = [_joint_errors(runs), _coupling_errors(runs), _torques(runs)]
-    return [*path, *joints] if runs[0].poses.planar else joints
+    errors = [_joint_errors(runs), _coupling_errors(runs)]
+    if not runs[0].poses.planar:
+        return [*(_marked(chart, runs) for chart in errors), _torques(runs)]
+    errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
+    return [_path(runs), *(_marked(chart, runs) for chart in errors), _torques(runs)]
+
+
+def _marked(chart: Chart, runs: Sequence[Run]) -> Chart:
+    """A chart over time with the marks of all runs."""
+    marks = tuple(sorted({time for run in runs for time in run.marks}))
+    return chart._replace(panels=[panel._replace(marks=marks) for panel in chart.panels])
 
 
 def joint_error(run: Run) -> np.ndarray:
@@ -191,7 +197,9 @@ def _torques(runs: Sequence[Run]) -> Chart:
             for joint, name in enumerate(_joints(runs)):
                 (curve,) = _curves([run], series, joint)
                 curves.append(curve._replace(label=name, style=joint_style(joint)))
-            panels.append(Panel(run.label + when, 'torque', 'N m', curves))
+            times = run.log.time[rows]
+            marks = tuple(time for time in run.marks if times[0] <= time <= times[-1])
+            panels.append(Panel(run.label + when, 'torque', 'N m', curves, marks=marks))
     widths = (1.0, 2.5) if split else (1.0,)
     return Chart(8, 'torques', 'Torques of the motors', '', TIME, panels, widths, spans=True)
 

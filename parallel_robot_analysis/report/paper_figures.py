@@ -125,6 +125,8 @@ def _draw_panel(axes: Axes, panel: Panel, log: bool) -> None:
     for curve in panel.curves:
         y = envelope(curve.y) if log else curve.y
         axes.plot(curve.x, y, **_look(STYLES[curve.style], panel.dashed))
+    for time in panel.marks:
+        axes.axvline(time, color='0.4', linestyle=':', linewidth=0.6)
     if log:
         axes.set_yscale('log', nonpositive='mask')
         axes.set_ylabel(f'|{panel.quantity}| [{panel.unit}]')

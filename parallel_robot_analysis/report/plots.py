@@ -14,6 +14,7 @@ from parallel_robot_analysis.report.palette import STYLES
 ROW = 170  # px, height of a panel over time
 GAP = 44  # px, between two rows
 TOP, BOTTOM = 56, 48  # px, for legend and time axis
+MARK = {'color': '#888', 'dash': 'dot', 'width': 1}  # of a change
 COLUMN_GAP = 0.09  # of the width
 
 
@@ -39,6 +40,7 @@ def plot(chart: Chart, scale: str) -> dict[str, Any]:
         'hovermode': 'closest' if chart.equal else 'x unified',
         'legend': {'orientation': 'h', 'y': 1, 'yref': 'container', 'yanchor': 'top', 'x': 0},
         'annotations': [],
+        'shapes': [],
         'uirevision': 'keep',  # zoom and hidden curves survive a change of colours
     }
     data: list[dict[str, Any]] = []
@@ -82,6 +84,19 @@ def plot(chart: Chart, scale: str) -> dict[str, Any]:
                     'showarrow': False,
                 }
             )
+        layout['shapes'] += [
+            {
+                'type': 'line',
+                'xref': f'x{number}',
+                'yref': f'y{number} domain',
+                'x0': time,
+                'x1': time,
+                'y0': 0,
+                'y1': 1,
+                'line': MARK,
+            }
+            for time in panel.marks
+        ]
         for curve in panel.curves:
             data.append(_trace(curve, number, panel, chart.equal))
             data[-1]['showlegend'] = curve.label not in named

@@ -52,6 +52,7 @@ class Run(NamedTuple):
         cut: Why only a part of it was evaluated; empty when all of it was.
         doubts: What else to know of its figures, e.g. that they are not the true ones.
         faulted: Whether the controller was in a fault: its metrics are not those of the law.
+        marks: Times at which law or gains changed [s].
     """
 
     bag: Path
@@ -65,6 +66,7 @@ class Run(NamedTuple):
     cut: str
     doubts: list[str]
     faulted: bool
+    marks: tuple[float, ...] = ()
 
 
 def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
@@ -123,7 +125,10 @@ def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int
         log = log._replace(law=', then '.join(laws))
     ended = early(result.window.run_s, float(part.log.config['duration']))
     told = [*filter(None, [ended]), *unsettled(result), *part.remarks, *stretches.told(parts)]
-    return Run(bag, name, style, log, poses, result, coupling, timed, part.cut, told, faulted)
+    marks = tuple(one.begin for one in parts[1:])
+    return Run(
+        bag, name, style, log, poses, result, coupling, timed, part.cut, told, faulted, marks
+    )
 
 
 def _labels(members: list[tuple[Path, str]]) -> list[str]:

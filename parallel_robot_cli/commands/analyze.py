@@ -31,6 +31,7 @@ from parallel_robot_bags import history, new_files, run_log, stretches
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.stretches import Stretch
 from parallel_robot_base.errors import BagError, InputError, KinematicsError
+from parallel_robot_base.loop import length
 from parallel_robot_cli.window import add_window_arguments
 from parallel_robot_sim.motions import Motions
 
@@ -73,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
     log = part.log
     if part.cut:
         print(f'warning: {part.cut}', file=sys.stderr)
-    found = metrics.figures(part.motions, None, arguments.start, arguments.stop)
+    found = metrics.figures(part.motions, arguments.start, arguments.stop)
     failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
     if found.window.asked:
         failure = ''
@@ -93,7 +94,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):
         print(timing.verdict(timed))
-    print(table(result, found, float(log.config['duration'])))
+    print(table(result, found, length(log.config)))
     quiet = ['no limit acted, no fault'] if past.statuses and not part.saturated else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
     remarks += history.new_motions(past, log.start_stamp)

@@ -8,8 +8,6 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from parallel_robot_analysis import claims, metrics
 from parallel_robot_analysis.readable_metrics import (
     METRICS,
@@ -32,7 +30,6 @@ from parallel_robot_control.configuration import available, resolve
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
-from parallel_robot_studies.ideal_torque import torque_of
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
 
@@ -63,21 +60,17 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         new_files.check(arguments.json, '--json')
     results = {}
-    ideal: np.ndarray | None = None  # the same for all laws
     notes = [*motion_doubts(trajectory_of(values))]
     failed: dict[str, str] = {}
     causes: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):
         configuration = configure(resolve(arguments.scenario, overrides | {'law': law}))
         made = simulation.attempt(configuration)
-        ideal = torque_of(configuration) if ideal is None else ideal
         if made.failure:
             failed[law] = made.failure.removeprefix(f'{law}: ')
             causes[law] = failed[law] if made.driven_out else made.fault_text
         else:
-            results[law] = metrics.figures(
-                of_simulation(made), ideal, arguments.start, arguments.stop
-            )
+            results[law] = metrics.figures(of_simulation(made), arguments.start, arguments.stop)
             notes += [f'{law}: {text}' for text in unsettled(results[law])]
         notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
     verdicts = claims.verify(scenario, results)

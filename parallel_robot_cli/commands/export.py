@@ -12,13 +12,14 @@ from typing import IO
 
 import numpy as np
 
-from parallel_robot_analysis import table
+from parallel_robot_analysis import recorded_motions, table
 from parallel_robot_analysis.frames import Frames
-from parallel_robot_bags import new_files, run_log
+from parallel_robot_bags import history, new_files, run_log
 from parallel_robot_bags.limits import add_memory_argument
 from parallel_robot_bags.progress import tracked
 from parallel_robot_bags.recovery import recover
 from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_sim.motions import differs
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
 Columns = Mapping[str, np.ndarray]
@@ -67,9 +68,10 @@ def _copy(bag: Path, out: Path, memory: int) -> int:
     log = run_log.read(bag, memory)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    frames = Frames(log)
+    seen = not recorded_motions.of_plant(history.read(bag, memory)) or differs(log.config)
+    frames = Frames(log, seen)
     recover(bag, out, memory, frames.write)
-    print(f'bag     {out}, with {frames.count} frames of the robot')
+    print(f'bag     {out}, with {frames.count} frames of the robot{", seen" if seen else ""}')
     return 0
 
 

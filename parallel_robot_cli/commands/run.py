@@ -20,7 +20,7 @@ from parallel_robot_bags.progress import Progress
 from parallel_robot_base import assignments, cache_directory, discovery, hazards
 from parallel_robot_base.ending_signals import ending_signals
 from parallel_robot_base.errors import DRIVEN_OUT, BagError, InputError, RunError, StoppedError
-from parallel_robot_base.loop import STEP_START, WAIT, LoopParameters
+from parallel_robot_base.loop import WAIT, LoopParameters, length
 from parallel_robot_base.module_process import command, die_with_parent
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_base.node_graph import subscribers
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
-START_GRID = NANOSECONDS // 10  # ns, grid of t = 0, so that slow topics have a sample at t = 0
 STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
 OWN = (
     'start_stamp',
@@ -185,7 +184,7 @@ def move(
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()
     ended = _supervise(parameters, experiment.loop, namespace, during)
-    return ended._replace(doubts=tuple(experiment.control.law.warnings))
+    return ended._replace(doubts=(*experiment.control.law.warnings, *ended.doubts))
 
 
 def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
@@ -195,7 +194,7 @@ def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
         return [f'{log.scenario}, {log.law}: no figures of a run that was {failure}']
     part = recorded_motions.of_bag(log, past)
     found = metrics.figures(part.motions)
-    planned = float(log.config['duration'])
+    planned = length(log.config)
     parts = stretches.of_run(past, log)
     laws = ', then '.join(stretches.laws(parts))
     head = readable_metrics.head(log.scenario, laws, found, planned)
@@ -230,7 +229,7 @@ class End(NamedTuple):
     Attributes:
         driven_out: Whether the robot was driven out of its workspace.
         signal: Number of the signal that ended it; 0: none.
-        doubts: What the theory says against the gains of its law.
+        doubts: What the theory says against the gains of its law, and what the nodes doubted.
     """
 
     driven_out: bool = False
@@ -272,10 +271,10 @@ def _supervise(
                         samples, duration = loop.last_index or 0, loop.duration
                         follow(processes, session, samples, duration, progress, act)
                 except StoppedError as error:
-                    return End(signal=error.signal)
+                    return End(signal=error.signal, doubts=tuple(processes.doubts()))
                 for name in session.silent(filter(processes.running, MODULES)):
                     print(f'warning: {name} does not answer any more', file=sys.stderr)
-                return End(session.driven_out)
+                return End(session.driven_out, doubts=tuple(processes.doubts()))
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
@@ -294,7 +293,7 @@ def start(
             READY, processes.work, waiting_display(processes, progress, len(names))
         )
     now = time.time_ns()
-    stamp = STEP_START if loop.lockstep else (now + LEAD) // START_GRID * START_GRID
+    stamp = loop.step_start if loop.lockstep else (now + LEAD) // loop.grid * loop.grid
     for name in ('recorder', 'trajectory', 'controller', 'plant'):
         if name in names:
             session.start(name, stamp)

@@ -17,7 +17,7 @@ from parallel_robot_bags.history import remark_lines
 from parallel_robot_base import assignments, config, parameter_file, points_file
 from parallel_robot_base.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_base.hazards import parse
-from parallel_robot_base.loop import DURATION
+from parallel_robot_base.loop import DURATION, length
 from parallel_robot_base.options import number
 from parallel_robot_base.placed import Placed, merged
 from parallel_robot_cli import invocation
@@ -176,7 +176,7 @@ def evaluate(made: Simulation) -> list[str]:
     if made.failure:
         return [f'{loop.scenario}, {made.failure}: no figures']
     found = metrics.figures(of_simulation(made))
-    head = readable_metrics.head(loop.scenario, loop.law, found, loop.duration)
+    head = readable_metrics.head(loop.scenario, loop.law, found, length(made.configuration.values))
     return [head, *readable_metrics.brief(found, {})]
 
 

@@ -20,6 +20,11 @@ class Diagram {
     this.title = caption.appendChild(document.createElement('span'));
     const name = this.title.appendChild(document.createElement('b'));
     name.textContent = title;
+    if (group !== 'torque') {
+      const seen = this.title.appendChild(document.createElement('span'));
+      seen.className = 'seenword';
+      seen.textContent = ', seen';
+    }
     this.unitShown = this.title.appendChild(document.createTextNode(''));
     this.legend = caption.appendChild(document.createElement('span'));
     this.legend.className = 'legend';
@@ -56,12 +61,30 @@ class Diagram {
         { ...axis, grid, size: 62, gap: 6, space: 18, values: ({ scales: { y } }, all) => this.labels(all, Math.max(Math.abs(y.min), Math.abs(y.max))), ...(this.log ? { splits: (_, __, low, high) => powers(low, high), filter: (_, all) => all } : {}) },
       ],
       series: [{}, ...series],
+      hooks: { draw: [(plot) => this.mark(plot)] },
     }, this.data(), this.figure);
     this.legend.replaceChildren(
       ...(main.length > 1 ? main.map((curve, k) => this.key(curve.name, style(k))) : []),
       ...(ghosts.length ? [this.ghostKey = this.key('', 'faint', true)] : []),
     );
     this.name('');
+  }
+
+  // Dotted lines where law or gains changed.
+  mark(plot) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.strokeStyle = colour('faint');
+    ctx.setLineDash([2, 3]);
+    for (const [time] of this.history.changes) {
+      const x = plot.valToPos(time, 'x', true);
+      if (x < bbox.left || x > bbox.left + bbox.width) continue;
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+    }
+    ctx.restore();
   }
 
   key(text, style, dashed = false) {

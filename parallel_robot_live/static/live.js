@@ -88,6 +88,9 @@ function draw() {
   show(seen.now, 's', 'time');
   if (!find('bag').hidden && document.activeElement !== find('seek')) find('seek').value = seen.now;
   find('at').textContent = `${seen.now.toFixed(3)} s`;
+  const change = seen.changes.findLast(([time]) => time <= seen.now);
+  find('changed').hidden = !change;
+  if (change) find('changed').textContent = `since ${change[0].toFixed(3)} s: ${change[1]}`;
   root.dataset.ready = 'true';
   root.dataset.now = seen.now;
 }
@@ -101,6 +104,7 @@ const takers = {
   layout: (layout) => { seen.take(layout); build(); },
   page: (page) => { readOnly = page.readOnly; allow(); },
   setup: (setup) => {
+    root.dataset.seen = setup.seen;
     const options = setup.laws;
     fill(find('ghost'), [{ name: '', title: 'none' }, ...options], texts.state?.ghost ?? '');
     fill(find('laws'), options, texts.state?.law ?? '');
@@ -130,6 +134,9 @@ const takers = {
     }
     find('bag').hidden = false;
     find('seek').max = bag.duration;
+    if (bag.changes.length !== seen.changes.length)
+      find('changes').replaceChildren(...bag.changes.map(([time, text]) => new Option(text, time)));
+    seen.changes = bag.changes;
     find('play').textContent = bag.playing ? '❚❚' : '▶';
     find('play').dataset.playing = bag.playing;
     if (document.activeElement !== find('speed')) find('speed').value = bag.speed;

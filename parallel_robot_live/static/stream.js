@@ -7,6 +7,7 @@ const HEAD = 24; // bytes of a frame before its numbers
 class History {
   constructor() {
     this.layout = undefined;
+    this.changes = []; // of law and gains of a bag, each time [s] and text
     this.clear();
   }
 

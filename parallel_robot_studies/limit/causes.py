@@ -10,9 +10,10 @@ import numpy as np
 from parallel_robot_base.errors import InputError
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.performed_motion import points_of
+from parallel_robot_sim.plant_coordinates import coordinates_of
 from parallel_robot_studies.limit.calm import Calm, price_of_calm
-from parallel_robot_studies.limit.coordinates import coordinates_of
-from parallel_robot_studies.limit.linear_motion import linearise, points_of
+from parallel_robot_studies.limit.linear_motion import linearise
 from parallel_robot_studies.limit.prediction import EXACT, Noise, least, noise_of
 
 NEGLIGIBLE = 1e-9  # m or rad: what rounding leaves of no limit at all

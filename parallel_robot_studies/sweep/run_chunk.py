@@ -20,7 +20,6 @@ from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.motions import of_simulation
 from parallel_robot_sim.simulation import Simulation
-from parallel_robot_studies.ideal_torque import torque_of
 from parallel_robot_studies.sweep.floor import Floor
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference, Trajectory
@@ -124,7 +123,7 @@ def _measured(each: Prepared) -> Outcome:
     if result.steps <= last:
         raise RunError(f'{DRIVEN_OUT} after t = {(result.steps - 1) * loop.period:.3f} s')
     made = Simulation(configuration, experiment, reference, result, 0.0)
-    found = metrics.figures(of_simulation(made), torque_of(configuration))
+    found = metrics.figures(of_simulation(made))
     acted = int(np.bitwise_or.reduce(result.acted))
     limits = limits_text(acted) if acted else ''
     if made.fault is not None:

@@ -15,8 +15,8 @@ from parallel_robot_compiler import Boxed, kernel, read_row, write_row
 from parallel_robot_model.joint_load import JointLoad, net_torque
 from parallel_robot_sim.actuators import held_disturbance
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.performed_motion import performed, smooth
 from parallel_robot_sim.plant import PlantSetup
-from parallel_robot_studies.limit.linear_motion import performed, smooth
 from trajectory_gen.trajectory import Trajectory
 
 KEPT = 96  # ideal torques: those of the samples that the laws of a study share
@@ -35,9 +35,13 @@ def torque_of(configuration: Configuration) -> Array:
     Raises:
         InputError: the robot does not reach the motion.
     """
-    plant = configuration.plant
+    return along(configuration.trajectory, configuration.plant)
+
+
+def along(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
+    """The ideal torque of a plant along a desired motion, see :func:`torque_of`."""
     loop = plant.loop._replace(law='', preset='custom')  # else each law would have its own
-    return _torque(configuration.trajectory, plant._replace(loop=loop))
+    return _torque(trajectory, plant._replace(loop=loop))
 
 
 @functools.lru_cache(maxsize=KEPT)

@@ -1,0 +1,54 @@
+"""The period of states, and how many are missing, from their stamps alone."""
+
+import numpy as np
+import pytest
+
+from parallel_robot_control.state_rhythm import StateRhythm
+
+MS = 10**6  # ns
+START = 10**9  # ns
+
+
+def found(steps, parts=1):
+    """The rhythm of states under a controller that is told 1 ms, from their steps [ms]."""
+    rhythm = StateRhythm(MS)
+    stamps = START + np.concatenate([[0], np.cumsum(np.multiply(steps, MS).astype(np.int64))])
+    for part in np.array_split(stamps, parts):
+        rhythm.note(part)
+        rhythm.look()
+    return rhythm
+
+
+@pytest.mark.parametrize('parts', [1, 7, 300])
+def test_what_is_missing_is_counted_once(parts):
+    steps = np.where(np.arange(2000) % 10, 1, 4)
+    rhythm = found(steps, parts)
+    assert (rhythm.skipped, rhythm.period, rhythm.doubt) == (3 * 200, MS, '')
+
+
+@pytest.mark.parametrize('spread', [0.01, 0.3])
+def test_stamps_that_are_not_on_a_grid_are_not_missing(spread):
+    """0.99 ms after the last one, nothing is skipped, nor less than nothing."""
+    at = np.arange(3000) + np.random.default_rng(2).uniform(-spread, spread, 3000)
+    rhythm = found(np.diff(at))
+    assert rhythm.skipped == 0 and not rhythm.doubt
+    assert found(np.full(3000, 0.99)).skipped == found(np.full(3000, 1.04)).skipped == 0
+
+
+@pytest.mark.parametrize(('period', 'rate'), [(2, 500), (4, 250), (0.5, 2000), (1.25, 800)])
+def test_another_period_is_told_and_is_that_of_which_states_are_missing(period, rate):
+    steps = np.full(1000, float(period))
+    steps[[100, 200]] *= 3
+    rhythm = found(steps, 3)
+    assert rhythm.skipped == 4
+    assert rhythm.doubt == (
+        f'joint states come at {rate} Hz, the period says 1000 Hz: '
+        f'give the controller the period {period / 1000:g}'
+    )
+
+
+def test_another_run_and_commands_that_answer_no_state_are_no_states():
+    rhythm = found([*[1] * 50, 700, *[1] * 50, -500, *[1] * 50])
+    rhythm.note(np.zeros(5, np.int64))
+    rhythm.look()
+    assert rhythm.skipped == 0 and not rhythm.doubt
