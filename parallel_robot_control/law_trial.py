@@ -7,9 +7,12 @@ machine code, for this source of the law.
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterator
+import traceback
+from collections.abc import Callable
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +25,14 @@ from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.errors import InputError, first_line
 from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_compiler import as_arrays, as_vectors
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.law_output import leaves, wrong_shapes
 from parallel_robot_model.contract import Model
 
 OTHERS = (1, 2, 5)  # numbers of joints that a law should support, too
 UPDATES = 5  # for each number of joints
+FORGETS = 'memory never changes, whatever the error: update returns it as it came'
 SIZES = (0.0, 1e-3, 1.0, 10.0)  # magnitudes of the samples
-ROWS = ('torque', 'sliding_variable', 'coupled_error')
 
 
 def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]:
@@ -83,21 +87,38 @@ def _trial(task: dict[str, Any]) -> dict[str, str]:
     law: Any = import_file(file, file.read_bytes())
     names = [parameter.key for parameter in fields.parameters(law.Gains)]
     gains = fields.build(law.Gains, dict(zip(names, task['gains'], strict=True)))
+    warnings = []
     for joints in (task['joints'], *OTHERS):
         try:
-            _run(law, gains, joints)
+            remembers = _run(law, gains, joints)
         except RAISED as error:
-            text = str(error) if isinstance(error, InputError) else first_line(error)
+            text = str(error) if isinstance(error, InputError) else _raised(error, file)
             if joints == task['joints']:
                 return {'refused': text}
-            return {'warnings': f'written for {task["joints"]} joints; with {joints}: {text}'}
-    return {'warnings': ''}
+            warnings.append(f'written for {task["joints"]} joints; with {joints}: {text}')
+            break
+        if joints == task['joints'] and not remembers:
+            warnings.append(FORGETS)
+    return {'warnings': '\n'.join(warnings)}
 
 
-def _run(law: Any, gains: Any, joints: int) -> None:
-    """Update a law several times with a number of joints."""
+def _raised(error: BaseException, file: Path) -> str:
+    """An error of a law, with the line of its file if that is known."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if Path(frame.filename).name == file.name]
+    return first_line(error) + (f' (line {lines[-1]})' if lines else '')
+
+
+def _run(law: Any, gains: Any, joints: int) -> bool:
+    """Update a law several times with a number of joints; whether it uses its memory.
+
+    Raises:
+        InputError: its output has a wrong shape.
+    """
     with step('initial_memory', LIMIT):
-        memory = first = as_arrays(law.initial_memory(joints))
+        memory = as_arrays(law.initial_memory(joints))
+    first = copy.deepcopy(memory)  # an update may write into it
+    remembers = not any(map(np.size, _values(first)))
     random = np.random.default_rng(joints)
     for k in range(UPDATES * len(SIZES)):
         rows = random.normal(scale=SIZES[k % len(SIZES)], size=(7, joints))
@@ -107,9 +128,24 @@ def _run(law: Any, gains: Any, joints: int) -> None:
             with step('the compilation of update'):
                 given = _compiled_for(law, words)
         with step('update', LIMIT):
-            output = law.update(*given(words))
-        _check(output, joints, first)
+            try:
+                output = law.update(*given(words))
+            except Exception as error:
+                size = np.abs(rows[0] - rows[3]).max()
+                where = f'in the trial with made-up states, here errors up to {size:.2g} rad'
+                raise InputError(
+                    f'update: {_raised(error, Path(law.__file__))}, {where}'
+                ) from error
+        if wrong := wrong_shapes(output, joints, first):
+            raise InputError(wrong)
         memory = output.memory
+        pairs = zip(_values(memory), _values(first), strict=True)
+        remembers = remembers or not all(starmap(np.array_equal, pairs))
+    return remembers
+
+
+def _values(memory: Any) -> list[Any]:
+    return [value for _, value in leaves('memory', memory)]
 
 
 def _compiled_for(law: Any, words: tuple[Any, ...]) -> Callable[[Any], Any]:
@@ -120,30 +156,6 @@ def _compiled_for(law: Any, words: tuple[Any, ...]) -> Callable[[Any], Any]:
         law.update.compile(tuple(map(typeof, as_vectors(words))))
         return as_vectors
     return as_arrays
-
-
-def _check(output: ControlOutput, joints: int, first: Any) -> None:
-    """Check the shapes of the output of a law.
-
-    Raises:
-        InputError: one is wrong.
-    """
-    for field in ROWS:
-        shape = np.shape(getattr(output, field))
-        if shape != (joints,):
-            raise InputError(f'update returns a {field} of shape {shape}, not {(joints,)}')
-    before, after = list(_leaves(first)), list(_leaves(output.memory))
-    if before != after:
-        raise InputError(f'update returns a memory of shapes {after}, not {before}')
-
-
-def _leaves(memory: Any) -> Iterator[tuple[int, ...]]:
-    """Shapes of the numbers and arrays in a memory."""
-    if isinstance(memory, tuple):
-        for part in memory:
-            yield from _leaves(part)
-    else:
-        yield np.shape(memory)
 
 
 if __name__ == '__main__':

@@ -21,7 +21,7 @@ from parallel_robot_compiler import (
     reason,
     vector,
 )
-from parallel_robot_control import law_trial
+from parallel_robot_control import law_output, law_trial
 from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
 from parallel_robot_control.laws import LAWS
@@ -152,11 +152,9 @@ def _with_arrays(
     except Exception as error:  # Numba raises many kinds
         cause = reason(error, cast(Any, law.update).py_func)
         raise InputError(f'{name}: update does not compile: {cause}') from error
-    if update.signature().return_type != typeof(ControlOutput(row, row, row, memory)):
-        raise InputError(
-            f'{name}: update must return ControlOutput(torque, sliding_variable, coupled_error, '
-            'memory), three float arrays and a memory of the type of initial_memory'
-        )
+    right = typeof(ControlOutput(row, row, row, memory))
+    if wrong := law_output.wrong_types(update.signature().return_type, right):
+        raise InputError(f'{name}: {wrong}')
     constants = Boxed(ArrayLaw(update, Boxed(gains)))
     converted = _compiled(update_of_arrays, constants, vector(row), vector(matrix), memory)
     return memory, converted, constants

@@ -150,11 +150,30 @@ WRONG = {
     'signature': ([('e_dot\n', 'e_dot @ "a"\n')], 'for signature: >>> matmul(array(float64, 1d, '),
     'mixed': ([('torque = ', MIXED)], 'mixed: update does not compile: No implementation'),
     'short': ([('feedback, memory, dt)', 'feedback)')], '(short.py:25)'),
-    'scalar': ([(RETURN, RETURN.replace('torque', '1.0'))], 'scalar: update must return Control'),
-    'tuple_alone': ([(RETURN, '(torque, e, e, memory)')], 'tuple_alone: update must return Contr'),
+    'scalar': (
+        [(RETURN, RETURN.replace('torque', '1.0'))],
+        'scalar: update returns torque as a number (float64), not a 1-d array of float64',
+    ),
+    'small': (
+        [
+            (RETURN, RETURN.replace('torque', 'vector((1.0, 2.0))')),
+            ('kernel\n\n', 'kernel, vector\n\n'),
+        ],
+        'update returns torque as a vector of shape (2,) of float64, not a 1-d',
+    ),
+    'two_wrong': (
+        [(RETURN, 'ControlOutput(torque, e > 0.0, e, Memory(memory.integral[::2]))')],
+        'sliding_variable as a 1-d array of bool, not a 1-d array of float64; '
+        'memory.integral as a 1-d array of float64 with gaps (take a .copy()), not',
+    ),
+    'nothing': ([('return ' + RETURN, 'pass')], 'coupled_error, memory), not None'),
+    'tuple_alone': (
+        [(RETURN, '(torque, e, e, memory)')],
+        'coupled_error, memory), not a tuple of 4',
+    ),
     'other_memory': (
         [('Memory(memory.integral + dt * e))', 'memory.integral)')],
-        'other_memory: update must return ControlOutput',
+        'other_memory: update returns memory as a 1-d array of float64, not Memory',
     ),
     'odd_memory': ([('return Memory(np.zeros(joints))', 'return {}')], 'odd_memory: initial_memo'),
     'failing': ([('return Memory(np.zeros(joints))', 'return 1 // 0')], 'ZeroDivisionError'),
@@ -187,7 +206,9 @@ UNFIT = {
     'beyond': (('Kd * e_dot', 'Kd * e_dot + e[7]'), 'IndexError: index is out of bounds'),
     'cut': ((RETURN, RETURN.replace('torque', 'torque[:2]')), 'torque of shape (2,), not (3,)'),
     'shrinking': (('Memory(memory.integral + dt * e)', 'Memory(memory.integral[:1])'),
-                  'memory of shapes [(1,)], not [(3,)]'),
+                  'memory.integral of shape (1,), not (3,)'),
+    'far': (('    torque =', '    if e[0] > 8.0:\n        raise ValueError("far")\n    torque ='),
+            'ValueError: far (line 30), in the trial with made-up states, here errors up to'),
     'endless': (('    torque =', '    while dt < 1:\n        dt -= 1\n    torque ='),
                 'update does not return within 1 s of processor time'),
     'deadly': (('(joints):', f'(joints):\n    {DEADLY}'),
@@ -223,9 +244,16 @@ def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypat
     for _ in range(2):
         (warning,) = prepare('rigid', values_of(path)).warnings
         assert warning == (
-            'rigid: written for 3 joints; with 1: IndexError: index is out of bounds'
+            'rigid: written for 3 joints; with 1: update: IndexError: index is out of bounds, '
+            'in the trial with made-up states, here errors up to 0 rad'
         )
         monkeypatch.setattr(law_trial, '_try', None)  # now it is known
+
+
+def test_a_memory_that_never_changes_is_told(write):
+    path = write('forgetful', ('Memory(memory.integral + dt * e)', 'memory'))
+    (warning,) = prepare('forgetful', values_of(path)).warnings
+    assert warning.startswith('forgetful: memory never changes')
 
 
 NO_LAW = 'is not a Python file whose name is an identifier'
