@@ -14,6 +14,7 @@ from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.safety import SafetyParameters, safe_action
+from parallel_robot_model.robot_checks import refuse_mistakes
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.hazards import table_of
 from parallel_robot_sim.motor_timeout import Patience
@@ -71,7 +72,7 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     """Put the plant together, at rest at its initial pose.
 
     Raises:
-        InputError: the robot does not reach that pose.
+        InputError: the robot does not reach that pose, or a custom robot contradicts itself.
     """
     robot, loop = configuration.robot, configuration.loop
     hazards = _hazards(configuration)
@@ -80,6 +81,7 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     pose = np.array(robot.pose_of('plant.initial_pose', configuration.parameters.initial_pose))
     with blaming(robot.name):
         start = vector(module.start(parameters, pose))
+    refuse_mistakes(robot, configuration.load, pose)
     still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(loop.joints)))
     setup = PlantSetup(
         robot.kernel('acceleration', load, start, still, torque, 0.0),

@@ -148,6 +148,80 @@ def test_a_wrong_file_costs_one_line(change, reason, tmp_path, capsys):
     assert err.count('\n') == 1 and reason in err
 
 
+TRANSPOSED = '    M = vector((vector((1.0, 0.5)), vector((0.0, 1.0))))'
+CONTRADICTIONS = {  # what is replaced, and the function that is named, with its figure
+    'pose_off': (
+        ('none, none, robot.radius', 'none, none, 1.01 * robot.radius'),
+        'measure: pose, from that given to start: differs by 0.0023 of 0.23',
+    ),
+    'sign': (
+        ('motion.pose / r, motion.rate / r', 'motion.pose / r, -motion.rate / r'),
+        'joint_motion: velocity, from differences of position: differs by 50 of 25',
+    ),
+    'branch': (
+        ('JointMotion(motion.pose / r', 'JointMotion(3.0 - motion.pose / r'),
+        'joint_motion: position, from that of measure: differs by 20 of 12',
+    ),
+    'nowhere': (
+        ('Location(robot.radius * position, FOUND)', 'Location(robot.radius * position, 1)'),
+        'locate: pose, from that whose joints it is given: not found or not finite',
+    ),
+    'no_number': (
+        ('return net_torque(', 'return np.sqrt(time - 1.0) * net_torque('),
+        'acceleration: result: not found or not finite',
+    ),
+}
+
+
+@pytest.mark.parametrize('name', CONTRADICTIONS)
+def test_a_robot_that_contradicts_itself_is_refused(name, tmp_path, capsys):
+    change, reason = CONTRADICTIONS[name]
+    file = tmp_path / f'{name}.py'
+    file.write_text(EXAMPLE.read_text().replace(*change))
+    words = ['--set', f'custom_robots=[{file}]', '--set', f'robot_model={name}', *POSE]
+    assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1 and f'{name}: {reason}' in err
+    assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize(
+    ('change', 'wrong'),
+    [
+        (None, []),
+        (('np.diag(_inertia(robot))', 'np.diag(0.999 * _inertia(robot))'), ['M thdd']),
+        (
+            ('np.diag(_inertia(robot))', '-np.diag(_inertia(robot))'),
+            ['positive definite', 'M thd'],
+        ),
+        (('np.zeros_like(M)', '0.1 * M'), ['Mdot - 2 Q', 'M thdd']),
+        (
+            ('    M = np.diag(_inertia(robot))', TRANSPOSED),
+            ['from its transpose', 'M thdd'],
+        ),
+        (('select(every(inside), FOUND, 1)', '1'), ['within reach and margins']),
+    ],
+)
+def test_verify_names_each_check_that_fails(change, wrong, tmp_path, capsys):
+    file = EXAMPLE
+    if change:
+        file = tmp_path / 'checked.py'
+        file.write_text(EXAMPLE.read_text().replace(*change))
+    words = ['--set', f'custom_robots=[{file}]', '--set', f'robot_model={file.stem}']
+    assert main(['verify', *words]) == (1 if wrong else 0)
+    lines = capsys.readouterr().out.splitlines()[1:]
+    failed = [line for line in lines if not line.endswith(': agrees')]
+    assert len(lines) > 8 and len(failed) == len(wrong)
+    for line, what in zip(failed, wrong, strict=True):
+        assert what in line and line.endswith(': wrong')
+
+
+@pytest.mark.parametrize('name', ['planar_3rrr', 'serial_2r', 'axes'])
+def test_robots_of_the_suite_pass(name, capsys):
+    assert main(['verify', '--set', f'robot_model={name}']) == 0
+    assert capsys.readouterr().out.count(': agrees') == 13
+
+
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
     """A directory with a bag of a custom robot, whose file is gone.

@@ -86,7 +86,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
     ],
     'rehearse': [OUT],
     'limit': [('paper_circle',), ('uncertain_robot',)],
-    'verify': [()],
+    'verify': [(), ('--set', 'robot_model=axes')],
     'compare': [('paper_circle',)],
 }  # fmt: skip
 WORK = (  # what a command does when it has read all options
@@ -175,6 +175,8 @@ def test_a_wrong_value_of_an_option_is_never_taken(
         ('simulate paper_circle --law pid --set law=smc --out x', '--law pid and --set law=smc'),
         ('simulate paper_circle --duration 1 --set duration=2 --out x', 'duration=2 differ'),
         ('compare paper_circle --set law=pid', '--set law: compare has all laws'),
+        ('verify --robots 2 --set robot_model=axes', 'one robot without MuJoCo: no --robots'),
+        ('verify --duration 1 --set robot_model=axes', 'without MuJoCo: no --duration'),
         ('rehearse --set duration=3 --out x', '--set duration: each step has its own'),
         ('live --trust', '--trust goes with --bag alone'),
         ('live --max-memory 1', '--max-memory goes with --bag alone'),

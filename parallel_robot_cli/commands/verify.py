@@ -1,4 +1,4 @@
-"""The command ``verify``: the simulated plants against MuJoCo."""
+"""The command ``verify``: the simulated plants against MuJoCo, or a robot against its contract."""
 
 from __future__ import annotations
 
@@ -6,35 +6,66 @@ import argparse
 
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base.errors import InputError
+from parallel_robot_base.placed import Placed
+from parallel_robot_cli.commands import simulate
+from parallel_robot_model.robot_checks import FINE
+from parallel_robot_studies.robot_verification import verify_robot
 from parallel_robot_studies.verification import SCENARIOS, verify
 
 TOLERANCE = 1e-9  # m or rad
+ROBOTS, DURATION = 10, 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
-        '--robots', type=int, default=10, metavar='N', help='of each kind, default 10'
+        '--robots', type=int, metavar='N', help=f'of each kind against MuJoCo, default {ROBOTS}'
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='default 0')
     parser.add_argument(
-        '--duration', type=float, default=1.0, metavar='S', help='of each motion, default 1'
+        '--duration',
+        type=float,
+        metavar='S',
+        help=f'of each motion against MuJoCo, default {DURATION:g}',
     )
+    simulate.add_set_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if arguments.robots < 1:
-        raise InputError(f'--robots must be at least 1, not {arguments.robots}')
+    robots = ROBOTS if arguments.robots is None else arguments.robots
+    duration = DURATION if arguments.duration is None else arguments.duration
+    if robots < 1:
+        raise InputError(f'--robots must be at least 1, not {robots}')
     if arguments.seed < 0:
         raise InputError(f'--seed must not be negative, not {arguments.seed}')
-    if not 0.001 <= arguments.duration <= 10.0:
-        raise InputError(f'--duration must be 0.001 to 10 s, not {arguments.duration:g}')
-    print(f'largest difference of the poses over {arguments.duration:g} s, [m] or [rad]')
+    if not 0.001 <= duration <= 10.0:
+        raise InputError(f'--duration must be 0.001 to 10 s, not {duration:g}')
+    given = simulate.given(arguments)
+    if not given:
+        return _against_mujoco(robots, arguments.seed, duration)
+    for option in ('robots', 'duration'):
+        if getattr(arguments, option) is not None:
+            raise InputError(f'--set checks one robot without MuJoCo: no --{option}')
+    return _against_contract(given, arguments.seed)
+
+
+def _against_contract(given: Placed, seed: int) -> int:
+    """Check one robot; print each check."""
+    name, found = verify_robot(given, seed)
+    print(f'{name}: largest differences near plant.initial_pose')
+    for check in found:
+        print(f'  {check.text()}: {"agrees" if check.passes(FINE) else "wrong"}')
+    return 0 if all(check.passes(FINE) for check in found) else 1
+
+
+def _against_mujoco(robots: int, seed: int, duration: float) -> int:
+    """Compare random robots of each kind; print the worst."""
+    print(f'largest difference of the poses over {duration:g} s, [m] or [rad]')
     failed = False
     for kind in SCENARIOS:
-        numbers = tracked(range(arguments.robots), arguments.robots, kind)
-        found = verify(kind, numbers, arguments.seed, arguments.duration)
+        numbers = tracked(range(robots), robots, kind)
+        found = verify(kind, numbers, seed, duration)
         worst = max(found, key=lambda difference: difference.largest)
         least = min(difference.path for difference in found)
         agrees = worst.largest < TOLERANCE
