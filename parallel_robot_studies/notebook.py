@@ -335,7 +335,7 @@ def sweep(
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
     directory = Path(out)
-    run_sweep(plan(asked), text, directory, Processes(count), count)
+    run_sweep(plan(asked), asked.text, directory, Processes(count), count)
     frame: Frame = frames.read_parquet(directory / RUNS)
     return frame
 

@@ -1,6 +1,7 @@
 """Studies: their files, their samples, and the rows that follow from them."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from scipy import stats
 
 from parallel_robot_cli.command_line import main
+from parallel_robot_cli.commands.limit import is_study
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_studies.sweep import study, table, uncertainty
@@ -197,6 +199,8 @@ def test_a_bad_study_costs_one_line_and_leaves_nothing(name, tmp_path, capsys):
         (['robustness', '--workers', '2', '--scheduler', 'x'], '--workers is for processes'),
         (['robustness', '--set', 'law=smc'], '--set: law cannot stand there'),
         (['robustness', '--set', 'true_robot.m1=3'], '--set true_robot.m1: it is uncertain'),
+        (['robustness', '--laws', 'smc', 'pdi'], "unknown law 'pdi'; did you mean 'pid'?"),
+        (['robustness', '--laws', 'smc', 'smc'], 'laws names smc twice'),
         (['robustness', '--set', 'custom_laws=[nowhere.py]'], 'nowhere.py'),
     ],
     ids=' '.join,
@@ -215,12 +219,90 @@ def test_a_file_that_is_not_text(tmp_path, capsys):
     assert 'is not text in UTF-8' in capsys.readouterr().err
 
 
+BASE = """
+scenarios: [own.yaml]
+laws: {smc: {z: 20.0}, soft: {law: smc, z: 10.0}, pid: {}}
+runs: 4
+seed: 3
+set: {plant: {substeps: 2}, friction.viscous: [1.0, 1.0, 1.0]}
+uncertainty:
+  true_robot.m1: {distribution: uniform, relative: 0.2}
+  true_robot.m2: {distribution: uniform, relative: 0.2}
+"""
+DERIVED = """
+base: ../base.yaml
+laws: [soft, s_fotsmc]
+runs: 8
+set: {true_robot.m1: 2.5}
+uncertainty:
+  friction.viscous: {distribution: uniform, relative: 0.1}
+"""
+
+
+@pytest.fixture
+def derived(tmp_path):
+    """A study in another folder than its base, which names a scenario beside it."""
+    (tmp_path / 'base.yaml').write_text(BASE)
+    (tmp_path / 'own.yaml').write_text('base: paper_circle\n')
+    (tmp_path / 'sub').mkdir()
+    file = tmp_path / 'sub' / 'derived.yaml'
+    file.write_text(DERIVED)
+    return file
+
+
+def test_a_study_says_what_differs_from_its_base(derived, tmp_path):
+    found = study.parse(derived.read_text(), str(derived), derived.parent)
+    assert found.scenarios == (str(tmp_path / 'own.yaml'),)
+    laws = [(law.name, law.law, law.gains) for law in found.laws]
+    assert laws == [('soft', 'smc', {'smc.z': 10.0}), ('s_fotsmc', 's_fotsmc', {})]
+    assert (found.runs, found.seed) == (8, 3)
+    assert found.fixed == {'plant.substeps': 2, 'true_robot.m1': 2.5}
+    assert [each.key for each in found.uncertainties] == ['true_robot.m2', 'friction.viscous']
+    files = {key: Path(place.file).name for key, place in found.places.items()}
+    assert (files['seed'], files['runs'], files['laws']) == ('base.yaml', *2 * ['derived.yaml'])
+    assert 'laws.soft.z' not in files
+    again = study.parse(found.text)  # what a sweep keeps stands alone
+    assert again.text == found.text and replace(again, places={}) == replace(found, places={})
+    assert plan(found).count == 2 * 8 and is_study(str(derived))
+    assert not is_study(str(tmp_path / 'own.yaml'))
+
+
+def test_two_lines_compare_with_the_laws_of_a_study():
+    text = 'base: laboratory\nlaws: [pid_tuned, adrc]\n'
+    (tuned, adrc), laboratory = (
+        study.parse(text).laws,
+        study.parse(study.read(study.file_of('laboratory'))),
+    )
+    assert tuned in laboratory.laws and adrc.gains == {}
+    alone = study.parse(study.read(study.file_of('laboratory')), laws=['pid_tuned', 'adrc'])
+    assert alone.laws == (tuned, adrc) and study.parse(alone.text).laws == alone.laws
+
+
+@pytest.mark.parametrize(
+    ('line', 'message'),
+    [
+        ('base: 5', 'derived.yaml, line 2: base must be'),
+        ('base: laboratorie', "unknown study 'laboratorie'; did you mean 'laboratory'?"),
+        ('base: none.yaml', 'sub/none.yaml: No such file'),
+        ('base: derived.yaml', 'the bases of a study lead in a circle: derived.yaml -> derived'),
+        ('base: ../own.yaml', "unknown study 'paper_circle'"),  # of a scenario
+        ('base: ../base.yaml\nseed: -1', 'derived.yaml, line 3: seed must be'),
+    ],
+)
+def test_a_wrong_base_costs_one_line(line, message, derived, capsys):
+    derived.write_text(DERIVED.replace('base: ../base.yaml', line))
+    assert main(['sweep', str(derived), '--out', str(derived.with_name('out'))]) == 2
+    out, error = capsys.readouterr()
+    assert message in error and error.count('\n') == 1 and not out
+
+
 POINTS = np.random.default_rng(0).random(2000)
 PAGE = (Path(__file__).parents[1] / 'docs' / 'studies.md').read_text()
 
 
 def test_the_study_in_the_documentation_can_be_planned():
-    (text,) = re.findall(r'```yaml\n(.*?)```', PAGE, re.DOTALL)
+    text, short = re.findall(r'```yaml\n(.*?)```', PAGE, re.DOTALL)
+    assert [law.name for law in study.parse(short).laws] == ['my_law', 's_fotsmc', 'pid_tuned']
     found = plan(study.parse(text))
     assert found.count == 2 * 4 * 256 and len(found.row(0).drawn) == 9
 

@@ -18,7 +18,7 @@ from parallel_robot_bags import new_files
 from parallel_robot_bags.progress import tracked
 from parallel_robot_base import config, plain_data
 from parallel_robot_base.errors import InputError
-from parallel_robot_base.scenario_file import stem
+from parallel_robot_base.scenario_file import DEEPEST, absolute, stem
 from parallel_robot_cli.commands import simulate
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import Configuration, configure
@@ -117,8 +117,8 @@ def _experiments(arguments: argparse.Namespace) -> Iterator[tuple[str, Configura
         yield stem(row.scenario), configure(resolve(row.scenario, row.overrides))
 
 
-def is_study(name: str) -> bool:
-    """Whether a name or a file is that of a study."""
+def is_study(name: str, bases: int = DEEPEST) -> bool:
+    """Whether a name or a file is that of a study, which may have so many bases."""
     if (config.directory() / 'studies' / f'{name}.yaml').is_file():
         return True
     path = Path(name)
@@ -126,7 +126,11 @@ def is_study(name: str) -> bool:
         return False
     from parallel_robot_studies.sweep.study import read
 
-    return 'scenarios' in plain_data.mapping(read(path))
+    found = plain_data.mapping(read(path))
+    base = found.get('base')
+    if 'scenarios' in found or not isinstance(base, str) or not bases:
+        return 'scenarios' in found
+    return is_study(absolute(base, path.parent), bases - 1)
 
 
 def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:

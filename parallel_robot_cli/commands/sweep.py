@@ -28,6 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--runs', type=int, metavar='N', help="runs of each law and scenario, default: the study's"
     )
     parser.add_argument(
+        '--laws',
+        nargs='+',
+        metavar='LAW',
+        help="in place of the study's laws; a name of one of these keeps its gains",
+    )
+    parser.add_argument(
         '--workers', type=int, metavar='N', help='processes, default: one for each core'
     )
     parser.add_argument(
@@ -40,11 +46,11 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     workers, count = _workers(arguments)
     file = study.file_of(arguments.study)
-    text = study.read(file)
     fixed = simulate.given(arguments)
-    asked = study.parse(text, str(file), file.parent).changed(arguments.runs, fixed)
+    asked = study.parse(study.read(file), str(file), file.parent, arguments.laws)
+    asked = asked.changed(arguments.runs, fixed)
     out: Path = arguments.out
-    summary = sweep(plan(asked), text, out, workers, count)
+    summary = sweep(plan(asked), asked.text, out, workers, count)
     print(summary, end='')
     print(f'rows    {out / "runs.parquet"}')
     print(f'summary {out / "summary.txt"} (.csv, .tex, .html), {out / "distributions.png"} (.pdf)')

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
+
+import yaml
 
 from parallel_robot_base import config, plain_data, yaml_file
 from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.placed import Place, Placed, locating
-from parallel_robot_base.scenario_file import absolute, stem
-from parallel_robot_studies.sweep import uncertainty
+from parallel_robot_base.scenario_file import DEEPEST, absolute, stem
+from parallel_robot_studies.sweep import study_base, uncertainty
 from parallel_robot_studies.sweep.uncertainty import Uncertainty
 
 MOST_RUNS = 10_000_000
@@ -57,6 +59,7 @@ class Study:
         uncertainties: The uncertain parameters.
         scrambles: Number of independently scrambled Sobol sequences that the samples are of.
         places: Where the keys of its file stand, e.g. ``set.friction.viscous``.
+        text: Its file; of one with a base, or with laws of its own, all of it in one.
     """
 
     scenarios: tuple[str, ...]
@@ -69,6 +72,7 @@ class Study:
     uncertainties: tuple[Uncertainty, ...]
     scrambles: int = 1
     places: Mapping[str, Place] = field(default_factory=dict)
+    text: str = ''
 
     def of_case(self, variant: Variant) -> Placed:
         """What all runs of a law change in the configuration of a scenario."""
@@ -146,16 +150,44 @@ def read(path: Path) -> str:
         raise InputError(f'the study {path} is not text in UTF-8') from None
 
 
-def parse(text: str, name: str = 'study', folder: Path | None = None) -> Study:
+def parse(
+    text: str,
+    name: str = 'study',
+    folder: Path | None = None,
+    laws: Sequence[str] | None = None,
+) -> Study:
     """Read a study; whether its keys exist is checked with the scenarios, see plan.py.
 
     Args:
         text: Content of the file.
         name: Name of the file, for messages.
         folder: Directory of the file, from which its paths count; None: the current one.
+        laws: Names of laws in place of those of the study, or some of these.
 
     Raises:
         InputError: the text is not YAML, or something in it is wrong.
+    """
+    content, places, whole = _loaded(text, name, folder, ())
+    if laws is not None:
+        content['laws'] = study_base.chosen(content.get('laws'), laws)
+        places = {key: place for key, place in places.items() if key.partition('.')[0] != 'laws'}
+    with locating(Placed({}, places), name):
+        found = _study(content, folder)
+    if not whole or laws is not None:
+        text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return replace(found, places=places, text=text)
+
+
+def _loaded(
+    text: str, name: str, folder: Path | None, way: tuple[Path, ...]
+) -> tuple[dict[str, Any], dict[str, Place], bool]:
+    """Content of a study with that of its bases, its places, and whether it has no base.
+
+    Args:
+        text: Content of the file.
+        name: Name of the file, for messages.
+        folder: Directory of the file.
+        way: The bases that led there.
     """
     try:
         content = plain_data.load(text)
@@ -167,8 +199,20 @@ def parse(text: str, name: str = 'study', folder: Path | None = None) -> Study:
     if not isinstance(content, dict):
         raise InputError(f'{name} must hold keys and values')
     places = yaml_file.places(text, name)
+    if 'base' not in content:
+        return content, places, True
     with locating(Placed({}, places), name):
-        return replace(_study(content, folder), places=places)
+        base = check('base', str, Field('', ''), content.pop('base'))
+        file = file_of(absolute(base, folder))
+        if file in way or len(way) == DEEPEST:
+            steps = ' -> '.join(path.name for path in [*way, file])
+            raise InputError(f'base: the bases of a study lead in a circle: {steps}', 'base')
+        below = read(file)
+    known, far, _ = _loaded(below, str(file), file.parent, (*way, file))
+    scenarios = known.get('scenarios')
+    if isinstance(scenarios, list) and all(isinstance(each, str) for each in scenarios):
+        known['scenarios'] = [absolute(each, file.parent) for each in scenarios]
+    return study_base.merged(known, content), study_base.places(far, places, content), False
 
 
 def _study(content: dict[str, Any], folder: Path | None) -> Study:
