@@ -10,6 +10,7 @@ from typing import cast
 from parallel_robot_base import custom_module
 from parallel_robot_base.custom_module import RAISED
 from parallel_robot_base.trial_process import LIMIT, step
+from parallel_robot_control import law_titles
 from parallel_robot_control.contract import Law
 
 NEEDED = ('Gains', 'initial_memory', 'update')
@@ -28,6 +29,7 @@ def load(path: str) -> tuple[str, Law]:
         InputError: the file does not exist, cannot be imported or is not a law.
     """
     name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',), rehearse)
+    law_titles.check(name, law)
     return name, cast(Law, law)
 
 

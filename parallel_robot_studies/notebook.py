@@ -36,6 +36,7 @@ from parallel_robot_base.data_frames import Frame, pandas
 from parallel_robot_base.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_base.fields import Field, check
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_sim.motions import Motions, Moved, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
@@ -105,6 +106,7 @@ def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
         BagError: not a bag, or one that is not of a run or takes too much.
     """
     log, past = run_log.read(bag, memory), history.read(bag, memory)
+    law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:

@@ -9,13 +9,14 @@ from assembly import prepare, simulated
 from custom_law import LAW, RETURN
 from rig import Rig
 
+from parallel_robot_analysis.report.labels import law_label
 from parallel_robot_base import cache_directory, topics
 from parallel_robot_base.cache_directory import NOTICE
 from parallel_robot_base.errors import InputError
 from parallel_robot_base.processes import MODULES
 from parallel_robot_cli.command_line import main
 from parallel_robot_compiler import Vector
-from parallel_robot_control import law_loader, law_trial
+from parallel_robot_control import law_loader, law_titles, law_trial
 from parallel_robot_control.array_law import ArrayLaw
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
@@ -182,6 +183,14 @@ WRONG = {
         [('class Gains', 'raise OSError("a\\nb")\n\n\nclass Gains')],
         'wordy.py: OSError: a',
     ),
+    'titled': (
+        [('class Gains', 'TITLE = "S-FOTSMC"\n\n\nclass Gains')],
+        "'S-FOTSMC' is that of a law",
+    ),
+    'numbered': (
+        [('class Gains', 'TITLE = 5\n\n\nclass Gains')],
+        'numbered: TITLE must be one line',
+    ),
     'plant': ([], 'custom_laws: plant is a group of parameters; rename the file'),
     'smc': ([], 'custom_laws: smc.py: there is already a law smc; rename the file'),
 }
@@ -254,6 +263,25 @@ def test_a_memory_that_never_changes_is_told(write):
     path = write('forgetful', ('Memory(memory.integral + dt * e)', 'memory'))
     (warning,) = prepare('forgetful', values_of(path)).warnings
     assert warning.startswith('forgetful: memory never changes')
+
+
+def test_a_title_is_what_pictures_and_reports_call_a_law(write):
+    path = write('named', ('class Gains', "TITLE = 'my \u03bb law'  # of 2026\n\n\nclass Gains"))
+    law_loader.load(str(path))
+    assert law_label('named') == 'my \u03bb law' and law_label('unnamed') == 'unnamed'
+    hostile = {
+        'named': b'TITLE = "S-FOTSMC"',
+        'pid': b"TITLE = 'best'",
+        'long': b'TITLE = "%s"' % (b'x' * 99),
+    }
+    law_titles.learn(hostile | {'odd': b"TITLE = 'a\x07\xff'", 'run': b'TITLE = str(1 // 0)'})
+    assert [law_label(name) for name in ('named', 'long', 'odd', 'run')] == [
+        'named',
+        'long',
+        'odd',
+        'run',
+    ]
+    assert law_label('pid') == 'PID'
 
 
 NO_LAW = 'is not a Python file whose name is an identifier'

@@ -17,7 +17,6 @@ from parallel_robot_ros import joint_reader
 from parallel_robot_ros import parameter_services as services
 
 DOCS = Path(__file__).parents[1] / 'docs'
-EXAMPLE = DOCS / 'example_law.py'
 
 
 def script(name):
@@ -74,15 +73,18 @@ def test_the_limits_of_the_wire_are_those_of_the_code():
         assert limit in text
 
 
-def test_the_example_law_is_short_and_tracks():
-    assert len(EXAMPLE.read_text().splitlines()) <= 30
-    changed = {'custom_laws': [str(EXAMPLE)], 'duration': 4.0}
-    values = resolve('paper_circle', changed | {'law': 'example_law'})
-    rival = resolve('paper_circle', changed | {'law': 'computed_torque'})
+@pytest.mark.parametrize(
+    ('name', 'lines', 'rival'),
+    [('example_law', 30, 'computed_torque'), ('example_law_with_memory', 40, 'computed_torque')],
+)
+def test_an_example_law_is_short_and_tracks(name, lines, rival):
+    file = DOCS / f'{name}.py'
+    assert len(file.read_text().splitlines()) <= lines
+    changed = {'custom_laws': [str(file)], 'duration': 4.0}
 
-    def error(values):
-        done = simulated(values)
-        assert not done.run.fault.any()
+    def error(law):
+        done = simulated(resolve('paper_circle', changed | {'law': law}))
+        assert not done.run.fault.any() and not done.experiment.control.law.warnings
         return abs(done.reference.position - done.run.position)[2000:].max()
 
-    assert error(values) < error(rival)
+    assert error(name) < error(rival)

@@ -16,12 +16,14 @@ from parallel_robot_compiler import (
     as_arrays,
     as_vectors,
     clip,
+    dot,
     entry_point,
     every,
     kernel,
     multiply,
     read_row,
     select,
+    solve,
     some,
     vector,
     write_row,
@@ -430,3 +432,19 @@ def test_tuples_of_arrays_and_of_vectors():
     assert type(back) is Pair and type(back.fault) is type(back.position[0]) is np.ndarray
     assert back.fault.tolist() == np.eye(2).tolist()
     assert not np.shares_memory(back.fault, found.fault)
+
+
+def test_small_matrices_as_the_documentation_has_them():
+    """Product, transpose, inverse of a symmetric matrix: by NumPy, too."""
+
+    def all_three(a, b, m):
+        turned = vector((vector((a[0, 0], a[1, 0])), vector((a[0, 1], a[1, 1]))))
+        inverse = vector((solve(m, vector((1.0, 0.0))), solve(m, vector((0.0, 1.0)))))
+        return a @ b, turned @ b, inverse, dot(a[0], b[1])
+
+    a, b = np.array([[1.0, 2.0], [3.0, 5.0]]), np.array([[0.5, -1.0], [4.0, 2.0]])
+    m = a @ a.T
+    found = run(numba.njit(all_three), *map(vector, (a, b, m)))
+    wanted = a @ b, a.T @ b, np.linalg.inv(m), a[0] @ b[1]
+    for one, right in zip(found, wanted, strict=True):
+        assert np.allclose(one, right, rtol=1e-12)

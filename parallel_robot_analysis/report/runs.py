@@ -15,6 +15,7 @@ from parallel_robot_analysis.report import palette
 from parallel_robot_analysis.report.labels import label, law_label
 from parallel_robot_analysis.timing import Timing
 from parallel_robot_bags import history, run_log, stretches, telemetry
+from parallel_robot_bags.history import History
 from parallel_robot_bags.limits import MEMORY
 from parallel_robot_bags.message_arrays import physical
 from parallel_robot_bags.progress import tracked
@@ -22,6 +23,7 @@ from parallel_robot_base.errors import BagError, InputError, KinematicsError
 from parallel_robot_base.printable import printable
 from parallel_robot_base.topics import CROSS_COUPLING_ERROR
 from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
 
 
@@ -86,19 +88,21 @@ def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, lis
     """
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
-    logs: dict[tuple[str, str], list[tuple[Path, run_log.RunLog]]] = {}
+    logs: dict[tuple[str, str], list[tuple[Path, run_log.RunLog, History]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
         log = run_log.read(bag, memory)
-        logs.setdefault((label(log.scenario), _robot(log)), []).append((bag, log))
+        past = history.read(bag, memory)
+        law_titles.learn(past.sources['custom_laws'])
+        logs.setdefault((label(log.scenario), _robot(log)), []).append((bag, log, past))
     scenarios = [scenario for scenario, _ in logs]
     found = {}
     for (scenario, robot), members in logs.items():
         group = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
-        names = _labels([(bag, law_label(log.law)) for bag, log in members])
-        slots = palette.slots([printable(log.law) for _, log in members])
+        names = _labels([(bag, law_label(log.law)) for bag, log, _ in members])
+        slots = palette.slots([printable(log.law) for _, log, _ in members])
         found[group] = [
-            _evaluate(bag, name, f'run{slot}', log, memory)
-            for (bag, log), name, slot in zip(members, names, slots, strict=True)
+            _evaluate(bag, name, f'run{slot}', log, past, memory)
+            for (bag, log, past), name, slot in zip(members, names, slots, strict=True)
         ]
     return found
 
@@ -108,8 +112,9 @@ def _robot(log: run_log.RunLog) -> str:
     return f'{label(str(log.config["robot_model"]))}, {len(log.joints)} joints'
 
 
-def _evaluate(bag: Path, name: str, style: str, log: run_log.RunLog, memory: int) -> Run:
-    past = history.read(bag, memory)
+def _evaluate(
+    bag: Path, name: str, style: str, log: run_log.RunLog, past: History, memory: int
+) -> Run:
     timed = timing.evaluate(log, past)
     faulted = any(status.fault != NO_FAULT for status in past.statuses)
     try:

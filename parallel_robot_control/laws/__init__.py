@@ -72,7 +72,9 @@ TITLES = {
     'lqg_tracking': 'LQG tracking',
 }
 
+CUSTOM_TITLES: dict[str, str] = {}  # of custom laws that this process knows, see law_titles.py
+
 
 def title(law: str) -> str:
     """How a law is written in pictures and reports: S-FOTSMC for s_fotsmc; any other as it is."""
-    return TITLES.get(law, law)
+    return TITLES.get(law) or CUSTOM_TITLES.get(law, law)
