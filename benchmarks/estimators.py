@@ -60,6 +60,7 @@ def cost(made: Simulation) -> float:
     states = States(
         run.position,
         run.velocity,
+        run.effort,
         np.full(count, period),
         np.arange(count),
         np.full(count, made.age),

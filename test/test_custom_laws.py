@@ -293,7 +293,7 @@ NO_LAW = 'is not a Python file whose name is an identifier'
         ('missing.py', 'does not exist'),
         ('missing/a-b.txt', 'does not exist'),
         (300 * 'x' + '.py', 'does not exist'),
-        ('~nobody_of_this_name/law.py', 'does not exist'),
+        ('~nobody_of_this_name/mine.py', 'does not exist'),
         ('.', NO_LAW),
         ('a-b.py', NO_LAW),
         ('mine.txt', NO_LAW),

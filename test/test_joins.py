@@ -23,6 +23,7 @@ RAMP = 200.0  # N m/s, of SLOW_LOOP
 def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain, tmp_path):
     words = [word for key in SLOW_LOOP for word in ('--set', key.replace(':=', '='))]
     words += ['--set', 'plant.command_timeout=5']
+    words += ['--set', 'safety.residual_limit=20']  # the disturbance is no obstacle
     for word in ('amplitude=[5, 5, 5]', 'phase=[1, 1, 1]', 'frequency=0.1'):
         words += ['--set', f'disturbance.{word}']  # under which the laws differ by 4 N m
     changes = ([], ['law=smc'], ['smc.z=18'], [], ['law=computed_torque'])

@@ -209,3 +209,24 @@ def test_below_a_bound_for_a_moment_is_not_settled():
     for below, settled in ((1.4, 1.4), (1.5, None)):
         found = metrics._settled(time, np.where(time > below - 0.05, 0.0, 9.0), 1.0)
         assert found == (settled and pytest.approx(settled))
+
+
+def test_torque_and_chattering_are_those_of_the_window():
+    run = moved(lambda t: t, np.zeros_like)
+    rough = np.where(np.arange(COUNT + 1) % 2, 3.0, -3.0)
+    for part, torque in ((slice(0, 450), 0.0), (slice(550, None), 3.0)):
+        effort = np.zeros((COUNT + 1, 3))
+        effort[part] = rough[part, np.newaxis]
+        found = metrics.figures(run._replace(true=run.true._replace(effort=effort)))
+        assert found.torque.max_nm == 3.0  # of all of it
+        share = np.sqrt(0.9) * torque
+        assert found.effort.torque_rms_nm == pytest.approx(share, rel=0.01)
+        chattering = share * 20 / 21  # the moving mean is over 21 samples
+        assert found.torque.chattering_nm == pytest.approx(chattering, rel=0.01)
+
+
+def test_figures_of_a_robot_whose_true_motion_nobody_knows_are_called_seen():
+    run = moved(lambda t: t, np.zeros_like)
+    assert metrics.figures(run).source == metrics.TRUE and metrics.figures(run).seen is None
+    found = metrics.figures(Motions(None, run.true))
+    assert found.source == metrics.SEEN and found.seen.steady == found.steady

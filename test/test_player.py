@@ -229,9 +229,10 @@ def test_a_step_ends_when_time_goes_on(tmp_path):
 
 def test_a_pause_takes_effect_before_the_next_message(bag):
     stage = Stage(bag, fast=True)
-    stage.at[40] = stage.player.pause
+    paused = []
+    stage.at[40] = lambda: paused.append(stage.player.pause())
     stage.thread.start()
-    stage.until(lambda: 40 in stage.events)
+    stage.until(lambda: paused)
     stage.player.step()
     stage.until(lambda: 41 in stage.events)
     stage.player.stop()

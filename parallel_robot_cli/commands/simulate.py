@@ -134,7 +134,7 @@ def overrides(arguments: argparse.Namespace) -> Placed:
     options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
     options = {key: value for key, value in options.items() if value is not None}
     for key, value in assignments.parse(arguments.assignments).items():
-        if options.get(key, value) != value:
+        if key in options and options[key] != value:
             raise InputError(f'--{key} {options[key]} and --set {key}={value} differ; give one')
     changed = merged([given(arguments), options])
     share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
