@@ -11,10 +11,10 @@ from parallel_robot_base import discovery
 from parallel_robot_base.errors import InputError, RunError
 from parallel_robot_base.namespaces import add_namespace_argument, full
 from parallel_robot_cli.top.graph import Graph
-from parallel_robot_cli.top.robots import Robots
+from parallel_robot_cli.top.robots import Robot, Robots
 
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
-PATIENCE = 5.0  # s, in which a node must be heard then
+PATIENCE = 5.0  # s, in which a node must be heard then, and after it a joint
 NICE = 5  # the loop goes first
 LOOK = 0.5  # s between two looks for new messages
 
@@ -58,7 +58,7 @@ def snapshot(robots: Robots, graph: Graph, domain: str, namespace: str | None) -
     from parallel_robot_cli.top import view
 
     begun, heard = time.monotonic(), None
-    while heard is None or time.monotonic() - heard < SETTLED:
+    while heard is None or not settled(robots[namespace or ''], heard):
         time.sleep(LOOK)
         graph.look()
         names = [name for name in robots.names() if namespace in (None, name)]
@@ -70,3 +70,9 @@ def snapshot(robots: Robots, graph: Graph, domain: str, namespace: str | None) -
             raise RunError(f'no node of the suite is heard in {place}ROS domain {domain}')
     console = Console()
     console.print(view.screen(robots, namespace or '', domain, time.monotonic(), console.width))
+
+
+def settled(robot: Robot, heard: float) -> bool:
+    """Whether the picture of a robot that was heard at a time [s] may be drawn."""
+    now = time.monotonic()
+    return now - heard >= (SETTLED if robot.joints(now) else PATIENCE)
