@@ -228,6 +228,15 @@ def test_new_gains_act_where_they_explain_the_commands(recorded_at, tmp_path):
     assert np.flatnonzero(unknown.differing)[0] == 101  # at 100 they change only the memory
 
 
+def test_new_gains_that_are_recorded_after_a_switch_of_the_law_acted_before_it(tmp_path):
+    bag = live(tmp_path / 'bag', {100: switch(s_fotsmc__G=20.0), 105: switch(law='pid')})
+    log, past = run_log.read(bag), history.read(bag)
+    values = {'s_fotsmc.G': 20.0, 'preset': 'custom'}
+    change = history.Change(START + 108 * MS, '/controller', values)
+    found = replayed.again(log, past._replace(changes=(change,)), configure(log.config))
+    assert not found.differing.any()
+
+
 @pytest.mark.parametrize('says', [True, False])
 def test_references_that_came_late_are_found(says, tmp_path):
     bag = live(tmp_path / 'bag', {100: 1, 110: 0, 200: 7, 203: -5}, says=says)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from typing import Any, NamedTuple
 
@@ -261,11 +262,12 @@ class RecordedController:
 
     def explain_by_events(
         self, first: int, moment: Moment, k: int, events: list[Event], expected: np.ndarray
-    ) -> tuple[int, Moment, int] | None:
-        """Find the state from which on the first events explain the command of state k best.
+    ) -> tuple[int, Moment, list[Event]] | None:
+        """Find the state from which on some events explain the command of state k best.
 
-        New gains may change only what a law remembers: the first torque that shows them then is
-        that of the next state.
+        These are the first ones, or a later one alone: new gains may be recorded after a switch
+        of the law that followed them. They may change only what a law remembers: the first torque
+        that shows them then is that of the next state.
 
         Args:
             first: A state before, or k itself.
@@ -275,17 +277,21 @@ class RecordedController:
             expected: The recorded commands.
 
         Returns:
-            The state, the moment before it, and how many events happened; None without success.
+            The state, the moment before it, and the events that did not happen; None without
+            success.
         """
         best, found = k, None
+        choices = [events[: count + 1] for count in range(len(events))]
+        choices += [[event] for event in events[1:]]
         for since in range(k, max(first, k - HIDDEN) - 1, -1):
             batch = self.answer(moment, first, since, expected)
-            guess = moment.moved(batch)
-            for happened, event in enumerate(events, start=1):
-                guess = after(guess, event)
+            before = moment.moved(batch)
+            for happened in choices:
+                guess = functools.reduce(after, happened, before)
                 explained = since + self.answer(guess, since, k + PROOF, expected).answered
                 if explained > best:
-                    best, found = explained, (since, guess, happened)
+                    rest = [event for event in events if event not in happened]
+                    best, found = explained, (since, guess, rest)
         return found
 
     def explain_by_late_reference(self, moment: Moment, k: int, expected: np.ndarray) -> bool:

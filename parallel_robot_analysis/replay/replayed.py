@@ -87,8 +87,8 @@ def again(log: RunLog, history: History, configuration: ControlConfiguration) ->
         begun = [event for event in pending if event.stamp - SLACK <= loop.stamps[k]]
         guess = loop.explain_by_events(*before, k, begun, expected)
         if guess is not None:
-            k, moment, happened = guess
-            pending = pending[happened:]
+            k, moment, rest = guess
+            pending = rest + pending[len(begun) :]
         elif k == 0 and loop.answer(loop.first(not common), 0, 1, expected).answered:
             moment = loop.first(not common)
         elif not loop.exact and loop.explain_by_late_reference(moment, k, expected):
