@@ -6,7 +6,7 @@ import html
 import io
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -306,6 +306,7 @@ def sweep(
     out: str | Path,
     *,
     runs: int | None = None,
+    laws: Sequence[str] | None = None,
     workers: int | None = None,
     **values: Any,
 ) -> Frame:
@@ -315,6 +316,7 @@ def sweep(
         study: File of a study, name of one in ``config/studies``, or its keys and values.
         out: Directory of the results; new, or that of the same sweep, which is continued.
         runs: Runs of each law and scenario; default: the study's.
+        laws: In place of the study's; a name of one of these keeps its gains.
         workers: Processes; default: one for each core.
         values: Keys of the configuration and their values in all runs.
 
@@ -333,7 +335,7 @@ def sweep(
         text, name, folder = studies.read(file), str(file), file.parent
     else:
         raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
-    asked = studies.parse(text, name, folder).changed(runs, values)
+    asked = studies.parse(text, name, folder, laws).changed(runs, values)
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
     directory = Path(out)

@@ -263,6 +263,8 @@ def test_a_study_of_keys_and_values_is_swept(tmp_path):
     )  # fmt: skip
     assert row.xy_rms_m == pytest.approx(notebook.metrics(alone).steady.xy_rms_m, rel=1e-9)
     assert notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20}).equals(found)
+    (law,) = set(notebook.sweep(STUDY, tmp_path / 'one', laws=['s_smc'], workers=1).law)
+    assert law == 's_smc'
 
 
 def test_the_compiler_is_imported_only_when_it_is_needed():
