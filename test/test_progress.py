@@ -77,6 +77,8 @@ def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
         )
 
     monkeypatch.setattr(runs.run_log, 'read', read)
+    past = SimpleNamespace(sources={'custom_laws': {}})
+    monkeypatch.setattr(runs.history, 'read', lambda *_: past)
     with pytest.raises(BagError, match='broken'):
         runs.read_runs(['first', 'second', 'third'])
     assert '2 of 3 bags read' in terminal.getvalue()
