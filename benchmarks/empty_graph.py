@@ -37,10 +37,12 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from parallel_robot_base import config, realtime, topics
-from parallel_robot_ros import middleware
-from parallel_robot_ros.diagnostics import STATE_INDEX
-from parallel_robot_ros.subscription import listen, qos_of
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes import middleware
+from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.nodes.subscription import listen, qos_of
+from parallel_robot_model.processes import realtime
 
 AHEAD = 20_000_000  # ns, how long before its stamp a reference is sent
 BATCH = 200  # samples that the references are at most ahead (lockstep)

@@ -11,11 +11,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from parallel_robot_base import layouts, topics
-from parallel_robot_base.deadline import DeadlineThread
-from parallel_robot_base.topics import Topic
-from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.subscription import qos_of
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.messages.topics import Topic
+from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.processes.deadline import DeadlineThread
 
 PERIOD = 1_000_000  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')

@@ -27,11 +27,11 @@ from reliability.bench import Bench
 from reliability.judging import Outcome, judge
 from reliability.rows import ROWS, Row
 
-from parallel_robot_base import assignments, config
-from parallel_robot_base.errors import ParallelRobotError, RunError
-from parallel_robot_base.processes import domain_lock
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
+from parallel_robot_model.common.errors import ParallelRobotError, RunError
+from parallel_robot_model.configuration import assignments, config
+from parallel_robot_model.processes.node_processes import domain_lock
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 

@@ -21,9 +21,9 @@ from graph_processes import start
 from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
-from parallel_robot_base import topics
-from parallel_robot_base.processes import MODULES, processor_seconds
-from parallel_robot_ros.diagnostics import STATE_INDEX
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.processes.node_processes import MODULES, processor_seconds
 
 PERIOD = 1e-3  # s
 PATIENCE = 180.0  # s, for the first state of the motion

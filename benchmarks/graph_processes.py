@@ -14,8 +14,8 @@ from typing import Any
 
 from checkout import ROOT
 
-from parallel_robot_base import processes
-from parallel_robot_base.processes import MODULES, die_with_parent, process_status
+from parallel_robot_model.processes import node_processes as processes
+from parallel_robot_model.processes.node_processes import MODULES, die_with_parent, process_status
 
 end = functools.partial(processes.end, timeout=60.0)  # s: `run` waits for its own children
 

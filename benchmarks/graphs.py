@@ -16,10 +16,10 @@ from typing import NamedTuple
 from checkout import ROOT
 from graph_processes import end, nodes_below, start
 
-from parallel_robot_base import node_graph
-from parallel_robot_base.processes import MODULES
+from parallel_robot_model.messages import node_graph
+from parallel_robot_model.processes.node_processes import MODULES
 
-COMMAND = ('-m', 'parallel_robot_cli.command_line')
+COMMAND = ('-m', 'parallel_robot.cli.command_line')
 TWIN = ('benchmarks/empty_graph.py',)
 LOOP = ('trajectory', 'plant', 'controller')
 START_ORDER = ('recorder', 'trajectory', 'controller', 'plant')

@@ -21,20 +21,20 @@ from typing import NamedTuple
 import numpy as np
 from reliability import page
 
-from parallel_robot_base.hazard_times import UNTOLD
-from parallel_robot_base.hazards import KINDS, Hazard, parse
-from parallel_robot_compiler import vector
+from parallel_robot.studies.sweep import study
 from parallel_robot_control import assembly as control
 from parallel_robot_control import faults
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limit_codes
 from parallel_robot_control.safety import EFFORT, REFERENCE
 from parallel_robot_control.transitions import joining
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.configuration.hazard_times import UNTOLD
+from parallel_robot_model.configuration.hazards import KINDS, Hazard, parse
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.plant import PlantState
-from parallel_robot_studies.sweep import study
 from trajectory_gen.trajectory import Reference
 
 ROOT = Path(__file__).parents[1]

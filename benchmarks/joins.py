@@ -21,13 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_bags import history, run_log
+from parallel_robot.bags import history, run_log
 from parallel_robot_control.messages import NO_FAULT
 
 LIMITS = (0.02, 0.05, 0.2)  # s; with the last, the plant's time-out, the torque changes
 SECONDS = 10.0  # for a join, at most
 TRANSIENT = 1.0  # s at the start, where the torque begins with a step
-RUN = [sys.executable, '-m', 'parallel_robot_cli.command_line', 'run', 'paper_circle']
+RUN = [sys.executable, '-m', 'parallel_robot.cli.command_line', 'run', 'paper_circle']
 JOINER = """
 import sys, time, rclpy
 from rcl_interfaces.srv import SetParameters

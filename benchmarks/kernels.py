@@ -20,8 +20,8 @@ import mujoco
 import numpy as np
 from rows import Row, ratios, row, show
 
-from parallel_robot_compiler import kernel
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.compiler import kernel
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure

@@ -18,15 +18,15 @@ import rclpy
 from rclpy.context import Context
 from rows import row, show
 
-from parallel_robot_base import layouts, topics
-from parallel_robot_compiler import kernel, select, vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.cycle import ControlSetup, When, run_cycle
 from parallel_robot_control.laws import LAWS
-from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.subscription import qos_of
+from parallel_robot_model.compiler import kernel, select, vector
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.subscription import qos_of
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.configuration import configure
 from trajectory_gen.messages import reference_messages

@@ -36,8 +36,8 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_processes import end, nodes_below, start
 
-from parallel_robot_base.processes import processor_seconds
-from parallel_robot_live.started_graph import NAMES, started_graph
+from parallel_robot.live.started_graph import NAMES, started_graph
+from parallel_robot_model.processes.node_processes import processor_seconds
 
 LAG = 'lag p50/p99/max [ms]'
 SETTLE = 4.0  # s, from a page that begins or ends to the measurement
@@ -114,7 +114,7 @@ def watch_memory(minutes: int, count: int) -> None:
 @contextlib.contextmanager
 def page(*more: str) -> Iterator[tuple[int, str]]:
     """The page, or the server of Foxglove, in a process of its own: its pid, its address."""
-    words = ['-m', 'parallel_robot_cli', 'live', '--port', '0', '--namespace', '/']
+    words = ['-m', 'parallel_robot', 'live', '--port', '0', '--namespace', '/']
     process = start([*words, *more], stdout=subprocess.PIPE)
     try:
         line = process.stdout.readline() if process.stdout else ''

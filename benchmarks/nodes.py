@@ -29,10 +29,10 @@ from graph_processes import busy, end, start
 from graphs import revision, warm
 from rows import Row, row
 
-from parallel_robot_base import topics
-from parallel_robot_base.processes import MODULES
-from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.subscription import qos_of
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.processes.node_processes import MODULES
 
 FIRST = {
     'trajectory': topics.REFERENCE,

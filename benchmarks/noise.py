@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.errors import ParallelRobotError
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 

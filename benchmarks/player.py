@@ -24,11 +24,11 @@ from rclpy.task import Future
 from rows import Row, row, show
 from std_srvs.srv import Trigger
 
-from parallel_robot_bags.indexed_reader import BagReader
-from parallel_robot_base import topics
-from parallel_robot_base.processes import command
-from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.subscription import qos_of
+from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.processes.node_processes import command
 
 PLAYED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 NAMES = [f'/{topic.name}' for topic in PLAYED]
@@ -69,7 +69,7 @@ def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> list[R
 
     subscriptions = [listen(topic) for topic in PLAYED]
     client = node.create_client(Trigger, 'player/resume')
-    module = 'parallel_robot_bags.player_node'
+    module = 'parallel_robot.bags.player_node'
     process = subprocess.Popen(
         command(module, str(bag), '--pause', '--topics', *NAMES, *words), stderr=subprocess.DEVNULL
     )
@@ -140,7 +140,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         bag = Path(directory) / 'bag'
         words = ['simulate', 'paper_circle', '--duration', duration, '--out', str(bag)]
-        module = 'parallel_robot_cli.command_line'
+        module = 'parallel_robot.cli.command_line'
         subprocess.run(command(module, *words), check=True)
         found = reading(bag)
         for number, words in enumerate(([], ['--fast'])):

@@ -17,8 +17,9 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rows import ratios, row, show
 
-from parallel_robot_bags import run_log, simulation_bag
-from parallel_robot_base import config, topics
+from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 

@@ -20,8 +20,8 @@ from pathlib import Path
 import yaml
 from reliability import endurance, page
 
-from parallel_robot_bags import history, run_log
-from parallel_robot_base.processes import MODULES
+from parallel_robot.bags import history, run_log
+from parallel_robot_model.processes.node_processes import MODULES
 
 DURATION = 600.0  # s
 LOOK = 1.0  # s, between two looks at the memory
@@ -36,7 +36,7 @@ def main() -> int:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / 'bag'
-        command = [sys.executable, '-m', 'parallel_robot_cli.command_line', 'run']
+        command = [sys.executable, '-m', 'parallel_robot.cli.command_line', 'run']
         command += ['paper_circle', '--duration', str(duration), '--out', str(bag)]
         process = subprocess.Popen(command, cwd=folder)
         try:

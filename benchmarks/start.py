@@ -17,7 +17,7 @@ from pathlib import Path
 import checkout
 from rows import ratios, row, show
 
-COMMAND = [sys.executable, '-m', 'parallel_robot_cli']
+COMMAND = [sys.executable, '-m', 'parallel_robot']
 SECOND = ['paper_circle', '--law', 's_fotsmc', '--duration', '1']
 FLOOR = 'import of rclpy and numba'
 TARGETS = {'simulate': '<= 0.8', 'analyze': '<= 0.8', 'report': '<= 2', 'run': '<= 4'}

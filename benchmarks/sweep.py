@@ -13,14 +13,14 @@ from pathlib import Path
 import checkout  # noqa: F401
 from rows import ratios, row, show
 
+from parallel_robot.studies.sweep import study
+from parallel_robot.studies.sweep.floor import floor_of
+from parallel_robot.studies.sweep.plan import plan
+from parallel_robot.studies.sweep.run_chunk import run_chunk
+from parallel_robot.studies.sweep.sweep import sweep
+from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
-from parallel_robot_studies.sweep import study
-from parallel_robot_studies.sweep.floor import floor_of
-from parallel_robot_studies.sweep.plan import plan
-from parallel_robot_studies.sweep.run_chunk import run_chunk
-from parallel_robot_studies.sweep.sweep import sweep
-from parallel_robot_studies.sweep.workers import Processes
 
 TEXT = study.read(study.file_of('uncertain_robot')).replace('laws: [', 'laws: [s_fotsmc] # ')
 

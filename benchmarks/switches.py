@@ -32,13 +32,14 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from parallel_robot_analysis.replay import replayed
-from parallel_robot_bags import history, run_log
-from parallel_robot_base import config, topics
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.bags import history, run_log
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
 
 PATIENCE = 30.0  # s
 SETTLE = 1.5  # s, before each phase

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_base import config
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
+from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import trajectory_of

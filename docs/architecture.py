@@ -1,4 +1,4 @@
-"""Draws the packages of docs/architecture.md from their imports."""
+"""Draws the packages of docs/architecture.md, and the rooms of two, from their imports."""
 
 import ast
 import graphlib
@@ -9,7 +9,8 @@ from pathlib import Path
 import grimp
 
 ROOT = Path(__file__).parents[1]
-LEFT, WIDE, HIGH, ROW, SIZE = 60, 170, 26, 42, 800  # px
+ROOMS, INSIDE = ('parallel_robot', 'parallel_robot_model'), '*/__init__.py'
+LEFT, WIDE, HIGH, ROW, SIZE = 60, 250, 26, 42, 900  # px
 STYLE = """<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7"
 markerHeight="7" orient="auto"><path class="tip" d="M0 0L8 4L0 8z"/></marker></defs>
 <style>
@@ -23,15 +24,18 @@ text{font:13px sans-serif;fill:#607d8b}
 
 def edges() -> dict[str, set[str]]:
     """What each package imports, without what it also reaches through another one."""
-    packages = sorted(path.parent.name for path in ROOT.glob('*/__init__.py'))
-    graph = grimp.build_graph(*packages)
+    roots = sorted(path.parent.name for path in ROOT.glob('*/__init__.py'))
+    rooms = (
+        path.parent.relative_to(ROOT) for root in ROOMS for path in (ROOT / root).glob(INSIDE)
+    )
+    packages = sorted([*{*roots} - {*ROOMS}, *('.'.join(room.parts) for room in rooms)])
+    graph = grimp.build_graph(*roots)
     imports: dict[str, set[str]] = {package: set() for package in packages}
     for module in graph.modules:
-        package = module.partition('.')[0]
-        found = {
-            other.partition('.')[0] for other in graph.find_modules_directly_imported_by(module)
-        }
-        imports[package] |= found - {package}
+        others = graph.find_modules_directly_imported_by(module)
+        package, *found = (package_of(name, packages) for name in (module, *others))
+        if package:
+            imports[package] |= {*found} - {package, ''}
     reached: dict[str, set[str]] = {}
     for package in sorted(packages, key=lambda name: len(imports[name])):
         reached[package] = set()
@@ -43,9 +47,15 @@ def edges() -> dict[str, set[str]]:
     return {package: imports[package] - reached[package] for package in packages}
 
 
+def package_of(module: str, packages: list[str]) -> str:
+    """The package that has a module; empty for one beside the rooms."""
+    found = (name for name in packages if f'{module}.'.startswith(f'{name}.'))
+    return next(found, '')
+
+
 def purpose(package: str) -> str:
     """The first sentence of its docstring, for SVG."""
-    tree = ast.parse((ROOT / package / '__init__.py').read_text())
+    tree = ast.parse((ROOT / package.replace('.', '/') / '__init__.py').read_text())
     first = (ast.get_docstring(tree) or '').split('\n')[0].split('. ')[0].rstrip('.')
     return html.escape(first.replace('`', ''))
 

@@ -2,12 +2,12 @@
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
 from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_control.integral import Integral, advanced, zero_integral
-from parallel_robot_model.contract import inverse_dynamics
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import inverse_dynamics
 
 TITLE = 'computed torque + I'  # in pictures and reports
 

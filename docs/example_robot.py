@@ -4,10 +4,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.errors import RobotError
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import every, kernel, select, vector
-from parallel_robot_model.contract import (
+from parallel_robot_model.common.errors import RobotError
+from parallel_robot_model.compiler import every, kernel, select, vector
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import (
     FOUND,
     REACHED,
     Coordinate,
@@ -18,8 +18,8 @@ from parallel_robot_model.contract import (
     Measurement,
     Model,
 )
-from parallel_robot_model.feasibility import first_sample
-from parallel_robot_model.joint_load import net_torque
+from parallel_robot_model.robots.feasibility import first_sample
+from parallel_robot_model.robots.joint_load import net_torque
 
 PARTS = ('axis', 'table')
 PLANAR = True

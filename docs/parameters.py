@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from parallel_robot_analysis.monitor import MonitorParameters
-from parallel_robot_bags.ros_topics import RecorderParameters
-from parallel_robot_base import config
-from parallel_robot_base.fields import Field, parameters, words
+from parallel_robot.analysis.monitor import MonitorParameters
+from parallel_robot.bags.ros_topics import RecorderParameters
 from parallel_robot_control.laws import LAWS
-from parallel_robot_model import planar_3rrr
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import Field, parameters, words
+from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_sim.parameter_groups import groups
 
 HEAD = """# Parameters

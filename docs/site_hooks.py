@@ -9,17 +9,17 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-from parallel_robot_base.options import Parser
-from parallel_robot_cli.command_line import COMMANDS, module_of
+from parallel_robot.cli.command_line import COMMANDS, module_of
+from parallel_robot_model.common.options import Parser
 
 ROOT = Path(__file__).parents[1]
 OUTSIDE = {'README.md': 'index.md', 'CONTRIBUTING.md': '', 'CHANGELOG.md': ''}  # to its new name
 MODULES = {  # the public ones, and what each is for
     'parallel_robot_sim.scenario_run': 'A closed loop without ROS',
-    'parallel_robot_studies.notebook': 'Metrics, pictures and tables for notebooks',
+    'parallel_robot.studies.notebook': 'Metrics, pictures and tables for notebooks',
     'parallel_robot_control.contract': 'What a control law must have',
-    'parallel_robot_model.contract': 'What a robot must have',
-    'parallel_robot_compiler': 'What kernels are written with',
+    'parallel_robot_model.robots.contract': 'What a robot must have',
+    'parallel_robot_model.compiler': 'What kernels are written with',
 }
 COLUMNS = '100'  # of the help of a command
 

@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, TextSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from parallel_robot_base import scenario_file
+from parallel_robot_model.configuration import scenario_file
 
 PARAMETERS = {  # of all nodes, where they are given
     'scenario': ('one of config/scenarios or a YAML file, else paper_circle', str),
@@ -69,7 +69,7 @@ def nodes(context: LaunchContext) -> list[Node]:
 def page(context: LaunchContext) -> list[ExecuteProcess]:
     """Make the process that serves the page, where it is wanted; this machine alone sees it."""
     namespace = '/' + LaunchConfiguration('namespace').perform(context).strip('/')
-    command = [sys.executable, '-m', 'parallel_robot_cli', 'live', '--namespace', namespace]
+    command = [sys.executable, '-m', 'parallel_robot', 'live', '--namespace', namespace]
     condition = IfCondition(LaunchConfiguration('live'))
     return [ExecuteProcess(cmd=command, output='screen', condition=condition)]
 

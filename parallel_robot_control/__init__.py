@@ -1,3 +1,3 @@
 """Control laws, the control cycle around them, and the controller node."""
 
-import parallel_robot_base  # noqa: F401, before Numba
+import parallel_robot_model  # noqa: F401, before Numba

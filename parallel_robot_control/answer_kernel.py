@@ -9,11 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.loop import OLDEST
-from parallel_robot_base.topics import SLOW
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_compiler import inner, kernel, read_row, select, write_row
 from parallel_robot_control import faults, lock_in, safety
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
@@ -65,6 +60,11 @@ from parallel_robot_control.shared_arrays import (
     VELOCITY,
     WAITS,
 )
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import inner, kernel, read_row, select, write_row
+from parallel_robot_model.configuration.loop import OLDEST
+from parallel_robot_model.messages.topics import SLOW
 
 # Return value of answer: bits, if the state was answered ...
 ANSWERED = 1

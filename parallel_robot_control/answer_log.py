@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_base import layouts
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control.messages import answers_message
 from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, Shared
 from parallel_robot_control.state_rhythm import StateRhythm
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages import layouts
 
 
 class AnswerLog:

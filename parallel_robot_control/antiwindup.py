@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import kernel, select, some
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, select, some
 
 
 @kernel

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, kernel, read_row, write_row
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, kernel, read_row, write_row
+from parallel_robot_model.robots.contract import Model
 
 
 class ArrayLaw(NamedTuple):

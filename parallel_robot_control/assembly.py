@@ -6,9 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.tuple_classes import distinguish
-from parallel_robot_compiler import Boxed, Space, vector
 from parallel_robot_control import delay_identification, faults
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
@@ -16,7 +13,10 @@ from parallel_robot_control.cycle import Begin, ControlSetup, CycleState, initia
 from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import Boxed, Space, vector
+from parallel_robot_model.processes.tuple_classes import distinguish
+from parallel_robot_model.robots.contract import PoseMotion
 
 
 class Control(NamedTuple):

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.cdr_reader import Reader
-from parallel_robot_base.joint_layouts import passive_names
-from parallel_robot_compiler import vector
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.messages.cdr_reader import Reader
+from parallel_robot_model.messages.joint_layouts import passive_names
+from parallel_robot_model.robots.registry import RobotModel
 
 TURNS = 8  # guesses on a turn of each angle of the pose
 SHIFT = 0.4  # of the largest coordinate that is no angle: how far guesses lie beside it

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import kernel, read_row, write_row
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, read_row, write_row
 
 
 class States(NamedTuple):

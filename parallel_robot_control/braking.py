@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import every, inner, kernel, multiply, select, solve
 from parallel_robot_control.safety import ZERO, Last, Limits, safe_torque
-from parallel_robot_model.contract import FOUND, Estimate
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import every, inner, kernel, multiply, select, solve
+from parallel_robot_model.robots.contract import FOUND, Estimate
 
 SHORT = 0.005  # rad, a way to rest that the margins of the robot have room for
 RESERVE = 1.25  # by which the robot may be heavier, or the motors weaker

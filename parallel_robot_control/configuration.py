@@ -8,14 +8,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import config, fields
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.config import PRESET
-from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.fields import Field, defaults, parameters, plain
-from parallel_robot_base.groups import Declared, Groups, build, group
-from parallel_robot_base.loop import LoopParameters, loop_of
-from parallel_robot_base.placed import locating
 from parallel_robot_control import law_loader
 from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.contract import Law
@@ -24,9 +16,17 @@ from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model.configuration import robot_of
-from parallel_robot_model.contract import Robot
-from parallel_robot_model.robots import RobotModel, module_of, robot_with
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import config, fields
+from parallel_robot_model.configuration.config import PRESET
+from parallel_robot_model.configuration.fields import Field, defaults, parameters, plain
+from parallel_robot_model.configuration.groups import Declared, Groups, build, group
+from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.contract import Robot
+from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from trajectory_gen.configuration import robot_and_shape_defaults, trajectory_of
 from trajectory_gen.shapes import shapes
 

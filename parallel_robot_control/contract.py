@@ -1,6 +1,6 @@
 """What a control law receives and returns: the interface between the laws and the rest.
 
-Joint vectors and matrices come as the vectors of :mod:`parallel_robot_compiler`: they are
+Joint vectors and matrices come as the vectors of :mod:`parallel_robot_model.compiler`: they are
 used as arrays are, element by element, but cannot be changed. A custom law that changes or slices
 them, or makes arrays of its own, gets arrays instead.
 
@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.robots.contract import Model
 
 
 class JointReference(NamedTuple):

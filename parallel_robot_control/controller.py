@@ -8,13 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import cdr, cdr_reader, layouts
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.hazard_times import HazardTimes
-from parallel_robot_base.hazards import parse
-from parallel_robot_base.loop import OLDEST
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_compiler import need_compiler
 from parallel_robot_control import configuration, faults, law_core, transitions
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
@@ -56,6 +49,13 @@ from parallel_robot_control.shared_arrays import (
     START,
     UNTIL,
 )
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import need_compiler
+from parallel_robot_model.configuration.hazard_times import HazardTimes
+from parallel_robot_model.configuration.hazards import parse
+from parallel_robot_model.configuration.loop import OLDEST
+from parallel_robot_model.messages import cdr, cdr_reader, layouts
 
 NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
 REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue

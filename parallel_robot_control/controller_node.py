@@ -16,11 +16,6 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import realtime, topics
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.kept_stop import KeptStop
-from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import configuration, faults, state_warnings
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
@@ -43,11 +38,17 @@ from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import ControllerTopics
-from parallel_robot_ros.connections import NOT_KNOWN
-from parallel_robot_ros.joint_reader import JointReader
-from parallel_robot_ros.life_cycle import run_node
-from parallel_robot_ros.parameters import START
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.connections import NOT_KNOWN
+from parallel_robot_model.nodes.joint_reader import JointReader
+from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.parameters import START
+from parallel_robot_model.nodes.suite_node import SuiteNode
+from parallel_robot_model.processes import realtime
+from parallel_robot_model.processes.kept_stop import KeptStop
 
 LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
 LOADING = 0.03  # s, pause between two laws loaded in the background

@@ -8,10 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.loop import WAIT
-from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults, transitions
 from parallel_robot_control.assembly_mode import AssemblyModes
 from parallel_robot_control.configuration import ControlConfiguration, checked
@@ -32,6 +28,10 @@ from parallel_robot_control.shared_arrays import (
     store,
     stored,
 )
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.loop import WAIT
 
 PATIENCE = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 

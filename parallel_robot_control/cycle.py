@@ -6,17 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import (
-    FirstClass,
-    every,
-    inner,
-    kernel,
-    multiply,
-    select,
-    some,
-    vector,
-)
 from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
@@ -34,7 +23,18 @@ from parallel_robot_control.safety import (
 from parallel_robot_control.state_consistency import inconsistent
 from parallel_robot_control.torque_arrival import TOLD, arrival
 from parallel_robot_control.torque_effect import LOOKED_AT, is_resisted
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import (
+    FirstClass,
+    every,
+    inner,
+    kernel,
+    multiply,
+    select,
+    some,
+    vector,
+)
+from parallel_robot_model.robots.contract import Model
 
 LEAP = 0.05  # rad, of a joint between two states, after which nobody knows how the robot got there
 

@@ -5,9 +5,9 @@ What the compiled cycle keeps besides its state lies here, so that little is han
 
 from __future__ import annotations
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import Space, inner, read_at, select, write_at
 from parallel_robot_control import lock_in
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import Space, inner, read_at, select, write_at
 
 SIZE = 128  # torques that are remembered
 # Floats in the first rows: newest sample; whether the filter ran at it; how long torque has been

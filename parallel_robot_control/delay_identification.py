@@ -8,10 +8,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_compiler import vector
 from parallel_robot_control.lock_in import (
     APART,
     DELAY,
@@ -28,6 +24,10 @@ from parallel_robot_control.lock_in import (
     LockIn,
 )
 from parallel_robot_control.safety import Limits
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.configuration.fields import Field, PerJoint
 
 ROOM = 0.5  # share of a safety limit that the sine may take
 LEAST = 4, 20  # samples of an oscillation, oscillations

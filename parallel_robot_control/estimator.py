@@ -7,16 +7,16 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_compiler import Space, clip, kernel, select, vector
 from parallel_robot_control import cycle_memory
 from parallel_robot_control.contract import Law
 from parallel_robot_control.delay_identification import LockInParameters, lock_in_of, result, text
 from parallel_robot_control.kalman_equations import Kalman
 from parallel_robot_control.kalman_memory import MOST
 from parallel_robot_control.lock_in import LockIn
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import Space, clip, kernel, select, vector
+from parallel_robot_model.configuration.fields import Field, PerJoint
 
 NONE, FILTER, LEVANT, KALMAN = range(4)
 KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.contract import JointReference
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from parallel_robot_model.contract import FOUND, Fault, Robot
+from parallel_robot_model.robots.contract import FOUND, Fault, Robot
 
 NONE = FOUND  # 1 to 9 are the faults of the robot, e.g. a singularity
 TORQUE_NOT_FINITE = 10

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import kernel, vector
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, vector
 
 
 class Integral(NamedTuple):

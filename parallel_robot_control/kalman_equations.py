@@ -19,10 +19,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import clip, inner, multiply, solve
 from parallel_robot_control.contract import JointReference
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import clip, inner, multiply, solve
+from parallel_robot_model.robots.contract import Model
 
 SMOOTH = 0.002  # rad/s, below which the desired motion has no clear sign
 DRIFT = 0.01  # 1/s, of the variances of constant disturbance and dry friction, relative

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, read_at, select, vector, write_at
 from parallel_robot_control import cycle_memory
 from parallel_robot_control.cycle_memory import MEAN, RUNNING, SAMPLE, SIZE, VARIANCE
 from parallel_robot_control.kalman_equations import Kalman, Mean, Variance
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, read_at, select, vector, write_at
 
 MOST = 50  # samples, largest age from which is predicted
 AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest

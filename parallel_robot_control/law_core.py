@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.experimental import structref
 
-from parallel_robot_compiler import entry_point, kernel
 from parallel_robot_control.answer_kernel import answer
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.cycle import ControlSetup, cycle_of
@@ -20,6 +19,7 @@ from parallel_robot_control.estimator import Estimator
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import Shared
+from parallel_robot_model.compiler import entry_point, kernel
 
 
 class Timing(NamedTuple):

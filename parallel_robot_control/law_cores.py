@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import cache_directory
-from parallel_robot_compiler import vector
 from parallel_robot_control import cycle_memory
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.law_core import LawCore
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import renewed
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.processes import cache_directory
 
 
 class LawCores:

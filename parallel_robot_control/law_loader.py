@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import cast
 
-from parallel_robot_base import custom_module
-from parallel_robot_base.custom_module import RAISED
-from parallel_robot_base.trial_process import LIMIT, step
 from parallel_robot_control import law_titles
 from parallel_robot_control.contract import Law
+from parallel_robot_model.processes import custom_module
+from parallel_robot_model.processes.custom_module import RAISED
+from parallel_robot_model.processes.trial_process import LIMIT, step
 
 NEEDED = ('Gains', 'initial_memory', 'update')
 

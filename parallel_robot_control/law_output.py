@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import shape_of
 from parallel_robot_control.contract import ControlOutput
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import shape_of
 
 CALL = f'ControlOutput({", ".join(ControlOutput._fields)})'
 LONGEST = 60  # characters of the name of a type

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 from types import ModuleType
 
-from parallel_robot_base import custom_module
-from parallel_robot_base.errors import InputError
 from parallel_robot_control.laws import CUSTOM_TITLES, TITLES
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.processes import custom_module
 
 LONGEST = 40  # characters
 LINE = re.compile(rb"""^TITLE *= *(['"])([^'"\\\r\n]+)\1 *(?:#.*)?\r?$""", re.MULTILINE)

@@ -19,15 +19,16 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
-from parallel_robot_base import cache_directory, custom_module, fields, trial_process
-from parallel_robot_base.custom_import import import_file
-from parallel_robot_base.custom_module import RAISED
-from parallel_robot_base.errors import InputError, first_line
-from parallel_robot_base.trial_process import LIMIT, step
-from parallel_robot_compiler import as_arrays, as_vectors
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.law_output import leaves, wrong_shapes
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.errors import InputError, first_line
+from parallel_robot_model.compiler import as_arrays, as_vectors
+from parallel_robot_model.configuration import fields
+from parallel_robot_model.processes import cache_directory, custom_module, trial_process
+from parallel_robot_model.processes.custom_import import import_file
+from parallel_robot_model.processes.custom_module import RAISED
+from parallel_robot_model.processes.trial_process import LIMIT, step
+from parallel_robot_model.robots.contract import Model
 
 OTHERS = (1, 2, 5)  # numbers of joints that a law should support, too
 UPDATES = 5  # for each number of joints

@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import every, inner, read_at, select, solve, write_at
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import every, inner, read_at, select, solve, write_at
+from parallel_robot_model.robots.contract import Model
 
 NEAR = 0.05, 2.0  # periods, standard errors from a whole number of periods, which it then is
 APART = 0.5  # periods by which a joint may tell another delay than all together

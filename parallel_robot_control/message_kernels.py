@@ -9,11 +9,11 @@ import numpy as np
 from numba import types
 from numba.experimental import structref
 
-from parallel_robot_base import cdr
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.cdr import ENCAPSULATION, SPARE
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_compiler import inner, kernel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.messages import cdr
+from parallel_robot_model.messages.cdr import ENCAPSULATION, SPARE
 
 NOT_UNDERSTOOD = -1  # stamp that marks a message of another layout, or with an invalid stamp
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import cdr, layouts, topics
-from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import safety
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_model.contract import Fault
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages import cdr, layouts, topics
+from parallel_robot_model.robots.contract import Fault
 
 OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 LAW = 'law'  # keys of a status: codes are for programs, texts for people

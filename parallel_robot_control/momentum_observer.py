@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, multiply, select
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, multiply, select
+from parallel_robot_model.robots.contract import Model
 
 
 class Observed(NamedTuple):

@@ -8,11 +8,13 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numba import typeof
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.custom_module import RAISED
-from parallel_robot_base.errors import InputError, first_line
-from parallel_robot_base.tuple_classes import distinguish
-from parallel_robot_compiler import (
+from parallel_robot_control import law_output, law_trial
+from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
+from parallel_robot_control.laws import LAWS
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError, first_line
+from parallel_robot_model.compiler import (
     INTERPRETED,
     Boxed,
     FirstClass,
@@ -21,11 +23,9 @@ from parallel_robot_compiler import (
     reason,
     vector,
 )
-from parallel_robot_control import law_output, law_trial
-from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
-from parallel_robot_control.laws import LAWS
-from parallel_robot_model.contract import Model
+from parallel_robot_model.processes.custom_module import RAISED
+from parallel_robot_model.processes.tuple_classes import distinguish
+from parallel_robot_model.robots.contract import Model
 
 
 class PreparedLaw(NamedTuple):

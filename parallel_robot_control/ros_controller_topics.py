@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import partial
 
-from parallel_robot_base import layouts, topics
 from parallel_robot_control.answer_kernel import LOG, STATUS, TELEMETRY
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.messages import (
@@ -14,7 +13,8 @@ from parallel_robot_control.messages import (
     telemetry_fields,
     telemetry_layouts,
 )
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.nodes.suite_node import SuiteNode
 
 
 class ControllerTopics:

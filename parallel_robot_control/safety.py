@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_compiler import clip, inlined, kernel, select, some, vector
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import clip, inlined, kernel, select, some, vector
+from parallel_robot_model.configuration.fields import Field, PerJoint
 
 TORQUE, RATE, RAMP, EFFORT, REFERENCE = 1, 2, 4, 8, 16  # bits of the limits that acted
 ACTED_TEXT = {

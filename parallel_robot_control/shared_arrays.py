@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base import layouts
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import vector
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimator import Estimated
 from parallel_robot_control.safety import Last
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.messages import layouts
 
 NEVER = -1  # a stamp that no message has
 FOREVER = 2**63 - 1  # ns

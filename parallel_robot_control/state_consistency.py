@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import clip, every, inner, read_at, select, some, write_at
 from parallel_robot_control import cycle_memory, faults
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import clip, every, inner, read_at, select, some, write_at
 
 WINDOW = 0.06  # s, time constant with which ways are forgotten
 ALIKE = 0.01  # of the tolerance, within which a way and a rate of one state agree

@@ -7,8 +7,8 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
 
 FEW = 10  # steps from a state to the next, below which nothing is said
 NEAR = 0.1  # share of the period, by which steps may differ from it on average

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS
 
 AHEAD = NANOSECONDS // 1000  # ns, by which clocks that are synchronised may differ
 SYNCHRONISE = 'synchronise the clocks (PTP, chrony)'

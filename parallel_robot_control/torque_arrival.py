@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import clip, inner, read_at, select, some, write_at
 from parallel_robot_control import cycle_memory
 from parallel_robot_control.cycle_memory import LOST, SPELL
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import clip, inner, read_at, select, some, write_at
 
 LATELY, SOON = 32, 8  # samples within which a command acts; where none has acted yet
 TOLD = 0.02  # s of a spell after which it is told, and its end is a way back

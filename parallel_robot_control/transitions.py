@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import vector
 from parallel_robot_control import faults
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import vector
 
 
 def joining(state: CycleState, torque: Array) -> CycleState:

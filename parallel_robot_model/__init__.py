@@ -1,3 +1,5 @@
-"""Robots: parameters, kinematics, singularities, dynamics."""
+"""Robots, and what all packages share: compiler, nodes, configuration, messages, processes."""
 
-import parallel_robot_base  # noqa: F401, before Numba
+from parallel_robot_model.numba_settings import take_from_environment_alone
+
+take_from_environment_alone()

@@ -8,7 +8,7 @@ What is offered here is imported when it is used first: the compiler takes a sec
 
 from typing import TYPE_CHECKING, Any
 
-import parallel_robot_base  # noqa: F401, before Numba
+import parallel_robot_model  # noqa: F401, before Numba
 
 __all__ = ['Run', 'simulate']
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import clip, kernel, select, vector
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import clip, kernel, select, vector
 from parallel_robot_sim.delay_line import (
     COMMAND,
     DISTURBANCE,

@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.custom_module import blaming
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.hazards import KEY, Hazard, parse
-from parallel_robot_base.loop import LoopParameters
-from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.safety import SafetyParameters, safe_action
-from parallel_robot_model.robot_checks import refuse_mistakes
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import Boxed, vector
+from parallel_robot_model.configuration.hazards import KEY, Hazard, parse
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.processes.custom_module import blaming
+from parallel_robot_model.robots.robot_checks import refuse_mistakes
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.hazards import table_of
 from parallel_robot_sim.motor_timeout import Patience

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from parallel_robot_base.groups import Declared, Groups, build
-from parallel_robot_base.loop import LoopParameters, loop_of
-from parallel_robot_base.placed import locating
 from parallel_robot_control import configuration as control
 from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model import configuration as model
-from parallel_robot_model.contract import Robot
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.joint_load import JointLoad
-from parallel_robot_model.robots import RobotModel, module_of, robot_with
+from parallel_robot_model.configuration.groups import Declared, Groups, build
+from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.robots import configuration as model
+from parallel_robot_model.robots.contract import Robot
+from parallel_robot_model.robots.disturbance import DisturbanceParameters
+from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
     Imperfections,

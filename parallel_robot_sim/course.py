@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.hazard_times import HazardTimes
-from parallel_robot_base.units import NANOSECONDS
 from parallel_robot_control import faults, safety
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_sim.assembly import Plant
 from trajectory_gen.trajectory import Reference
 

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.printable import apart
-from parallel_robot_compiler import kernel, read_row, vector, write_row
-from parallel_robot_model.contract import inverse_dynamics
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import apart
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.robots.contract import inverse_dynamics
 from parallel_robot_sim.configuration import Configuration
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference

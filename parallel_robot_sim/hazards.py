@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.hazards import KINDS, Hazard
-from parallel_robot_compiler import Space, inner, kernel, read_at, select, write_at
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import Space, inner, kernel, read_at, select, write_at
+from parallel_robot_model.configuration.hazards import KINDS, Hazard
 from parallel_robot_sim.motor_timeout import Waiting
 
 (

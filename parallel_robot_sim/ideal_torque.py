@@ -9,10 +9,10 @@ import functools
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.fields import PerJoint
-from parallel_robot_compiler import Boxed, kernel, read_row, write_row
-from parallel_robot_model.joint_load import JointLoad, net_torque
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import Boxed, kernel, read_row, write_row
+from parallel_robot_model.configuration.fields import PerJoint
+from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 from parallel_robot_sim.actuators import held_disturbance
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.performed_motion import performed, smooth

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field, PerJoint, check
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_compiler import Space
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import Space
+from parallel_robot_model.configuration.fields import Field, PerJoint, check
 
 KINDS = 6  # of vectors that the plant remembers, see memory.py
 LONGEST = 0.1  # s, of a delay

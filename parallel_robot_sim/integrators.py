@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inlined
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inlined
 
 
 @inlined

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base import cdr, layouts
-from parallel_robot_base.joint_layouts import passive_names
+from parallel_robot_model.messages import cdr, layouts
+from parallel_robot_model.messages.joint_layouts import passive_names
 from parallel_robot_sim.closed_loop import ClosedLoopRun
 
 

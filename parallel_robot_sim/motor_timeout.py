@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import inner, select, vector
 from parallel_robot_control.safety import SafeAction, safe_torque
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, select, vector
 
 
 class Patience(NamedTuple):

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.optional_library import optional
-from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.robots.registry import RobotModel
 
 STEP = 1e-4  # s, of the integration
 

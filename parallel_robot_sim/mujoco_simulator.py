@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import entry_point, vector
-from parallel_robot_model.joint_load import net_torque
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import entry_point, vector
+from parallel_robot_model.robots.joint_load import net_torque
 from parallel_robot_sim.configuration import PlantConfiguration
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant import MUJOCO, torques

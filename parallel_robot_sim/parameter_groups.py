@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from parallel_robot_base.fields import Parameter, parameters
-from parallel_robot_base.loop import LoopParameters
 from parallel_robot_control import configuration as control
 from parallel_robot_control.contract import Law
-from parallel_robot_model import configuration as model
-from parallel_robot_model.contract import Robot
+from parallel_robot_model.configuration.fields import Parameter, parameters
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.robots import configuration as model
+from parallel_robot_model.robots.contract import Robot
 from parallel_robot_sim.configuration import DECLARED
 from trajectory_gen import configuration as motion
 from trajectory_gen.shapes import SHAPES, Shape

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.fields import Field, PerJoint
-from parallel_robot_compiler import clip, kernel, vector
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import clip, kernel, vector
+from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.delay_line import sample_at
 from parallel_robot_sim.hazards import braked, limited

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_compiler import kernel, multiply, read_row, solve, write_row
-from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, multiply, read_row, solve, write_row
+from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState
 

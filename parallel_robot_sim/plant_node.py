@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import cdr_reader, layouts, realtime, topics
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_model.configuration import resolve
-from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
-from parallel_robot_ros.life_cycle import run_node
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages import cdr_reader, layouts, topics
+from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.suite_node import SuiteNode
+from parallel_robot_model.processes import realtime
+from parallel_robot_model.robots.configuration import resolve
 from parallel_robot_sim.configuration import configure_plant, declared
 from parallel_robot_sim.mujoco_simulator import simulator_of
 from parallel_robot_sim.plant_run import ENDLESS, REPEAT, PlantRun

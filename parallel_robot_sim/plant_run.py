@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.errors import RunError
-from parallel_robot_base.loop import WAIT, LoopParameters
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_sim.simulator import Simulator
 
 ANNOUNCED = NANOSECONDS // 10  # ns, for which the held pose is published before a common start

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import parameter_file
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.data_frames import Frame, pandas
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.placed import merged
-from parallel_robot_base.printable import printable
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
-from parallel_robot_model.configuration import is_known, robot_of
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration import parameter_file
+from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.robots.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motions, saturation, told_remarks

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.errors import DRIVEN_OUT, InputError, RunError
-from parallel_robot_base.placed import locating
-from parallel_robot_base.printable import apart
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import at_measurement
 from parallel_robot_control.delay_identification import phases, result
-from parallel_robot_model.contract import Fault
+from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError
+from parallel_robot_model.common.printable import apart
+from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.robots.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, head, run
 from parallel_robot_sim.configuration import Configuration

@@ -12,7 +12,7 @@ from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.cycle import initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
-from parallel_robot_model import planar_3rrr
+from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_sim import simulation
 from parallel_robot_sim.assembly import Plant, assemble_plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run

@@ -13,7 +13,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_base import layouts, topics
+from parallel_robot_model.messages import layouts, topics
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 5 * 10**9  # ns

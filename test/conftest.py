@@ -8,9 +8,9 @@ import sys
 import pytest
 from hypothesis import HealthCheck, settings
 
-from parallel_robot_base import config
-from parallel_robot_base.groups import group
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
 
 STOCK = pytest.version_tuple < (9,)  # as in Ubuntu 24.04: colcon test, without the extra 'test'
 QUICK = (  # tests that need no more than the suite, pytest and hypothesis

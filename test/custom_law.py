@@ -6,8 +6,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import ControlOutput
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.compiler import kernel
 
 
 class Gains(NamedTuple):

@@ -26,9 +26,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
-from parallel_robot_base import topics
-from parallel_robot_base.deadline import DeadlineThread
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.deadline import DeadlineThread
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 

@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
-from parallel_robot_base import config
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.groups import group
-from parallel_robot_model.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
 
 ROBOT = group(config.resolve('paper_circle'), RobotParameters, 'robot')
 PAPER_START = np.array([0.5284, 0.3681, np.pi / 2])

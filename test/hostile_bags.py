@@ -17,8 +17,9 @@ from assembly import simulated
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from parallel_robot_bags import bag_writer, simulation_bag
-from parallel_robot_base import config, layouts, topics
+from parallel_robot.bags import bag_writer, simulation_bag
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import layouts, topics
 
 MAGIC = b'\x89MCAP0\r\n'
 HUGE = 2**63

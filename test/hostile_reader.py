@@ -13,14 +13,14 @@ import time
 import traceback
 from pathlib import Path
 
-from parallel_robot_bags import history, run_log
-from parallel_robot_bags.indexed_reader import BagReader
-from parallel_robot_bags.player import Player, PlayerOptions
-from parallel_robot_bags.printable_output import LONGEST_LINE
-from parallel_robot_base.errors import ParallelRobotError, RunError
-from parallel_robot_base.printable import printable
-from parallel_robot_cli import command_line
-from parallel_robot_cli.commands import run
+from parallel_robot.bags import history, run_log
+from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot.bags.player import Player, PlayerOptions
+from parallel_robot.bags.printable_output import LONGEST_LINE
+from parallel_robot.cli import command_line
+from parallel_robot.cli.commands import run
+from parallel_robot_model.common.errors import ParallelRobotError, RunError
+from parallel_robot_model.common.printable import printable
 
 WORDS = {
     'analyze': lambda bag, out: [

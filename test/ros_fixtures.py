@@ -19,9 +19,9 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 from warm_process import WarmProcess, children
 
-from parallel_robot_base.module_process import command
-from parallel_robot_ros.message_types import message_class
-from parallel_robot_ros.subscription import qos_of
+from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.processes.module_process import command
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 100.0  # s; what takes so long never comes

@@ -3,10 +3,10 @@
 import pyarrow.parquet as pq
 import pytest
 
-from parallel_robot_studies.sweep import study
-from parallel_robot_studies.sweep.plan import plan
-from parallel_robot_studies.sweep.sweep import sweep
-from parallel_robot_studies.sweep.tasks import run_task
+from parallel_robot.studies.sweep import study
+from parallel_robot.studies.sweep.plan import plan
+from parallel_robot.studies.sweep.sweep import sweep
+from parallel_robot.studies.sweep.tasks import run_task
 
 RUNS = 16
 ROWS = 2 * RUNS
@@ -59,7 +59,7 @@ def swept(out, text=TEXT, runs=None, workers=None, count=2, summarised=False):
     """Run a sweep, usually without its summary, which takes longer than the rows."""
     with pytest.MonkeyPatch.context() as patch:
         if not summarised:
-            patch.setattr('parallel_robot_studies.sweep.sweep.summarise', lambda *_: '')
+            patch.setattr('parallel_robot.studies.sweep.sweep.summarise', lambda *_: '')
         return sweep(planned(text, runs), text, out, workers or Inline(), count)
 
 

@@ -8,11 +8,11 @@ from assembly import simulated
 from rig import Rig
 from vectors import on_vectors
 
-from parallel_robot_base import config
-from parallel_robot_compiler import Boxed, vector
 from parallel_robot_control import antiwindup
 from parallel_robot_control.answer_kernel import EXCESS
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.compiler import Boxed, vector
+from parallel_robot_model.configuration import config
 
 unless_saturated = on_vectors(antiwindup.unless_saturated)
 unless_any_saturated = on_vectors(antiwindup.unless_any_saturated)

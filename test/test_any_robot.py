@@ -7,13 +7,13 @@ import numpy as np
 import pandas
 import pytest
 
-from parallel_robot_analysis import metrics, table
-from parallel_robot_analysis.report import page, paper_figures, runs
-from parallel_robot_analysis.report.charts import charts
-from parallel_robot_analysis.report.palette import JOINTS, STYLES
-from parallel_robot_analysis.report.paper_figures import draw
-from parallel_robot_bags import run_log
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import metrics, table
+from parallel_robot.analysis.report import page, paper_figures, runs
+from parallel_robot.analysis.report.charts import charts
+from parallel_robot.analysis.report.palette import JOINTS, STYLES
+from parallel_robot.analysis.report.paper_figures import draw
+from parallel_robot.bags import run_log
+from parallel_robot.cli.command_line import main
 
 pytestmark = pytest.mark.xdist_group('any_robot')  # one simulation of each for all
 

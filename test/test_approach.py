@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_compiler import kernel, vector
 from parallel_robot_control import cycle_memory
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import JointReference
+from parallel_robot_model.compiler import kernel, vector
 
 DT = 1e-3
 REFERENCE = JointReference(*map(vector, ([0.4, -0.2], [0.3, 0.1], [-1.0, 2.0])))

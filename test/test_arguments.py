@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 import rclpy
 
-from parallel_robot_base import config
-from parallel_robot_base.processes import MODULES
+from parallel_robot_model.configuration import config
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 
 ROOT = Path(__file__).parents[1]
 NODES = {
     **MODULES,
-    'player': 'parallel_robot_bags.player_node',
-    'monitor': 'parallel_robot_analysis.monitor_node',
+    'player': 'parallel_robot.bags.player_node',
+    'monitor': 'parallel_robot.analysis.monitor_node',
 }
 
 
@@ -76,7 +76,7 @@ def test_wrong_words_for_ros_cost_one_line(name, words, message, node):
 
 @pytest.mark.parametrize(
     'words',
-    [[NODES['recorder']], ['parallel_robot_cli.command_line', 'node', 'recorder']],
+    [[NODES['recorder']], ['parallel_robot.cli.command_line', 'node', 'recorder']],
     ids=['module', 'command of the scripts'],
 )
 def test_processes_give_help(words, tmp_path):

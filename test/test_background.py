@@ -7,9 +7,9 @@ import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
-from parallel_robot_base.errors import InputError
-from parallel_robot_ros.life_cycle import run_node
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.suite_node import SuiteNode
 
 pytest_plugins = ['ros_fixtures']
 LONG = 60.0  # s, for a loop that stands still

@@ -14,15 +14,15 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_bags.bag_files import open_file
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.mcap_block import Block
-from parallel_robot_bags.mcap_records import Damage, scan
-from parallel_robot_bags.record_file import RecordFile
-from parallel_robot_base import layouts, topics
-from parallel_robot_base.errors import BagError
+from parallel_robot.bags.bag_files import open_file
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.mcap_block import Block
+from parallel_robot.bags.mcap_records import Damage, scan
+from parallel_robot.bags.record_file import RecordFile
 from parallel_robot_control.faults import FAULTS, SPEED
 from parallel_robot_control.messages import Status, status_message
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.messages import layouts, topics
 
 JOINTS = ('joint1', 'joint2', 'joint3')
 METADATA = {'scenario': 'Kreis: "ä"\n', 'law': 's_fotsmc', 'config': 'a: [1, 2]\nb: 3\n'}

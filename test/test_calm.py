@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from parallel_robot_analysis import metrics
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import metrics
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.limit import calm
+from parallel_robot.studies.limit.linear_motion import LinearMotion, linearise
+from parallel_robot.studies.limit.prediction import Noise, least, noise_of
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
-from parallel_robot_studies.limit import calm
-from parallel_robot_studies.limit.linear_motion import LinearMotion, linearise
-from parallel_robot_studies.limit.prediction import Noise, least, noise_of
 
 PERIOD, MASS, LATE = 1e-3, 0.5, 2
 SIGMA, MEMORY = 0.4, 0.94

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_base import cdr, cdr_reader, layouts
+from parallel_robot_model.messages import cdr, cdr_reader, layouts
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('joint1', 'j', 'drittes_Gelenk')

@@ -10,14 +10,14 @@ from geometry import PAPER_START, closure, legs
 from mujoco_robot import open_loop as mujoco_open_loop
 from test_s_fotsmc import ring
 
-from parallel_robot_base import config
-from parallel_robot_compiler import entry_point, vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import When, initial_state, run_cycle
-from parallel_robot_model.planar_3rrr import measure
-from parallel_robot_model.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH
+from parallel_robot_model.compiler import entry_point, vector
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.planar_3rrr import measure
+from parallel_robot_model.robots.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH
 
 HEAVY = {'true_robot.m1': 1.1 * 5.12, 'true_robot.m2': 1.1 * 7.39, 'true_robot.mp': 1.1 * 3.84}
 

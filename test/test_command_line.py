@@ -11,15 +11,15 @@ import pytest
 from assembly import simulated
 from bags import full_disk
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.readable_metrics import EFFORT, STEADY, TORQUE
-from parallel_robot_analysis.report import figures, runs
-from parallel_robot_bags import history, recovery, run_log, simulation_bag
-from parallel_robot_bags.experiment import software
-from parallel_robot_base import config
-from parallel_robot_base.options import Parser
-from parallel_robot_cli.command_line import COMMANDS, main, module_of
-from parallel_robot_cli.commands import rerun, run, simulate
+from parallel_robot.analysis import metrics
+from parallel_robot.analysis.readable_metrics import EFFORT, STEADY, TORQUE
+from parallel_robot.analysis.report import figures, runs
+from parallel_robot.bags import history, recovery, run_log, simulation_bag
+from parallel_robot.bags.experiment import software
+from parallel_robot.cli.command_line import COMMANDS, main, module_of
+from parallel_robot.cli.commands import rerun, run, simulate
+from parallel_robot_model.common.options import Parser
+from parallel_robot_model.configuration import config
 
 CIRCLE = ['paper_circle', '--duration', '0.2']
 
@@ -176,7 +176,7 @@ def test_a_bag_is_good_though_its_metrics_fail(tmp_path, capsys, monkeypatch):
 
 
 def test_simulate_does_not_wait_for_what_it_does_not_use():
-    code = 'import sys, parallel_robot_cli.commands.simulate; print(*sys.modules)'
+    code = 'import sys, parallel_robot.cli.commands.simulate; print(*sys.modules)'
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     slow = {'scipy.ndimage', 'matplotlib', 'plotly', 'rclpy', 'pandas'}
     assert not slow & {*done.stdout.split()}
@@ -365,7 +365,7 @@ def test_every_option_with_a_number_says_what_is_wanted(capsys):
         ('.venv/bin/parallel_robot', '.venv/bin/parallel_robot'),
         ('/on/the/path/parallel_robot', 'parallel_robot'),
         ('/opt/suite/lib/parallel_robot/parallel_robot', 'ros2 run parallel_robot parallel_robot'),
-        ('/x/parallel_robot_cli/__main__.py', 'python -m parallel_robot_cli'),
+        ('/x/parallel_robot/__main__.py', 'python -m parallel_robot'),
         ('/usr/bin/pytest', 'parallel_robot'),
     ],
 )

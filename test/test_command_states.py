@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from parallel_robot_bags.command_states import align
-from parallel_robot_bags.message_arrays import Samples
+from parallel_robot.bags.command_states import align
+from parallel_robot.bags.message_arrays import Samples
 
 MS = 1_000_000  # ns
 COUNT, EACH = 1003, 10  # commands, records in a message

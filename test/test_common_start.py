@@ -4,11 +4,11 @@ import time
 
 import pytest
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.groups import group
-from parallel_robot_base.loop import WAIT, LoopParameters
-from parallel_robot_ros.parameters import CommonStart
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import WAIT, LoopParameters
+from parallel_robot_model.nodes.parameters import CommonStart
 
 SECOND = 10**9  # ns
 

@@ -5,16 +5,16 @@ import subprocess
 
 import pytest
 
-from parallel_robot_base.processes import command
-from parallel_robot_cli.command_line import build_parser
-from parallel_robot_cli.completion import WORDS, _actions
+from parallel_robot.cli.command_line import build_parser
+from parallel_robot.cli.completion import WORDS, _actions
+from parallel_robot_model.processes.node_processes import command
 
 ROOT = os.path.dirname(os.path.dirname(__file__))
 
 
 def completed(typed):
     """What the function does that argcomplete registers in bash: the answer comes through fd 8."""
-    words = command('parallel_robot_cli.__main__')
+    words = command('parallel_robot.__main__')
     asked = {
         '_ARGCOMPLETE': '1',
         '_ARGCOMPLETE_IFS': '\n',

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot_bags import custom_sources
-from parallel_robot_base import assignments, config, config_files, topics
-from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.groups import group
+from parallel_robot.bags import custom_sources
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters
-from parallel_robot_model import configuration as model
-from parallel_robot_model.configuration import robot_of
-from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import assignments, config, config_files
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.messages import topics
+from parallel_robot_model.robots import configuration as model
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.shapes import SHAPES
 from trajectory_gen.trajectory import TrajectoryParameters
@@ -233,7 +234,7 @@ def test_a_group_takes_only_its_own_keys(values):
 def test_an_installed_package_finds_its_files(tmp_path, monkeypatch, place):
     share = tmp_path / 'prefix' / 'share' / config.PACKAGE / 'config'
     shutil.copytree(config.directory(), share)
-    module = tmp_path / 'prefix' / place / 'parallel_robot_base' / 'config.py'
+    module = tmp_path / 'prefix' / place / 'parallel_robot_model' / 'configuration' / 'config.py'
     monkeypatch.setattr(config_files, '__file__', str(module))
     if 'elsewhere' in place:
         monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
@@ -241,7 +242,7 @@ def test_an_installed_package_finds_its_files(tmp_path, monkeypatch, place):
 
 
 def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(config_files, '__file__', str(tmp_path / 'a' / 'b' / 'config.py'))
+    monkeypatch.setattr(config_files, '__file__', str(tmp_path / 'a' / 'b' / 'c' / 'config.py'))
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     with pytest.raises(InputError, match='not installed'):
         config.directory()

@@ -3,9 +3,9 @@
 import pytest
 from rclpy.qos import ReliabilityPolicy
 
-from parallel_robot_base import topics
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_sim.plant_node import PlantNode
 
 pytest_plugins = ['ros_fixtures']

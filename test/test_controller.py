@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from assembly import FAULTS
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
 from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import STATUS
 from parallel_robot_control.configuration import configure
@@ -15,6 +13,8 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.faults import EMERGENCY_STOP, REFERENCE_STALE
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
 from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns

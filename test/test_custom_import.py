@@ -13,9 +13,14 @@ import pytest
 from custom_law import LAW
 from ros_fixtures import until
 
-from parallel_robot_base import cache_directory, custom_import, custom_module, trial_process
-from parallel_robot_base.processes import MODULES, command
-from parallel_robot_cli.command_line import main
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.processes import (
+    cache_directory,
+    custom_import,
+    custom_module,
+    trial_process,
+)
+from parallel_robot_model.processes.node_processes import MODULES, command
 
 pytest_plugins = ['ros_fixtures']
 
@@ -182,7 +187,7 @@ def test_one_that_forks_makes_no_second_command(tmp_path):
     words = ['compare', 'paper_circle', *SHORT, '--set', f'custom_laws=[{file}]', '--laws', 'pid']
     environment = {**os.environ, 'PYTHONUNBUFFERED': '1'}  # the copy ends without a flush
     done = subprocess.run(
-        command('parallel_robot_cli', *words), env=environment, capture_output=True, text=True
+        command('parallel_robot', *words), env=environment, capture_output=True, text=True
     )
     assert done.returncode == 0 and done.stdout.count('\npid ') == 1
     assert done.stdout.count('loaded') == 2  # its own doing: once in each copy

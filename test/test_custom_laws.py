@@ -9,17 +9,18 @@ from assembly import prepare, simulated
 from custom_law import LAW, RETURN
 from rig import Rig
 
-from parallel_robot_analysis.report.labels import law_label
-from parallel_robot_base import cache_directory, topics
-from parallel_robot_base.cache_directory import NOTICE
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.processes import MODULES
-from parallel_robot_cli.command_line import main
-from parallel_robot_compiler import Vector
+from parallel_robot.analysis.report.labels import law_label
+from parallel_robot.cli.command_line import main
 from parallel_robot_control import law_loader, law_titles, law_trial
 from parallel_robot_control.array_law import ArrayLaw
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import Vector
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes import cache_directory
+from parallel_robot_model.processes.cache_directory import NOTICE
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
 pytestmark = [
@@ -324,15 +325,15 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
-from parallel_robot_compiler import multiply, select, vector
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.compiler import multiply, select, vector
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_control.coupling import coupling
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import saturate, sig
-from parallel_robot_model.contract import inverse_dynamics
+from parallel_robot_model.robots.contract import inverse_dynamics
 
 
 class Gains(NamedTuple):

@@ -9,11 +9,11 @@ from test_rerun import by_hand
 from untried import detach, forget
 from vectors import OnVectors
 
-from parallel_robot_bags import history, run_log
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import history, run_log
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.configuration import robot_of
-from parallel_robot_model.contract import FOUND
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.contract import FOUND
 
 pytest_plugins = ['warm_trials']
 pytestmark = [

@@ -9,10 +9,10 @@ from bags import content
 from custom_law import LAW
 from untried import detach, forget
 
-from parallel_robot_bags import history, run_log
-from parallel_robot_base.errors import InputError
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import history, run_log
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
@@ -21,7 +21,7 @@ pytestmark = [
     pytest.mark.xdist_group('custom_trajectories'),  # compiled once for all
 ]
 
-COMMAND_LINE = 'parallel_robot_cli.command_line'
+COMMAND_LINE = 'parallel_robot.cli.command_line'
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_trajectory.py'
 OWN = ['--set', f'custom_trajectories=[{EXAMPLE}]', '--set', 'trajectory.shape=example_trajectory']
 RATE = 'a * w * cosine * s_dot'

@@ -8,17 +8,20 @@ from assembly import FAULTS
 from geometry import PAPER_START, PI12_START, legs
 from vectors import on_vectors
 
-from parallel_robot_compiler import as_vectors, vector
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import Cycle, CycleState, When, initial_state, run_cycle
 from parallel_robot_control.faults import NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_model.planar_3rrr.constants import constants
-from parallel_robot_model.planar_3rrr.dynamics import actuated_dynamics
-from parallel_robot_model.planar_3rrr.forward_kinematics import GUESS_OUT_OF_REACH, NOT_CONVERGED
-from parallel_robot_model.planar_3rrr.posture import posture_at
+from parallel_robot_model.compiler import as_vectors, vector
+from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots.planar_3rrr.dynamics import actuated_dynamics
+from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
+    GUESS_OUT_OF_REACH,
+    NOT_CONVERGED,
+)
+from parallel_robot_model.robots.planar_3rrr.posture import posture_at
 
 
 class Situation(NamedTuple):

@@ -8,10 +8,10 @@ import argparse
 
 import pytest
 
-from parallel_robot_bags.limits import add_memory_argument
-from parallel_robot_base.options import Parser
-from parallel_robot_cli.command_line import COMMANDS, main, module_of
-from parallel_robot_cli.commands import simulate, sweep
+from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.cli.command_line import COMMANDS, main, module_of
+from parallel_robot.cli.commands import simulate, sweep
+from parallel_robot_model.common.options import Parser
 
 WRONG = {  # a value that is refused wherever it is looked at, by what argparse calls the option
     'param_files': '{tmp}/none.yaml',
@@ -90,15 +90,15 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'compare': [('paper_circle',)],
 }  # fmt: skip
 WORK = (  # what a command does when it has read all options
-    'parallel_robot_cli.commands.simulate.attempt',
-    'parallel_robot_cli.commands.run._supervise',
-    'parallel_robot_studies.sweep.sweep.completed',
-    'parallel_robot_cli.commands.tune.run',
-    'parallel_robot_cli.commands.limit.least_error',
-    'parallel_robot_cli.commands.compare.simulation.attempt',
-    'parallel_robot_cli.commands.verify.verify',
-    'parallel_robot_studies.identification.design.design',
-    'parallel_robot_live.started_graph.NodeProcesses',
+    'parallel_robot.cli.commands.simulate.attempt',
+    'parallel_robot.cli.commands.run._supervise',
+    'parallel_robot.studies.sweep.sweep.completed',
+    'parallel_robot.cli.commands.tune.run',
+    'parallel_robot.cli.commands.limit.least_error',
+    'parallel_robot.cli.commands.compare.simulation.attempt',
+    'parallel_robot.cli.commands.verify.verify',
+    'parallel_robot.studies.identification.design.design',
+    'parallel_robot.live.started_graph.NodeProcesses',
     'os.nice',  # the page begins to serve
 )
 

@@ -6,8 +6,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.time import Time
 
-from parallel_robot_ros import diagnostics
-from parallel_robot_ros.diagnostics import Usage, diagnostics_message
+from parallel_robot_model.nodes import diagnostics
+from parallel_robot_model.nodes.diagnostics import Usage, diagnostics_message
 
 NODE = SimpleNamespace(
     get_name=lambda: 'plant',

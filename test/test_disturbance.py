@@ -3,9 +3,9 @@
 import numpy as np
 from assembly import make_plant, open_loop
 
-from parallel_robot_base import config
-from parallel_robot_base.groups import group
-from parallel_robot_model.disturbance import DisturbanceParameters, disturbance_torque
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.disturbance import DisturbanceParameters, disturbance_torque
 
 DISTURBED = config.resolve('disturbed_circle')
 DISTURBANCE = group(DISTURBED, DisturbanceParameters, 'disturbance')

@@ -7,14 +7,15 @@ from pathlib import Path
 import pytest
 from assembly import simulated
 
-from parallel_robot_base import config, layouts
-from parallel_robot_base.fields import parameters
 from parallel_robot_control import faults, safety
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import LAWS
-from parallel_robot_model import planar_3rrr
-from parallel_robot_ros import joint_reader
-from parallel_robot_ros import parameter_services as services
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import parameters
+from parallel_robot_model.messages import layouts
+from parallel_robot_model.nodes import joint_reader
+from parallel_robot_model.nodes import parameter_services as services
+from parallel_robot_model.robots import planar_3rrr
 
 DOCS = Path(__file__).parents[1] / 'docs'
 

@@ -9,18 +9,19 @@ from bags import MS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from test_replay import START, live
 
-from parallel_robot_bags import run_log
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.experiment import describe
-from parallel_robot_bags.progress import Progress
-from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.errors import DRIVEN_OUT, RunError
-from parallel_robot_base.groups import group
-from parallel_robot_base.loop import LoopParameters
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import run
-from parallel_robot_cli.ros_session import Session
-from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot.bags import run_log
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.experiment import describe
+from parallel_robot.bags.progress import Progress
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import run
+from parallel_robot.cli.ros_session import Session
+from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
 
 END = 201  # states inside the workspace
 

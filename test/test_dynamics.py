@@ -5,20 +5,20 @@ from geometry import ROBOT, kinetic_energy, legs, poses, rows
 from hypothesis import given
 from vectors import OnVectors
 
-from parallel_robot_compiler import vector
-from parallel_robot_model import planar_3rrr
-from parallel_robot_model.contract import PoseMotion
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.joint_load import JointLoad
-from parallel_robot_model.planar_3rrr.constants import constants
-from parallel_robot_model.planar_3rrr.dynamics import (
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.robots import planar_3rrr
+from parallel_robot_model.robots.contract import PoseMotion
+from parallel_robot_model.robots.disturbance import DisturbanceParameters
+from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots.planar_3rrr.dynamics import (
     actuated_dynamics,
     pose_coriolis,
     pose_inertia,
 )
-from parallel_robot_model.planar_3rrr.posture import posture_at
-from parallel_robot_model.planar_3rrr.velocities import map_rates, rates_of, velocity_maps
+from parallel_robot_model.robots.planar_3rrr.posture import posture_at
+from parallel_robot_model.robots.planar_3rrr.velocities import map_rates, rates_of, velocity_maps
 
 STILL = np.zeros(3)
 MODEL = OnVectors(planar_3rrr)

@@ -10,8 +10,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from ros_fixtures import ROOT, until
 
-from parallel_robot_base import topics
-from parallel_robot_cli.command_line import main
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.messages import topics
 
 pytest_plugins = ['ros_fixtures']
 

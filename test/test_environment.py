@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base import discovery
-from parallel_robot_base.errors import InputError
-from parallel_robot_cli import command_line
+from parallel_robot.cli import command_line
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.processes import discovery
 
 ROOT = Path(__file__).parents[1]
 
@@ -49,7 +49,7 @@ def test_a_machine_without_its_own_interface(plain):
 
 def started(words, shell, **environment):
     """Run the command line with redirections of a shell."""
-    command = [sys.executable, '-m', 'parallel_robot_cli', *map(str, words)]
+    command = [sys.executable, '-m', 'parallel_robot', *map(str, words)]
     return subprocess.run(
         ['/bin/sh', '-c', f'"$@" {shell}', 'sh', *command],
         env={**os.environ, **environment},

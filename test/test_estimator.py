@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_base.groups import group
-from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control.estimator import (
     FILTER,
     LEVANT,
@@ -14,6 +12,8 @@ from parallel_robot_control.estimator import (
     EstimatorParameters,
     estimated,
 )
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.configuration.groups import group
 from parallel_robot_sim import simulate as run_scenario
 
 H = 1e-3  # s

@@ -7,12 +7,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
-from parallel_robot_bags import experiment, history
-from parallel_robot_bags.limits import NAME
-from parallel_robot_base import plain_data
-from parallel_robot_base.errors import BagError
-from parallel_robot_base.fields import PerJoint, words
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import experiment, history
+from parallel_robot.bags.limits import NAME
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration import plain_data
+from parallel_robot_model.configuration.fields import PerJoint, words
 
 EXTREMES = st.sampled_from(
     [10**30, -1, 0, 1e308, '', 'x' * 300, '\x1b[2J', [], [[]], {}, ['a'] * 5]

@@ -7,8 +7,8 @@ import pandas
 import pytest
 from bags import full_disk
 
-from parallel_robot_analysis import table
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import table
+from parallel_robot.cli.command_line import main
 
 READERS = {'.csv': pandas.read_csv, '.parquet': pandas.read_parquet}
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.fields import Field, build, defaults, parameters
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration.fields import Field, build, defaults, parameters
 
 
 class Sample(NamedTuple):

@@ -8,9 +8,9 @@ from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.report import figures
-from parallel_robot_bags import run_log
+from parallel_robot.analysis import metrics
+from parallel_robot.analysis.report import figures
+from parallel_robot.bags import run_log
 
 
 @pytest.fixture(scope='module')

@@ -18,9 +18,10 @@ from ros_fixtures import PERIOD, RECENT
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
-from parallel_robot_base import plain_data, topics
-from parallel_robot_base.processes import MODULES
-from parallel_robot_base.topics import Topic
+from parallel_robot_model.configuration import plain_data
+from parallel_robot_model.messages import topics
+from parallel_robot_model.messages.topics import Topic
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 
@@ -107,7 +108,7 @@ class Bench:
                 assert result.successful, result.reason
                 return result
             case ['.venv/bin/parallel_robot', *rest]:
-                process = self._launch('parallel_robot_cli.command_line', *rest)
+                process = self._launch('parallel_robot.cli.command_line', *rest)
                 assert process.wait() == 0, process.stderr
                 return process.stdout
         raise AssertionError(f'what does {line} ask for?')

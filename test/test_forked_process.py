@@ -11,7 +11,7 @@ from ros_fixtures import PATIENCE
 
 PARENT = """
 import atexit, logging, os, signal, socket, sys, tempfile, threading, time
-from parallel_robot_base import forked_process, module_process
+from parallel_robot_model.processes import forked_process, module_process
 
 atexit.register(print, 'the parent ends')
 logging.basicConfig(format='the parent says %(message)s')

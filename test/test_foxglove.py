@@ -13,8 +13,8 @@ import pytest
 from bags import STORE
 from ros_fixtures import PATIENCE, SLOW_LOOP
 
-from parallel_robot_base.topics import RECORDED
-from parallel_robot_cli.command_line import main
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.messages.topics import RECORDED
 
 pytest_plugins = ['ros_fixtures']
 
@@ -47,7 +47,7 @@ async def heard(address, enough):
 
 def test_a_client_gets_all_topics_and_the_robot(launch, domain):
     words = ('--foxglove', '--run', 'paper_circle', '--port', '0', *SET)
-    process = launch('parallel_robot_cli', 'live', *words, fresh=True)
+    process = launch('parallel_robot', 'live', *words, fresh=True)
     process.until(lambda: 'ws://' in process.stdout)
     (address,) = [word for word in process.stdout.split() if word.startswith('ws://')]
     assert address.startswith('ws://127.0.0.1:')
@@ -77,7 +77,7 @@ def test_a_client_gets_all_topics_and_the_robot(launch, domain):
     assert all(model.body(k).name.encode() in data for k in range(1, model.nbody))
 
     port = address.rpartition(':')[2]
-    second = launch('parallel_robot_cli', 'live', '--foxglove', '--port', port, fresh=True)
+    second = launch('parallel_robot', 'live', '--foxglove', '--port', port, fresh=True)
     assert second.wait() == 2
     assert f'cannot listen on 127.0.0.1 port {port}' in second.stderr
     assert second.stderr.count('\n') == 1

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from vectors import on_vectors
 
-from parallel_robot_model import friction
-from parallel_robot_model.friction import FrictionParameters
+from parallel_robot_model.robots import friction
+from parallel_robot_model.robots.friction import FrictionParameters
 
 friction_torque = on_vectors(friction.friction_torque)
 PAPER = FrictionParameters((2.5, 2.5, 2.5), (0.5, 0.5, 0.5), 0.0)

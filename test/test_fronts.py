@@ -5,10 +5,10 @@ import json
 import pytest
 from matplotlib.figure import Figure
 
-from parallel_robot_base.errors import InputError
-from parallel_robot_cli.command_line import main
-from parallel_robot_studies.tuning import fronts
-from parallel_robot_studies.tuning.store import Store
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.tuning import fronts
+from parallel_robot.studies.tuning.store import Store
+from parallel_robot_model.common.errors import InputError
 
 TABLE = """trial,chosen,xy_rms_m,chattering_nm,Kp
 3,0,0.0001,0.9,1.0

@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from parallel_robot_analysis.replay import replayed
-from parallel_robot_analysis.replay.ghost import Ghost
-from parallel_robot_analysis.replay.recorded_controller import RecordedController
-from parallel_robot_bags import history, run_log
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.analysis.replay.ghost import Ghost
+from parallel_robot.analysis.replay.recorded_controller import RecordedController
+from parallel_robot.bags import history, run_log
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import changed, configure
 from parallel_robot_control.contract import JointReference
 

@@ -5,13 +5,13 @@ import pytest
 from assembly import simulated
 from bags import content
 
-from parallel_robot_analysis.replay import replayed
-from parallel_robot_bags import history, run_log, simulation_bag
-from parallel_robot_base.hazards import KINDS
-from parallel_robot_base.loop import STEP_START
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.bags import history, run_log, simulation_bag
 from parallel_robot_control import faults
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.controller import Controller
+from parallel_robot_model.configuration.hazards import KINDS
+from parallel_robot_model.configuration.loop import STEP_START
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.plant_run import PlantRun
 from parallel_robot_sim.simulator import Simulator

@@ -2,11 +2,11 @@
 
 import pytest
 
-from parallel_robot_base import hazards
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.hazards import KINDS, Hazard
-from parallel_robot_cli.command_line import main
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import hazards
+from parallel_robot_model.configuration.hazards import KINDS, Hazard
 from parallel_robot_sim.configuration import configure
 
 TYPED = {

@@ -5,13 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
-from parallel_robot_bags import history
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.certificate import Certificate
-from parallel_robot_bags.record_names import MESSAGES
-from parallel_robot_base import plain_data, topics
+from parallel_robot.bags import history
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.certificate import Certificate
+from parallel_robot.bags.record_names import MESSAGES
 from parallel_robot_control import faults, safety
 from parallel_robot_control.messages import Status, status_message
+from parallel_robot_model.configuration import plain_data
+from parallel_robot_model.messages import topics
 
 CODES = {'joint_states': Certificate(10, 3).dump(), 'pose': Certificate(1, 0).dump()}
 

@@ -6,8 +6,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import topics
-from parallel_robot_base.processes import MODULES
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.node_processes import MODULES
 from trajectory_gen.configuration import resolve, trajectory_of
 
 pytest_plugins = ['ros_fixtures']

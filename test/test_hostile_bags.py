@@ -15,12 +15,12 @@ import pytest
 from bags import content, full_disk
 from warm_process import WarmProcess
 
-from parallel_robot_analysis.report import runs
-from parallel_robot_bags import history, recovery, run_log
-from parallel_robot_bags.indexed_reader import BagReader
-from parallel_robot_bags.limits import COPIES, RATIO, RECORD, Allowance
-from parallel_robot_base.errors import BagError
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis.report import runs
+from parallel_robot.bags import history, recovery, run_log
+from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot.bags.limits import COPIES, RATIO, RECORD, Allowance
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import BagError
 
 ROOT = Path(__file__).parents[1]
 EVERY = os.environ.get('HOSTILE_BAGS') == 'all'

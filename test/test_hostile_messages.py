@@ -11,10 +11,11 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_base import config, topics
-from parallel_robot_base.groups import group
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.messages import topics
 from parallel_robot_sim.plant_node import PlantNode
 from trajectory_gen.configuration import trajectory_of
 

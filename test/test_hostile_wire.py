@@ -13,11 +13,11 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from parallel_robot_bags import simulation_bag
-from parallel_robot_base import config
-from parallel_robot_base.processes import MODULES
+from parallel_robot.bags import simulation_bag
 from parallel_robot_control.laws import LAWS
-from parallel_robot_ros.message_types import message_class
+from parallel_robot_model.configuration import config
+from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 
@@ -26,8 +26,8 @@ CALLS, MESSAGES = 200 * MORE, 1000 * MORE
 GROWTH = 20e6  # bytes
 NODES = {
     **{name: MODULES[name] for name in ('trajectory', 'plant', 'controller', 'recorder')},
-    'monitor': 'parallel_robot_analysis.monitor_node',
-    'player': 'parallel_robot_bags.player_node',
+    'monitor': 'parallel_robot.analysis.monitor_node',
+    'player': 'parallel_robot.bags.player_node',
 }
 KEYS = [
     'use_sim_times', 'use_sim_time', 'qos_overrides', 'qos_overrides./x', 'granted.x',

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot_analysis import metrics
+from parallel_robot.analysis import metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import torque_of

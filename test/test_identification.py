@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_bags.statuses import ControllerStatus
-from parallel_robot_base.errors import BagError, InputError
+from parallel_robot.bags.statuses import ControllerStatus
+from parallel_robot.studies.identification import identified, readable, recording, regression_rows
+from parallel_robot.studies.identification.recording import Recording
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.configuration import robot_of
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_studies.identification import (
-    identified,
-    readable,
-    recording,
-    regression_rows,
-)
-from parallel_robot_studies.identification.recording import Recording
+from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.friction import FrictionParameters
 
 CUTOFF = 10.0  # Hz
 # Table 1: a, b, h of a leg and Ip, mp of the platform; friction of section 4.

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot_base import config
-from parallel_robot_cli.command_line import main
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration import config
 
 TRUE = ['--set', 'true_robot.m1=6.0', '--set', 'true_robot.mp=5.5']
 MP = 5.5 / 3.0

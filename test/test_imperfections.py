@@ -5,16 +5,18 @@ import pytest
 from assembly import make_plant
 from scipy import stats
 
-from parallel_robot_analysis import metrics, recorded_motions
-from parallel_robot_analysis.readable_metrics import STEADY
-from parallel_robot_bags import history, run_log
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
-from parallel_robot_cli.command_line import main
-from parallel_robot_compiler import kernel, read_row, vector, write_row
+from parallel_robot.analysis import metrics, recorded_motions
+from parallel_robot.analysis.readable_metrics import STEADY
+from parallel_robot.bags import history, run_log
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies import notebook
+from parallel_robot.studies.sweep.run_chunk import run_chunk
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.contract import Measurement
-from parallel_robot_model.poses import poses_of
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.contract import Measurement
+from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
@@ -24,8 +26,6 @@ from parallel_robot_sim.random_numbers import mixed, uniform
 from parallel_robot_sim.sensors import keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
-from parallel_robot_studies import notebook
-from parallel_robot_studies.sweep.run_chunk import run_chunk
 
 H = 1e-3  # s
 N = 20_000

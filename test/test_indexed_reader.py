@@ -6,11 +6,11 @@ from bags import content, write_foreign
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from parallel_robot_bags import mcap_records
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.indexed_reader import BagReader
-from parallel_robot_base import layouts, topics
-from parallel_robot_base.errors import BagError
+from parallel_robot.bags import mcap_records
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.messages import layouts, topics
 
 LATCHED = topics.ACTIVE_LAW
 

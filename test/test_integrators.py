@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from vectors import on_vectors
 
-from parallel_robot_compiler import kernel
+from parallel_robot_model.compiler import kernel
 from parallel_robot_sim.integrators import ode3, rk4
 
 ORDERS = pytest.mark.parametrize(('step', 'order'), [(ode3, 3), (rk4, 4)])

@@ -7,11 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from parallel_robot_compiler import INTERPRETED, Vector, clip, multiply, select, solve, vector
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import When, cycle_of
-from parallel_robot_model.contract import Model
+from parallel_robot_model.compiler import (
+    INTERPRETED,
+    Vector,
+    clip,
+    multiply,
+    select,
+    solve,
+    vector,
+)
+from parallel_robot_model.robots.contract import Model
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure

@@ -9,11 +9,11 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters
 from ros_fixtures import SLOW_LOOP
 
 from benchmarks.joins import TRANSIENT, joins
-from parallel_robot_analysis.replay import replayed
-from parallel_robot_bags import history, run_log
-from parallel_robot_base import config
-from parallel_robot_base.processes import MODULES
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.bags import history, run_log
 from parallel_robot_control.configuration import configure
+from parallel_robot_model.configuration import config
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 

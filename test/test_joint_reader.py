@@ -8,9 +8,9 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_base import topics
-from parallel_robot_base.layouts import joint_state
-from parallel_robot_ros.joint_reader import JointReader
+from parallel_robot_model.messages import topics
+from parallel_robot_model.messages.layouts import joint_state
+from parallel_robot_model.nodes.joint_reader import JointReader
 
 JOINTS = ('joint1', 'joint2', 'joint3')
 POSITION = {'joint1': 0.1, 'joint2': 0.2, 'joint3': 0.3, 'gripper': 9.0}

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
-from parallel_robot_compiler import kernel, read_row, vector, write_row
 from parallel_robot_control import cycle_memory, kalman
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.kalman_equations import DRIFT, SMOOTH, Kalman
 from parallel_robot_control.kalman_memory import AT_REST
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.contract import Model
 
 T = 1e-3
 COUNT, N = 120, 2

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base.kept_stop import KeptStop
+from parallel_robot_model.processes.kept_stop import KeptStop
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from numba import typeof, types
 from numba.core.runtime import rtsys
 from numba.core.runtime._nrt_python import memsys_enable_stats
 
-from parallel_robot_compiler import Boxed, FirstClass, kernel, vector
+from parallel_robot_model.compiler import Boxed, FirstClass, kernel, vector
 
 
 class Constants(NamedTuple):

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base import cache_directory, code_version
-from parallel_robot_compiler import FirstClass, kernel, kernel_cache
+from parallel_robot_model.compiler import FirstClass, kernel, kernel_cache
+from parallel_robot_model.processes import cache_directory, code_version
 
 ROOT = Path(__file__).parents[1]
 KEPT = cache_directory.KEPT
@@ -22,12 +22,16 @@ KEPT = cache_directory.KEPT
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
     """Return a source tree of two packages whose cache lies in `tmp_path`."""
-    for package in ('parallel_robot_base', 'parallel_robot_model', 'trajectory_gen'):
-        (tmp_path / package).mkdir()
+    for package in (
+        'parallel_robot_model/common',
+        'parallel_robot_model/robots',
+        'trajectory_gen',
+    ):
+        (tmp_path / package).mkdir(parents=True)
     (tmp_path / 'trajectory_gen' / 'circle.py').write_text('@kernel\ndef f(): return 1\n')
     groups = 'class Robot(NamedTuple):\n    m1: float\n    m2: float\n'
-    (tmp_path / 'parallel_robot_model' / 'parameters.py').write_text(groups)
-    file = tmp_path / 'parallel_robot_base' / 'code_version.py'
+    (tmp_path / 'parallel_robot_model' / 'robots' / 'parameters.py').write_text(groups)
+    file = tmp_path / 'parallel_robot_model' / 'processes' / 'code_version.py'
     monkeypatch.setattr(code_version, '__file__', str(file))
     monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
@@ -44,10 +48,10 @@ def test_the_cache_lies_where_the_user_keeps_caches(tree):
         ('trajectory_gen/circle.py', '@kernel\ndef f(): return 2\n'),
         ('trajectory_gen/spiral.py', '@inlined\ndef g(): return 2\n'),
         # What a vector is in machine code.
-        ('parallel_robot_base/lengths.py', '@lower_builtin(len)\ndef length(): return 3\n'),
+        ('parallel_robot_model/lengths.py', '@lower_builtin(len)\ndef length(): return 3\n'),
         # Compiled code addresses a NamedTuple by position, so its order is a source, too.
         (
-            'parallel_robot_model/parameters.py',
+            'parallel_robot_model/robots/parameters.py',
             'class Robot(NamedTuple):\n    m2: float\n    m1: float\n',
         ),
     ],
@@ -60,11 +64,13 @@ def test_changed_sources_have_another_cache(tree, name, content):
 
 
 def test_a_constant_that_kernels_import_is_a_part_of_them(tree):
-    base = tree / 'parallel_robot_base'
+    base = tree / 'parallel_robot_model' / 'common'
     for name in ('units', 'factors', 'text'):
         (base / f'{name}.py').write_text('A = 1\n')
-    (base / 'units.py').write_text('from parallel_robot_base.factors import A\n')
-    code = 'from parallel_robot_base.units import (\n    A,\n)\n@kernel\ndef f(): return A\n'
+    (base / 'units.py').write_text('from parallel_robot_model.common.factors import A\n')
+    code = (
+        'from parallel_robot_model.common.units import (\n    A,\n)\n@kernel\ndef f(): return A\n'
+    )
     (tree / 'trajectory_gen' / 'circle.py').write_text(code)
     before = cache_directory.directory(), code_version.of_suite.__wrapped__()
     (base / 'text.py').write_text('A = 2\n')
@@ -82,7 +88,7 @@ def test_another_setting_of_numba_is_other_machine_code(name, tree, monkeypatch)
 
 
 def test_where_machine_code_lies_does_not_say_which_code_this_is():
-    code = 'from parallel_robot_studies.sweep.tasks import version; print(version())'
+    code = 'from parallel_robot.studies.sweep.tasks import version; print(version())'
     found = {
         print_in_python(code, ROOT, NUMBA_CACHE_DIR=str(place)) for place in ('', '/dev/null')
     }
@@ -145,7 +151,7 @@ def test_copies_of_the_same_sources_share_a_cache(tree, tmp_path_factory, monkey
     first = cache_directory.directory()
     other = tmp_path_factory.mktemp('other') / 'clone'
     shutil.copytree(tree, other, ignore=shutil.ignore_patterns('cache'))
-    file = other / 'parallel_robot_base' / 'code_version.py'
+    file = other / 'parallel_robot_model' / 'processes' / 'code_version.py'
     monkeypatch.setattr(code_version, '__file__', str(file))
     assert cache_directory.directory() == first
     (other / 'trajectory_gen' / 'circle.py').rename(other / 'trajectory_gen' / 'ring.py')
@@ -289,7 +295,7 @@ print(sum(motion.stats.cache_hits.values()), motion.stats.cache_path)
 def test_a_copy_of_the_sources_finds_what_another_has_compiled(tmp_path):
     results = []
     for name in ('one', 'two'):
-        for package in (*ROOT.glob('parallel_robot_*'), ROOT / 'trajectory_gen'):
+        for package in (*ROOT.glob('parallel_robot*'), ROOT / 'trajectory_gen'):
             shutil.copytree(package, tmp_path / name / package.name)
         place = {'PYTHONPATH': str(tmp_path / name), 'XDG_CACHE_HOME': str(tmp_path / 'cache')}
         hits, path = print_in_python(MOVE, tmp_path, **place).split()
@@ -301,7 +307,7 @@ def test_a_copy_of_the_sources_finds_what_another_has_compiled(tmp_path):
 SUMS = """
 import sys, time
 from numba.core.caching import IndexDataCacheFile
-from parallel_robot_compiler import kernel
+from parallel_robot_model.compiler import kernel
 
 save = IndexDataCacheFile._save_index
 IndexDataCacheFile._save_index = lambda *words: (time.sleep(0.01), save(*words))  # so they meet
@@ -395,7 +401,7 @@ import numpy as np
 from trajectory_gen.configuration import trajectory_of
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
-from parallel_robot_base import config
+from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 values = config.resolve('paper_circle')

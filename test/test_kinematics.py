@@ -20,21 +20,21 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from vectors import on_vectors
 
-from parallel_robot_base.errors import KinematicsError
-from parallel_robot_compiler import cross, dot, multiply, solve, vector
-from parallel_robot_model import planar_3rrr
-from parallel_robot_model.contract import FOUND
-from parallel_robot_model.planar_3rrr import forward_kinematics as forward
-from parallel_robot_model.planar_3rrr import posture as inverse
-from parallel_robot_model.planar_3rrr import velocities
-from parallel_robot_model.planar_3rrr.constants import constants
-from parallel_robot_model.planar_3rrr.dynamics import inverse_rows
-from parallel_robot_model.planar_3rrr.forward_kinematics import (
+from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.compiler import cross, dot, multiply, solve, vector
+from parallel_robot_model.robots import planar_3rrr
+from parallel_robot_model.robots.contract import FOUND
+from parallel_robot_model.robots.planar_3rrr import forward_kinematics as forward
+from parallel_robot_model.robots.planar_3rrr import posture as inverse
+from parallel_robot_model.robots.planar_3rrr import velocities
+from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots.planar_3rrr.dynamics import inverse_rows
+from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
 )
-from parallel_robot_model.poses import poses_of
-from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import RobotModel
 
 MODEL = RobotModel('planar_3rrr', planar_3rrr, ROBOT)
 MIRRORED = ROBOT._replace(working_mode=(-1.0, -1.0, -1.0))

@@ -7,13 +7,13 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 from numba.core.typing import typeof as typing_module
 
-from parallel_robot_base import config
-from parallel_robot_compiler import vector_types
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.prepared_law import renewed
+from parallel_robot_model.compiler import vector_types
+from parallel_robot_model.configuration import config
 from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns

@@ -6,12 +6,12 @@ from assembly import prepare, simulate
 from scipy.linalg import expm, solve_continuous_are
 from vectors import on_vectors
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError, UnknownNameError
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import LAWS, TITLES, title
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.contract import Model
 
 VALUES = config.resolve('paper_circle')
 DT = 1e-3

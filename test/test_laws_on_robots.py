@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_base import layouts
 from parallel_robot_control import assembly as control
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.messages import layouts
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure, configure_plant

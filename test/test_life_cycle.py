@@ -9,16 +9,16 @@ import sys
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 
-from parallel_robot_ros import life_cycle
-from parallel_robot_ros.life_cycle import run_node
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.nodes import life_cycle
+from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.suite_node import SuiteNode
 
 pytest_plugins = ['ros_fixtures']
 
 LOOKS = """
 import inspect, sys
 import rclpy.logging
-from parallel_robot_ros import life_cycle
+from parallel_robot_model.nodes import life_cycle
 
 if sys.argv[1] == 'prepared':
     life_cycle.prepare_to_log()
@@ -29,7 +29,7 @@ print(len(looks))
 """
 LEVELS = """
 import json, logging, sys
-from parallel_robot_ros import life_cycle
+from parallel_robot_model.nodes import life_cycle
 
 life_cycle.log_to_ros()
 for name, level in json.loads(sys.argv[1]):

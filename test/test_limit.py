@@ -5,19 +5,19 @@ import csv
 import numpy as np
 import pytest
 
-from parallel_robot_base import config
-from parallel_robot_cli.command_line import main
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.limit.causes import WHOLE, least_error
+from parallel_robot.studies.limit.linear_motion import LinearMotion, linearise
+from parallel_robot.studies.limit.prediction import Noise, errors, least, noise_of
+from parallel_robot.studies.sweep import study
+from parallel_robot.studies.sweep.plan import Plan, plan
+from parallel_robot.studies.sweep.run_chunk import run_chunk
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration import config
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.plant_coordinates import coordinates_of
 from parallel_robot_sim.simulator import Simulator
-from parallel_robot_studies.limit.causes import WHOLE, least_error
-from parallel_robot_studies.limit.linear_motion import LinearMotion, linearise
-from parallel_robot_studies.limit.prediction import Noise, errors, least, noise_of
-from parallel_robot_studies.sweep import study
-from parallel_robot_studies.sweep.plan import Plan, plan
-from parallel_robot_studies.sweep.run_chunk import run_chunk
 
 PERIOD = 1e-3  # s
 STUDIES = sorted(path.stem for path in (config.directory() / 'studies').glob('*.yaml'))

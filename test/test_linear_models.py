@@ -4,7 +4,7 @@ import numpy as np
 from test_robots import case, estimate, measure, states  # noqa: F401
 from vectors import on_vectors
 
-from parallel_robot_model.contract import FOUND, inverse_dynamics
+from parallel_robot_model.robots.contract import FOUND, inverse_dynamics
 
 
 def test_the_regressor_gives_the_torques_of_the_model(case):  # noqa: F811

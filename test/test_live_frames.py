@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from geometry import PAPER_START, legs
 
+from parallel_robot.live.frames import HEADER, Camera, Motion
+from parallel_robot.live.motion_buffer import GAP, MotionBuffer
 from parallel_robot_control.configuration import nominal_of, resolve
-from parallel_robot_live.frames import HEADER, Camera, Motion
-from parallel_robot_live.motion_buffer import GAP, MotionBuffer
 
 MS = 10**6  # ns
 

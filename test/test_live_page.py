@@ -7,15 +7,15 @@ from browser import requests, started
 from domain_coordinator import domain_id
 from ros_fixtures import PATIENCE, SLOW_LOOP, Process
 
-from parallel_robot_bags import run_log
-from parallel_robot_base.errors import BagError
-from parallel_robot_base.processes import MODULES
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import run_log
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('live_page')  # one loop for all
 
-LIVE = ('parallel_robot_cli', 'live', '--port', '0')
+LIVE = ('parallel_robot', 'live', '--port', '0')
 SET = [word for one in SLOW_LOOP for word in ('--set', one.replace(':=', '='))]
 
 

@@ -6,18 +6,18 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from parallel_robot_analysis.frames import Frames
-from parallel_robot_bags import run_log
-from parallel_robot_base.errors import UnknownNameError
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.top.robots import OK, Robots
-from parallel_robot_live.bag_source import BagSource, open_bag
-from parallel_robot_live.frames import HEADER
-from parallel_robot_live.graph_source import GraphSource
-from parallel_robot_live.graph_values import known_values, meant
-from parallel_robot_live.readable_state import setup
-from parallel_robot_live.source import Description, RefusedError
-from parallel_robot_model.configuration import robot_of
+from parallel_robot.analysis.frames import Frames
+from parallel_robot.bags import run_log
+from parallel_robot.cli.command_line import main
+from parallel_robot.live.bag_source import BagSource, open_bag
+from parallel_robot.live.frames import HEADER
+from parallel_robot.live.graph_source import GraphSource
+from parallel_robot.live.graph_values import known_values, meant
+from parallel_robot.live.readable_state import setup
+from parallel_robot.live.source import Description, RefusedError
+from parallel_robot.watch.robots import OK, Robots
+from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_model.robots.configuration import robot_of
 
 
 @pytest.fixture(scope='module')

@@ -6,12 +6,12 @@ import pytest
 from bags import content
 from domain_coordinator import domain_id
 
-from parallel_robot_bags import history
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import history
+from parallel_robot.cli.command_line import main
 
 pytest_plugins = ['ros_fixtures']
 
-COMMAND_LINE = 'parallel_robot_cli.command_line'
+COMMAND_LINE = 'parallel_robot.cli.command_line'
 FULL = ('joint_states', 'reference', 'effort_controller/commands')
 SLOW = (
     'pose', 'pose_reference', 'controller/error', 'controller/synchronisation_error',

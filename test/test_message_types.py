@@ -3,8 +3,8 @@
 import pytest
 from sensor_msgs.msg import JointState
 
-from parallel_robot_base.errors import InputError
-from parallel_robot_ros.message_types import INDEX, message_class
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.nodes.message_types import INDEX, message_class
 
 
 def test_a_type_that_is_installed_is_found():

@@ -5,8 +5,8 @@ import pytest
 from bags import JOINTS
 from geometry import PAPER_START, legs
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.readable_metrics import (
+from parallel_robot.analysis import metrics
+from parallel_robot.analysis.readable_metrics import (
     EFFORT,
     METRICS,
     STEADY,
@@ -16,9 +16,9 @@ from parallel_robot_analysis.readable_metrics import (
     defined,
     unsettled,
 )
-from parallel_robot_bags.run_log import RunLog
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
 from parallel_robot_sim.motions import Motions, Moved, Poses
 
 COUNT = 1000
@@ -135,7 +135,7 @@ def test_a_state_that_is_never_reached_is_a_metric():
 
 
 def test_settling_is_the_time_after_the_last_excursion():
-    from parallel_robot_analysis.metrics import _settled
+    from parallel_robot.analysis.metrics import _settled
 
     time = np.arange(6) * 0.5
     assert _settled(time, np.array([9.0, 0.1, 2.0, 0.5, 0.2, 0.1]), 1.0) == 1.5

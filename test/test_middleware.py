@@ -5,9 +5,9 @@ import os
 import pytest
 from rclpy._rclpy_pybind11 import RCLError
 
-from parallel_robot_base.errors import InputError
-from parallel_robot_ros import middleware
-from parallel_robot_ros.middleware import (
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.nodes import middleware
+from parallel_robot_model.nodes.middleware import (
     LOCALHOST_ONLY,
     PROFILES,
     RANGE,

@@ -6,11 +6,11 @@ from assembly import simulate
 from scipy.integrate import solve_ivp
 from vectors import OnVectors
 
-from parallel_robot_base.groups import group
-from parallel_robot_compiler import as_vectors, kernel
 from parallel_robot_control.momentum_observer import Observed, observed
-from parallel_robot_model import planar_3rrr
-from parallel_robot_model.contract import Model
+from parallel_robot_model.compiler import as_vectors, kernel
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots import planar_3rrr
+from parallel_robot_model.robots.contract import Model
 
 K = 20.0  # 1/s
 T = 1e-3  # s

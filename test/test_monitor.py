@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.monitor import Monitor, MonitorParameters
-from parallel_robot_base import config
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot.analysis import metrics
+from parallel_robot.analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.configuration import robot_of
-from parallel_robot_model.poses import poses_of
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.poses import poses_of
 
 START = 10**9  # ns
 MS = 10**6  # ns

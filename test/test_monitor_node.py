@@ -9,12 +9,13 @@ from assembly import simulated
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs, wrap
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.monitor import WindowMetrics
-from parallel_robot_analysis.monitor_node import LINKS
-from parallel_robot_bags import run_log
-from parallel_robot_base import config, topics
-from parallel_robot_base.topics import Topic
+from parallel_robot.analysis import metrics
+from parallel_robot.analysis.monitor import WindowMetrics
+from parallel_robot.analysis.monitor_node import LINKS
+from parallel_robot.bags import run_log
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
+from parallel_robot_model.messages.topics import Topic
 
 pytest_plugins = ['ros_fixtures']
 
@@ -32,7 +33,7 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
     errors = metrics.errors(metrics.distances(pose), log.reference_position - log.position)
     expected = [*errors, *metrics.torque(log.time, log.effort)]
 
-    process = launch('parallel_robot_analysis.monitor_node')
+    process = launch('parallel_robot.analysis.monitor_node')
     heard = [
         peer.listen(Topic(f'monitor/{name}', 'std_msgs/msg/Float64'))
         for name in WindowMetrics._fields
@@ -58,7 +59,7 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
 
 
 def test_it_publishes_what_draws_the_robot(launch, peer, robot):
-    process = launch('parallel_robot_analysis.monitor_node')
+    process = launch('parallel_robot.analysis.monitor_node')
     texts = peer.listen(topics.ROBOT_DESCRIPTION)
     links = peer.listen(LINKS)
     publisher = peer.publisher(topics.JOINT_STATES)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from trajectory_run import Run, smooth
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
 from trajectory_gen import motion_change
 from trajectory_gen.configuration import changed, motions_of, resolve, trajectory_of
 from trajectory_gen.course import Course

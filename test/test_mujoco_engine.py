@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from bags import content
 
-from parallel_robot_bags import run_log
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import run_log
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_simulator import simulator_of
@@ -51,7 +51,7 @@ def test_a_graph_of_nodes_moves_it_as_the_simulation_does(launch, domain, tmp_pa
     changes += ['friction.coulomb=[0,0,0]']
     words = ['paper_circle', '--duration', '0.5', *(w for c in changes for w in ('--set', c))]
     process = launch(
-        *('parallel_robot_cli.command_line', 'run', *words, '--time-mode', 'lockstep'),
+        *('parallel_robot.cli.command_line', 'run', *words, '--time-mode', 'lockstep'),
         *('--set', 'plant.engine=mujoco', '--out', 'bag'),
     )
     assert process.wait() == 0, process.stderr

@@ -8,13 +8,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from parallel_robot_bags.ros_parameters import ParameterWatch
-from parallel_robot_base import processes
-from parallel_robot_base.errors import InputError, RunError
-from parallel_robot_base.namespaces import full
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.ros_session import Session
-from parallel_robot_ros.diagnostics import STATE_INDEX
+from parallel_robot.bags.ros_parameters import ParameterWatch
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.ros_session import Session
+from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.messages.namespaces import full
+from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.processes import node_processes as processes
 
 pytest_plugins = ['ros_fixtures']
 

@@ -7,8 +7,8 @@ from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from trajectory_run import Run, smooth
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
 from trajectory_gen import motion_change, motion_message
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.course import Course

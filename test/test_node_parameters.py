@@ -20,8 +20,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_base import config, topics
-from parallel_robot_base.processes import MODULES
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.node_processes import MODULES
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
@@ -253,7 +254,7 @@ def test_table_2_of_nftsmc_warns_and_runs(session):
 
 def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
     words = ['--duration', '5', '--time-mode', 'lockstep', '--out', 'bag']
-    process = launch('parallel_robot_cli.command_line', 'run', 'paper_circle', *words)
+    process = launch('parallel_robot.cli.command_line', 'run', 'paper_circle', *words)
     commands = peer.listen(topics.COMMANDS)
     peer.until(lambda: commands or not process.running)
     message = Parameter('law', value='smc').to_parameter_msg()

@@ -23,14 +23,15 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot_bags import run_log
-from parallel_robot_base import config, topics
-from parallel_robot_base.cache_directory import NOTICE
-from parallel_robot_base.processes import MODULES, command
+from parallel_robot.bags import run_log
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.cache_directory import NOTICE
+from parallel_robot_model.processes.node_processes import MODULES, command
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
@@ -137,7 +138,7 @@ def test_a_node_that_is_to_outlive_its_terminal_does(start, peer):
 
 def test_ctrl_c_again_and_again_ends_a_node_in_order(launch, peer):
     words = ('node', 'trajectory', '--ros-args', '-r', '__ns:=/hasty')
-    process = launch('parallel_robot_cli.command_line', *words, fresh=True)
+    process = launch('parallel_robot.cli.command_line', *words, fresh=True)
     peer.see('/hasty/trajectory')
     while process.running:
         process._popen.send_signal(signal.SIGINT)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base.module_process import command
+from parallel_robot_model.processes.module_process import command
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = sorted(
@@ -16,7 +16,7 @@ PACKAGES = sorted(
 SHORT = ('--duration', '0.1', '--laws', 'pid')
 SETTINGS = """
 import numba
-import parallel_robot_compiler
+import parallel_robot_model.compiler
 numba.njit(lambda x: 2.0 * x)(1.0)  # Numba looks for new settings before it compiles
 found = numba.config
 print(found.DEBUG, found.DISABLE_JIT, repr(found.CACHE_DIR), int(found.OPT))
@@ -49,15 +49,14 @@ def test_every_package_sees_to_it_before_it_imports_numba(tmp_path):
     code = f"""
 import sys
 for package in {PACKAGES}:
-    if package != 'parallel_robot_compiler':
-        __import__(package)
-        assert 'numba' not in sys.modules
-        del sys.modules['parallel_robot_base']
+    __import__(package)
+    assert 'numba' not in sys.modules
+    del sys.modules['parallel_robot_model']
 sys.meta_path.insert(0, type('Watch', (), {{'find_spec': staticmethod(lambda name, *_: (
-    name == 'numba' and print('parallel_robot_base' in sys.modules)) or None)}}))
-import parallel_robot_compiler
+    name == 'numba' and print('parallel_robot_model' in sys.modules)) or None)}}))
+import parallel_robot_model.compiler
 """
-    assert 'parallel_robot_compiler' in PACKAGES
+    assert len(PACKAGES) == 5
     done = started([sys.executable, '-c', code], tmp_path)
     assert (done.stdout, done.stderr) == ('True\n', '')
 
@@ -76,7 +75,7 @@ def test_the_environment_counts(trap, tmp_path):
 
 
 NODES = """
-from parallel_robot_base.errors import InputError
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure
@@ -98,10 +97,10 @@ def test_nodes_do_not_start_without_the_compiler(tmp_path):
 @pytest.mark.parametrize(
     'words',
     [
-        ('parallel_robot_cli', 'show', 'paper_circle'),
-        ('parallel_robot_cli', 'compare', 'paper_line', *SHORT),
+        ('parallel_robot', 'show', 'paper_circle'),
+        ('parallel_robot', 'compare', 'paper_line', *SHORT),
         ('parallel_robot_control.controller_node', '--ros-args', '-p', 'no_such_key:=1'),
-        ('parallel_robot_studies.sweep.worker', '0'),
+        ('parallel_robot.studies.sweep.worker', '0'),
     ],
 )
 def test_no_process_of_the_suite_reads_it(words, trap):

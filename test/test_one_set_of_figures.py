@@ -5,14 +5,14 @@ import json
 
 import pytest
 
-from parallel_robot_analysis import metrics
-from parallel_robot_analysis.readable_metrics import AS_SEEN, METRICS, as_data, brief, defined
-from parallel_robot_analysis.report.runs import read_runs
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import simulate as command
-from parallel_robot_studies import notebook
-from parallel_robot_studies.sweep import table
-from parallel_robot_studies.sweep.run_chunk import run_chunk
+from parallel_robot.analysis import metrics
+from parallel_robot.analysis.readable_metrics import AS_SEEN, METRICS, as_data, brief, defined
+from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import simulate as command
+from parallel_robot.studies import notebook
+from parallel_robot.studies.sweep import table
+from parallel_robot.studies.sweep.run_chunk import run_chunk
 
 LAWS = ('s_fotsmc', 'computed_torque', 'pid')
 SENSED = (

@@ -2,9 +2,9 @@
 
 import pytest
 
-from parallel_robot_base import topics
-from parallel_robot_base.joint_layouts import OWN
-from parallel_robot_ros.our_joints import OurJoints
+from parallel_robot_model.messages import topics
+from parallel_robot_model.messages.joint_layouts import OWN
+from parallel_robot_model.nodes.our_joints import OurJoints
 
 OURS = ('joint1', 'joint2', 'joint3')
 

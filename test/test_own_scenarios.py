@@ -9,10 +9,10 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 from test_command_line import refused
 
-from parallel_robot_bags import run_log
-from parallel_robot_base.processes import MODULES
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import run
+from parallel_robot.bags import run_log
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import run
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 
@@ -140,12 +140,12 @@ def test_nodes_are_given_an_absolute_path(here, monkeypatch):
 
 def test_nodes_run_it_in_lockstep(launch, domain, here):
     words = ['mine.yaml', '--time-mode', 'lockstep', '--out', 'bag']
-    process = launch('parallel_robot_cli.command_line', 'run', *words)
+    process = launch('parallel_robot.cli.command_line', 'run', *words)
     assert process.wait() == 0, process.stderr
     (here / 'mine.yaml').unlink()
     log = run_log.read(here / 'bag')
     assert (log.scenario, log.config['circle.radius'], len(log.time)) == ('mine', 0.02, 101)
-    process = launch('parallel_robot_cli.command_line', 'rerun', 'bag')
+    process = launch('parallel_robot.cli.command_line', 'rerun', 'bag')
     assert process.wait() == 0, process.stderr
     first, again = (content(next((here / name).glob('*.mcap'))) for name in ('bag', 'bag_rerun'))
     assert first == again

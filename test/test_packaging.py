@@ -19,8 +19,8 @@ import yaml
 from conftest import QUICK
 from ros_fixtures import until
 
-from parallel_robot_cli.command_line import build_parser
-from parallel_robot_cli.commands.node import NODES
+from parallel_robot.cli.command_line import build_parser
+from parallel_robot.cli.commands.node import NODES
 
 pytest_plugins = ['ros_fixtures']
 
@@ -56,7 +56,7 @@ ROS_PACKAGES = {  # of Jazzy
     *('launch_ros', 'rcl_interfaces', 'rclpy', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs'),
     *('std_srvs', 'trajectory_msgs', 'visualization_msgs'),
 }
-MAIN = 'parallel_robot_cli.__main__'
+MAIN = 'parallel_robot.__main__'
 LAUNCH_FILE = ROOT / 'launch' / 'run.launch.py'
 IMPORTED = '_multiarray_umath'  # by a process that has begun to import the suite
 
@@ -100,7 +100,7 @@ def test_every_package_is_installed(setup):
 def test_templates_are_installed(setup):
     for package, patterns in setup['package_data'].items():
         assert all(list((ROOT / package.replace('.', '/')).glob(pattern)) for pattern in patterns)
-    assert setup['package_data']['parallel_robot_analysis.report'] == ['templates/*']
+    assert setup['package_data']['parallel_robot.analysis.report'] == ['templates/*']
 
 
 def test_there_is_one_command(setup):
@@ -452,7 +452,7 @@ def test_ros_is_needed_by_nodes_alone(setup):
     pure = [
         name
         for name, _ in modules(setup['packages'])
-        if not re.search(r'_node$|\.ros_\w+$|^parallel_robot_ros\.', name)
+        if not re.search(r'_node$|\.ros_\w+$|^parallel_robot_model.nodes\.', name)
         and not name.endswith('__init__')
     ]
     code = (

@@ -2,8 +2,8 @@
 
 import pytest
 
-from parallel_robot_base import parameter_file
-from parallel_robot_base.errors import InputError
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import parameter_file
 
 PLAIN = 'law: smc\ncircle:\n  radius: 0.02\nsmc.z: 21.0\n'
 OF_ROS = """

@@ -16,14 +16,16 @@ from rclpy.parameter import (
     parameter_value_to_python,
 )
 
-from parallel_robot_analysis.monitor_node import MonitorNode
-from parallel_robot_bags import simulation_bag
-from parallel_robot_bags.player import PlayerOptions
-from parallel_robot_bags.player_node import PlayerNode
-from parallel_robot_bags.recorder_node import RecorderNode
-from parallel_robot_base import config, realtime, topics
+from parallel_robot.analysis.monitor_node import MonitorNode
+from parallel_robot.bags import simulation_bag
+from parallel_robot.bags.player import PlayerOptions
+from parallel_robot.bags.player_node import PlayerNode
+from parallel_robot.bags.recorder_node import RecorderNode
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_ros import parameter_services as services
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes import parameter_services as services
+from parallel_robot_model.processes import realtime
 from parallel_robot_sim.plant_node import PlantNode
 from trajectory_gen.trajectory_node import TrajectoryNode
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from parallel_robot_base.errors import RobotError
-from parallel_robot_model.planar_3rrr.parameters import validate
+from parallel_robot_model.common.errors import RobotError
+from parallel_robot_model.robots.planar_3rrr.parameters import validate
 
 
 def test_the_papers_robot_can_be_built(robot):

@@ -7,7 +7,7 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from parallel_robot_base import config, plain_data
+from parallel_robot_model.configuration import config, plain_data
 
 DEFAULTS = config.resolve('paper_circle')
 NUMBERS = st.integers(-(2**63), 2**63) | st.floats(allow_nan=False, allow_infinity=False)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from parallel_robot_analysis.report.planned import figure_of_motion
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis.report.planned import figure_of_motion
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate

@@ -7,10 +7,10 @@ from geometry import PAPER_START, PI12_START, closure, kinetic_energy, legs, wra
 from mujoco_robot import open_loop as mujoco_open_loop
 from vectors import OnVectors, on_vectors
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
-from parallel_robot_compiler import as_vectors
-from parallel_robot_model import planar_3rrr
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import as_vectors
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_sim import plant
 
 measure = OnVectors(planar_3rrr).measure

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from parallel_robot_base import cdr
-from parallel_robot_base.errors import DRIVEN_OUT
-from parallel_robot_base.loop import STEP_START, WAIT
-from parallel_robot_model.configuration import resolve
+from parallel_robot_model.common.errors import DRIVEN_OUT
+from parallel_robot_model.configuration.loop import STEP_START, WAIT
+from parallel_robot_model.messages import cdr
+from parallel_robot_model.robots.configuration import resolve
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_run import ANNOUNCED, REPEAT, PlantRun

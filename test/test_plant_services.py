@@ -5,8 +5,8 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import cdr_reader, layouts, topics
-from parallel_robot_ros.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_model.messages import cdr_reader, layouts, topics
+from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_node import PlantNode
 

@@ -6,11 +6,11 @@ import time
 import pytest
 from bags import MS
 
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.indexed_reader import BagReader
-from parallel_robot_bags.player import Player, PlayerOptions
-from parallel_robot_base import layouts, topics
-from parallel_robot_base.errors import InputError
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot.bags.player import Player, PlayerOptions
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.messages import layouts, topics
 
 START = 10**9  # ns
 COUNT = 101  # messages, one a millisecond

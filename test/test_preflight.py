@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from geometry import ROBOT, jacobian, legs
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError, MotionError
-from parallel_robot_model.planar_3rrr import MotionLimits
+from parallel_robot_model.common.errors import InputError, MotionError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.planar_3rrr import MotionLimits
 from parallel_robot_sim.configuration import configure
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.preflight import check

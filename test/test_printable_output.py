@@ -3,9 +3,9 @@
 import io
 import sys
 
-from parallel_robot_bags import progress
-from parallel_robot_bags.printable_output import LONGEST_LINE, printable_output
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import progress
+from parallel_robot.bags.printable_output import LONGEST_LINE, printable_output
+from parallel_robot.cli.command_line import main
 
 
 def test_what_commands_print_has_no_escape_sequences(capsys):

@@ -12,9 +12,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 from ros_fixtures import PATIENCE, until
 
-from parallel_robot_base import forked_process, processes
-from parallel_robot_base.errors import RunError
-from parallel_robot_base.user_directory import user_directories
+from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.processes import forked_process
+from parallel_robot_model.processes import node_processes as processes
+from parallel_robot_model.processes.user_directory import user_directories
 
 pytest_plugins = ['ros_fixtures']  # for `until`
 

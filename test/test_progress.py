@@ -5,13 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from parallel_robot_analysis.report import runs
-from parallel_robot_bags import progress
-from parallel_robot_bags.progress import CLEAR, Progress, tracked
-from parallel_robot_base import cache_directory
-from parallel_robot_base.cache_directory import NOTICE
-from parallel_robot_base.errors import BagError
-from parallel_robot_cli.commands import run
+from parallel_robot.analysis.report import runs
+from parallel_robot.bags import progress
+from parallel_robot.bags.progress import CLEAR, Progress, tracked
+from parallel_robot.cli.commands import run
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.processes import cache_directory
+from parallel_robot_model.processes.cache_directory import NOTICE
 
 
 class Terminal(io.StringIO):

@@ -13,14 +13,14 @@ import pytest
 from mcap.reader import make_reader
 
 import parallel_robot_sim
-from parallel_robot_analysis import table
-from parallel_robot_analysis.report.runs import read_runs
-from parallel_robot_bags import run_log, simulation_bag
-from parallel_robot_base.errors import BagError, InputError
-from parallel_robot_base.loop import DURATION
-from parallel_robot_cli import command_line
+from parallel_robot.analysis import table
+from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.cli import command_line
+from parallel_robot.studies import notebook
+from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.configuration.loop import DURATION
 from parallel_robot_sim import Run, scenario_run, simulate
-from parallel_robot_studies import notebook
 
 ROOT = Path(__file__).parents[1]
 STUDY = {

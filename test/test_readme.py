@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from parallel_robot_base import assignments, config, topics
-from parallel_robot_cli.command_line import build_parser
-from parallel_robot_cli.commands.limit import is_study
-from parallel_robot_cli.commands.simulate import given
+from parallel_robot.cli.command_line import build_parser
+from parallel_robot.cli.commands.limit import is_study
+from parallel_robot.cli.commands.simulate import given
+from parallel_robot_model.configuration import assignments, config
+from parallel_robot_model.messages import topics
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / 'README.md').read_text()

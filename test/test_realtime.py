@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base import realtime
+from parallel_robot_model.processes import realtime
 
 SYS_NICE, IPC_LOCK = 23, 14  # capabilities
 NICE = os.getpriority(os.PRIO_PROCESS, 0)
 CHILD = """
 import ctypes, json, os, resource, sys, threading
-from parallel_robot_base import realtime
+from parallel_robot_model.processes import realtime
 
 without, limits, priority = map(json.loads, sys.argv[1:])
 libc = ctypes.CDLL(None)
@@ -88,7 +88,7 @@ def test_memory_that_has_a_limit_is_not_locked(limit):
 def test_a_thread_that_gives_way_is_one_below(priority, after):
     code = """
 import os, sys, threading
-from parallel_robot_base import realtime
+from parallel_robot_model.processes import realtime
 
 priority = int(sys.argv[1])
 os.sched_setscheduler(0, os.SCHED_FIFO if priority else os.SCHED_OTHER, os.sched_param(priority))

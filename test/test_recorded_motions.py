@@ -5,10 +5,10 @@ import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from parallel_robot_bags import history, run_log
-from parallel_robot_base import topics
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import rerun
+from parallel_robot.bags import history, run_log
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import rerun
+from parallel_robot_model.messages import topics
 
 pytest_plugins = ['ros_fixtures']
 
@@ -22,7 +22,7 @@ CHANGES = (
 def bag(launch, domain, peer, tmp_path):
     """A bag of a run during which the motion was changed twice, and once not."""
     words = ['--duration', '8', '--time-mode', 'lockstep', '--out', 'bag']
-    process = launch('parallel_robot_cli.command_line', 'run', 'paper_circle', *words)
+    process = launch('parallel_robot.cli.command_line', 'run', 'paper_circle', *words)
     references = peer.listen(topics.REFERENCE)
     peer.until(lambda: references or not process.running)
 

@@ -13,20 +13,21 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot_bags import history
-from parallel_robot_bags import recorder as module
-from parallel_robot_bags.bag_files import open_file
-from parallel_robot_bags.channels import channel, channel_of, qos_profile
-from parallel_robot_bags.mcap_block import Block
-from parallel_robot_bags.mcap_records import scan
-from parallel_robot_bags.record_names import MESSAGES
-from parallel_robot_bags.recorder import Recorder
-from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.errors import BagError
-from parallel_robot_base.groups import group
-from parallel_robot_base.loop import LoopParameters
-from parallel_robot_base.topics import Topic
+from parallel_robot.bags import history
+from parallel_robot.bags import recorder as module
+from parallel_robot.bags.bag_files import open_file
+from parallel_robot.bags.channels import channel, channel_of, qos_profile
+from parallel_robot.bags.mcap_block import Block
+from parallel_robot.bags.mcap_records import scan
+from parallel_robot.bags.record_names import MESSAGES
+from parallel_robot.bags.recorder import Recorder
 from parallel_robot_control.messages import Status, answers_message, status_message
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.messages.topics import Topic
 
 START = 10**9  # ns; that of lockstep
 MS = 10**6  # ns
@@ -298,10 +299,11 @@ def test_a_full_disk_is_handed_over(tmp_path):
     script = f"""
         import os, resource, threading
         from pathlib import Path
-        from parallel_robot_bags.recorder import Recorder
-        from parallel_robot_base import config, layouts, topics
-        from parallel_robot_base.groups import group
-        from parallel_robot_base.loop import LoopParameters
+        from parallel_robot.bags.recorder import Recorder
+        from parallel_robot_model.configuration import config
+        from parallel_robot_model.messages import layouts, topics
+        from parallel_robot_model.configuration.groups import group
+        from parallel_robot_model.configuration.loop import LoopParameters
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
         failed, errors = threading.Event(), []

@@ -15,12 +15,13 @@ from mcap.writer import Writer as McapWriter
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis import metrics
-from parallel_robot_bags import bag_writer, run_log, simulation_bag
-from parallel_robot_bags.recovery import recover
-from parallel_robot_base import config, topics
-from parallel_robot_base.errors import BagError
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import metrics
+from parallel_robot.bags import bag_writer, run_log, simulation_bag
+from parallel_robot.bags.recovery import recover
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
 
 CASES = 100
 RANDOM = random.Random(5)

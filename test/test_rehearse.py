@@ -5,11 +5,11 @@ import pytest
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
-from parallel_robot_analysis.drill import fault_between, motors_braked
-from parallel_robot_bags import run_log
-from parallel_robot_bags.statuses import ControllerStatus
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import rehearse
+from parallel_robot.analysis.drill import fault_between, motors_braked
+from parallel_robot.bags import run_log
+from parallel_robot.bags.statuses import ControllerStatus
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import rehearse
 
 pytest_plugins = ['ros_fixtures']
 
@@ -65,7 +65,7 @@ def test_the_simulated_robot_is_another_one_than_is_assumed(robot):
 
 def test_the_drill_on_real_nodes(launch, domain, tmp_path):
     words = ('rehearse', '--only', 'drill', '--out', 'drill')
-    process = launch('parallel_robot_cli.command_line', *words)
+    process = launch('parallel_robot.cli.command_line', *words)
     assert process.wait() == 0, (process.stdout, process.stderr)
     lines = process.stdout.splitlines()
     assert sum(line.startswith('  ok') for line in lines) == 5

@@ -7,8 +7,9 @@ from reliability import endurance, page
 from reliability.effects import Effect, Line
 from reliability.judging import BOUND, QUIET, Outcome, Record, is_well, judge, recovery_time
 
-from parallel_robot_bags import run_log, simulation_bag
-from parallel_robot_base import config, layouts
+from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import layouts
 
 TIME = np.arange(300) * 0.01  # s
 MS = 1e-3  # s

@@ -9,15 +9,12 @@ from bags import content, streams, write_foreign
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from parallel_robot_analysis import drill, timing
-from parallel_robot_analysis.replay import replayed
-from parallel_robot_bags import history, run_log, simulation_bag
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.experiment import describe
-from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.groups import group
-from parallel_robot_base.loop import STEP_START, LoopParameters
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import drill, timing
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.experiment import describe
+from parallel_robot.cli.command_line import main
 from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
@@ -25,6 +22,10 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.messages import status_message
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import STEP_START, LoopParameters
+from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import trajectory_of

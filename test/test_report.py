@@ -11,12 +11,12 @@ from browser import requests, started
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot_analysis.report import page, paper_figures, runs
-from parallel_robot_analysis.report.charts import charts
-from parallel_robot_analysis.report.paper_figures import draw
-from parallel_robot_base import topics
-from parallel_robot_base.errors import InputError
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis.report import page, paper_figures, runs
+from parallel_robot.analysis.report.charts import charts
+from parallel_robot.analysis.report.paper_figures import draw
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.messages import topics
 
 pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
 
@@ -286,7 +286,7 @@ def test_names_of_a_bag_are_text(hostile, tmp_path):
 
 
 def test_scenario_names_make_no_paths(bags, tmp_path, monkeypatch):
-    from parallel_robot_cli.commands import report
+    from parallel_robot.cli.commands import report
 
     monkeypatch.setattr(report, 'charts', lambda found: charts(found)[1:2])
     groups = {'../../x y': runs.read_runs(bags[:1])['paper_circle']}
@@ -311,7 +311,7 @@ def test_a_disk_that_is_full_leaves_nothing(bags, tmp_path, capsys, monkeypatch)
     def full(*_):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('parallel_robot_analysis.report.paper_figures.draw', full)
+    monkeypatch.setattr('parallel_robot.analysis.report.paper_figures.draw', full)
     assert 'No space left' in refused([bags[0], '--out', tmp_path / 'out'], capsys)
     assert not list(tmp_path.iterdir())
 

@@ -9,16 +9,17 @@ from bags import content
 from mcap.reader import make_reader
 from test_replay import live, switch
 
-from parallel_robot_bags import arithmetic, history, limits, run_log
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_bags.record_names import MISSING
-from parallel_robot_bags.recorder import Recorder
-from parallel_robot_base import config, topics
-from parallel_robot_base.groups import group
-from parallel_robot_base.loop import LoopParameters
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import rerun, run
+from parallel_robot.bags import arithmetic, history, limits, run_log
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.record_names import MISSING
+from parallel_robot.bags.recorder import Recorder
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import rerun, run
 from parallel_robot_control import faults
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.messages import topics
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_law.py'
 WORDS = ['paper_circle', '--duration', '0.1']

@@ -6,12 +6,12 @@ from assembly import prepare
 from scipy.integrate import quad
 from vectors import on_vectors
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.groups import group
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import adrc, fixed_time_smc, tdc
-from parallel_robot_model.contract import Model
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.contract import Model
 
 observed = on_vectors(adrc.observed)
 VALUES = config.resolve('paper_circle')

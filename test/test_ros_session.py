@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from parallel_robot_base.errors import RunError
-from parallel_robot_base.processes import Work
-from parallel_robot_cli import ros_session
-from parallel_robot_cli.ros_session import Session
-from parallel_robot_ros.diagnostics import STATE_INDEX
+from parallel_robot.cli import ros_session
+from parallel_robot.cli.ros_session import Session
+from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.processes.node_processes import Work
 
 ASKING = 0.5  # s, that a question takes
 

@@ -18,22 +18,22 @@ from ros_fixtures import PATIENCE, ROOT, SLOW_LOOP, Child, until
 from rosbags.rosbag2 import Reader
 from warm_process import children
 
-from parallel_robot_analysis.replay import replayed
-from parallel_robot_analysis.report.charts import charts
-from parallel_robot_analysis.report.plots import plot
-from parallel_robot_analysis.report.runs import read_runs
-from parallel_robot_bags import history, run_log
-from parallel_robot_bags.recovery import recover
-from parallel_robot_base import topics
-from parallel_robot_base.module_process import command
-from parallel_robot_base.processes import MODULES
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.analysis.report.charts import charts
+from parallel_robot.analysis.report.plots import plot
+from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.bags import history, run_log
+from parallel_robot.bags.recovery import recover
+from parallel_robot.cli.command_line import main
+from parallel_robot.live.bag_source import open_bag
 from parallel_robot_control.configuration import configure
-from parallel_robot_live.bag_source import open_bag
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.module_process import command
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 
-COMMAND_LINE = 'parallel_robot_cli.command_line'
+COMMAND_LINE = 'parallel_robot.cli.command_line'
 ENDS = {'SIGINT': 130, 'SIGTERM': 143, 'SIGHUP': 129}  # signals, and exit codes then
 
 
@@ -168,8 +168,8 @@ def test_a_node_that_dies_ends_the_run(begin, tmp_path):
 
 
 HASTY = """
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import run
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import run
 
 run.STANDSTILL = 2.0
 """
@@ -241,7 +241,7 @@ def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
 @pytest.mark.parametrize('name', ENDS)
 def test_a_signal_while_a_report_is_drawn_leaves_nothing_of_it(name, launch, tmp_path):
     assert launch(COMMAND_LINE, 'simulate', 'paper_circle', '--out', 'bag').wait() == 0
-    process = launch('parallel_robot_cli.__main__', 'report', 'bag', '--out', 'report')
+    process = launch('parallel_robot.__main__', 'report', 'bag', '--out', 'report')
     process.until(lambda: [*tmp_path.glob('.report.*/report')])
     assert process.end(getattr(signal, name)) == ENDS[name]
     assert process.stderr == ''
@@ -279,7 +279,7 @@ def test_the_end_of_its_terminal_ends_the_run_in_order(domain, compiled, tmp_pat
     if not pid:
         os.chdir(tmp_path)
         os.environ['PYTHONPATH'] = str(ROOT)
-        os.execv(sys.executable, command('parallel_robot_cli', *words))
+        os.execv(sys.executable, command('parallel_robot', *words))
     files = tmp_path / 'bag'
     until(lambda: any(file.stat().st_size > 60_000 for file in files.glob('*.mcap')))
     nodes = {module: Child(one, os.pidfd_open(one)) for module, one in children(pid).items()}

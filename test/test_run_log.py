@@ -11,12 +11,13 @@ from assembly import simulated as simulate
 from bags import JOINTS, MS, START, WRITERS, content, streams, write_foreign
 from mcap.writer import Writer
 
-from parallel_robot_analysis import metrics
-from parallel_robot_bags import run_log, simulation_bag
-from parallel_robot_bags.bag_writer import BagWriter
-from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.errors import BagError, KinematicsError
-from parallel_robot_base.topics import Topic
+from parallel_robot.analysis import metrics
+from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot_model.common.errors import BagError, KinematicsError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.messages.topics import Topic
 
 COUNT = 100
 RANDOM = np.random.default_rng(3)
@@ -213,7 +214,7 @@ def test_reading_needs_no_ros(tmp_path):
     write_foreign(tmp_path / 'bag', streams(REFERENCE, POSITION))
     code = (
         'import sys; from pathlib import Path\n'
-        'from parallel_robot_bags import run_log\n'
+        'from parallel_robot.bags import run_log\n'
         f'print(len(run_log.read(Path({str(tmp_path / "bag")!r})).time), "rclpy" in sys.modules)\n'
     )
     done = subprocess.run(

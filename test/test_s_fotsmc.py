@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from vectors import on_vectors
 
-from parallel_robot_base import config
-from parallel_robot_base.groups import group
-from parallel_robot_compiler import as_arrays
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.integral import advanced
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_model.contract import Model
+from parallel_robot_model.compiler import as_arrays
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.contract import Model
 
 update = on_vectors(s_fotsmc.update)
 GAINS = group(config.resolve('paper_circle'), s_fotsmc.Gains, 's_fotsmc')

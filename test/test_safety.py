@@ -14,7 +14,6 @@ from rclpy.serialization import deserialize_message
 from rig import MS, Rig
 from vectors import on_vectors
 
-from parallel_robot_base import config
 from parallel_robot_control import controller, controller_state, safety
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
@@ -39,8 +38,9 @@ from parallel_robot_control.safety import (
     TORQUE,
     Last,
 )
-from parallel_robot_model.planar_3rrr.forward_kinematics import NOT_CONVERGED
-from parallel_robot_model.planar_3rrr.margins import TYPE_1, TYPE_2
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.planar_3rrr.forward_kinematics import NOT_CONVERGED
+from parallel_robot_model.robots.planar_3rrr.margins import TYPE_1, TYPE_2
 
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md

@@ -14,8 +14,6 @@ from ros_fixtures import DAMPING, PERIOD, RECENT, SLOW_LOOP, STATE_TIMEOUT, Peer
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from parallel_robot_base import topics
-from parallel_robot_base.processes import MODULES
 from parallel_robot_control import faults
 from parallel_robot_control.faults import (
     COMMANDS_DISAGREE,
@@ -23,6 +21,8 @@ from parallel_robot_control.faults import (
     STATES_DISAGREE,
     STATES_STALE,
 )
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 pytestmark = pytest.mark.xdist_group('safety_nodes')  # one loop for all

@@ -2,8 +2,8 @@
 
 import pytest
 
-from parallel_robot_base import config, config_files
-from parallel_robot_base.errors import InputError, UnknownNameError
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import config, config_files
 
 
 @pytest.fixture

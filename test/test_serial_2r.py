@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from vectors import OnVectors, on_vectors
 
-from parallel_robot_base.errors import InputError, RobotError
-from parallel_robot_base.fields import build
-from parallel_robot_model import serial_2r as module
-from parallel_robot_model.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
-from parallel_robot_model.disturbance import DisturbanceParameters
-from parallel_robot_model.friction import FrictionParameters
-from parallel_robot_model.joint_load import JointLoad
+from parallel_robot_model.common.errors import InputError, RobotError
+from parallel_robot_model.configuration.fields import build
+from parallel_robot_model.robots import serial_2r as module
+from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
+from parallel_robot_model.robots.disturbance import DisturbanceParameters
+from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import JointLoad
 
 serial_2r = OnVectors(module)
 ARM = serial_2r.Parameters(

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from parallel_robot_base import config, parameter_file
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands.show import fields_of
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands.show import fields_of
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration import config, parameter_file
 
 LAW = str(Path(__file__).parents[1] / 'docs' / 'example_law.py')
 

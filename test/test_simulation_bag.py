@@ -10,9 +10,9 @@ from bags import STORE
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_bags import simulation_bag
-from parallel_robot_base import config
-from parallel_robot_model.planar_3rrr import measure
+from parallel_robot.bags import simulation_bag
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.planar_3rrr import measure
 
 N = 400
 VALUES = config.resolve('paper_line', {'duration': N * 1e-3, 'true_robot.m2': 8.0})

@@ -6,11 +6,11 @@ from geometry import ROBOT, jacobian, legs, poses
 from hypothesis import given
 from scipy.optimize import brentq
 
-from parallel_robot_compiler import vector
-from parallel_robot_model.planar_3rrr import singularity
-from parallel_robot_model.planar_3rrr.constants import constants
-from parallel_robot_model.planar_3rrr.posture import inverse_kinematics, posture_at
-from parallel_robot_model.planar_3rrr.singularity import condition_numbers
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.robots.planar_3rrr import singularity
+from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots.planar_3rrr.posture import inverse_kinematics, posture_at
+from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers
 
 CONSTANTS = constants(ROBOT)
 

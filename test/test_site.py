@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_cli.command_line import COMMANDS, main
+from parallel_robot.cli.command_line import COMMANDS, main
 
 pytestmark = pytest.mark.xdist_group('site')  # built once
 ROOT = Path(__file__).parents[1]

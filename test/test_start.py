@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_base import cache_directory
-from parallel_robot_base.processes import command
+from parallel_robot_model.processes import cache_directory
+from parallel_robot_model.processes.node_processes import command
 
 pytest_plugins = ['ros_fixtures']
 
@@ -21,17 +21,13 @@ HOSTILE = (  # what the suite imports early or late, itself or for Numba and rcl
     *('runpy', 'inspect', 'json', 'argparse', 'signal', 'logging', 'queue', 'statistics'),
     *(
         'trajectory_gen',
-        'parallel_robot_base',
-        'parallel_robot_compiler',
-        'parallel_robot_analysis',
-        'parallel_robot_studies',
-        'parallel_robot_cli',
+        'parallel_robot_model',
+        'parallel_robot',
     ),
     *('controller', 'simulator', 'messages'),
 )
 CONSOLE_SCRIPT = (
-    f'#!{sys.executable}\n'
-    'import sys; from parallel_robot_cli.__main__ import main; sys.exit(main())\n'
+    f'#!{sys.executable}\nimport sys; from parallel_robot.__main__ import main; sys.exit(main())\n'
 )
 
 

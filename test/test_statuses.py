@@ -5,14 +5,14 @@ import re
 import pytest
 from bags import START
 
-from parallel_robot_bags.statuses import ControllerStatus, decoded
-from parallel_robot_base import layouts
+from parallel_robot.bags.statuses import ControllerStatus, decoded
 from parallel_robot_control import faults
 from parallel_robot_control.faults import EMERGENCY_STOP
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_control.safety import ACTED_CODE, ACTED_TEXT, RAMP, TORQUE
-from parallel_robot_model.contract import Fault
-from parallel_robot_model.robots import ROBOTS
+from parallel_robot_model.messages import layouts
+from parallel_robot_model.robots.contract import Fault
+from parallel_robot_model.robots.registry import ROBOTS
 
 STOPPED = Status('pid', faults.FAULTS[EMERGENCY_STOP], TORQUE | RAMP)
 

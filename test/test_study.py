@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands.limit import is_study
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands.limit import is_study
+from parallel_robot.studies.sweep import study, table, uncertainty
+from parallel_robot.studies.sweep.plan import plan, sample, sampling
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
-from parallel_robot_studies.sweep import study, table, uncertainty
-from parallel_robot_studies.sweep.plan import plan, sample, sampling
 
 HEAD = 'scenarios: [paper_circle]\nlaws: [smc]\nruns: 4\n'
 

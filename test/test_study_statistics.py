@@ -10,15 +10,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from parallel_robot_studies.sweep import picture, statistics, study, summary
-from parallel_robot_studies.sweep.plan import plan
-from parallel_robot_studies.sweep.results import (
-    ERRORS,
-    OTHERS,
-    LawResult,
-    ScenarioResult,
-)
-from parallel_robot_studies.sweep.statistics import Duel, Estimate
+from parallel_robot.studies.sweep import picture, statistics, study, summary
+from parallel_robot.studies.sweep.plan import plan
+from parallel_robot.studies.sweep.results import ERRORS, OTHERS, LawResult, ScenarioResult
+from parallel_robot.studies.sweep.statistics import Duel, Estimate
 
 RANDOM = np.random.default_rng(0)
 

@@ -8,9 +8,9 @@ import pytest
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from parallel_robot_base.errors import RunError
-from parallel_robot_ros.life_cycle import run_node
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.suite_node import SuiteNode
 
 pytest_plugins = ['ros_fixtures']
 

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 from sweeping import FAILING, ROWS, RUNS, TEXT, Inline, content, planned, runs, swept
 
-from parallel_robot_analysis import metrics
-from parallel_robot_bags import run_log
-from parallel_robot_base.errors import InputError, RunError
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import metrics
+from parallel_robot.bags import run_log
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.sweep import results
+from parallel_robot.studies.sweep.floor import floor_of
+from parallel_robot.studies.sweep.run_chunk import Outcome
+from parallel_robot.studies.sweep.store import Store
+from parallel_robot.studies.sweep.sweep import FILES
+from parallel_robot.studies.sweep.table import schema, table
+from parallel_robot.studies.sweep.tasks import Task, run_task, tasks
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_sim.configuration import configure
-from parallel_robot_studies.sweep import results
-from parallel_robot_studies.sweep.floor import floor_of
-from parallel_robot_studies.sweep.run_chunk import Outcome
-from parallel_robot_studies.sweep.store import Store
-from parallel_robot_studies.sweep.sweep import FILES
-from parallel_robot_studies.sweep.table import schema, table
-from parallel_robot_studies.sweep.tasks import Task, run_task, tasks
 
 pytest_plugins = ['sweeping']
 
@@ -155,7 +155,7 @@ def test_a_changed_study_a_version_and_fewer_runs_are_refused(whole, monkeypatch
     changed = TEXT + 'set: {circle.radius: 0.02}\n'
     assert 'whose configuration differs' in refused(whole, changed)
     assert '--runs must be at least that, not 5' in refused(whole, runs=5)
-    monkeypatch.setattr('parallel_robot_studies.sweep.store.version', lambda: '9.9')
+    monkeypatch.setattr('parallel_robot.studies.sweep.store.version', lambda: '9.9')
     assert 'made by another version of the suite' in refused(whole)
     assert {path: path.read_bytes() for path in whole.iterdir()} == before
 
@@ -189,7 +189,7 @@ def test_two_sweeps_do_not_share_a_directory(whole):
 
 
 def test_many_rows_are_merged_window_by_window(whole, tmp_path, monkeypatch):
-    monkeypatch.setattr('parallel_robot_studies.sweep.store.WINDOW', 7)
+    monkeypatch.setattr('parallel_robot.studies.sweep.store.WINDOW', 7)
     swept(tmp_path)
     assert runs(tmp_path).equals(runs(whole))
 
@@ -286,7 +286,7 @@ def test_every_row_has_the_limit_of_its_sample_which_is_computed_once(tmp_path, 
         asked.append(configuration)
         return floor_of(configuration)
 
-    monkeypatch.setattr('parallel_robot_studies.sweep.tasks.floor_of', counted)
+    monkeypatch.setattr('parallel_robot.studies.sweep.tasks.floor_of', counted)
     text = swept(tmp_path, NOISY, summarised=True)
     found = runs(tmp_path).to_pylist()
     assert len(asked) == 3 and len(found) == 6

@@ -15,13 +15,13 @@ from bags import full_disk
 from ros_fixtures import PATIENCE
 from sweeping import ROWS, RUNS, TEXT, content, planned, runs, swept
 
-from parallel_robot_base.errors import RunError
-from parallel_robot_cli.command_line import main
-from parallel_robot_studies.sweep.run_chunk import Outcome
-from parallel_robot_studies.sweep.store import Store
-from parallel_robot_studies.sweep.table import schema, table
-from parallel_robot_studies.sweep.tasks import Task, run_task, tasks, version
-from parallel_robot_studies.sweep.workers import MOST_LOSSES, Processes, completed
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.sweep.run_chunk import Outcome
+from parallel_robot.studies.sweep.store import Store
+from parallel_robot.studies.sweep.table import schema, table
+from parallel_robot.studies.sweep.tasks import Task, run_task, tasks, version
+from parallel_robot.studies.sweep.workers import MOST_LOSSES, Processes, completed
+from parallel_robot_model.common.errors import RunError
 
 pytest_plugins = ['sweeping']
 
@@ -36,7 +36,7 @@ def test_two_processes_make_the_same_file(whole, tmp_path):
 
 def test_there_are_no_more_processes_than_tasks(monkeypatch):
     idle = SimpleNamespace(ready=False, task=None)
-    monkeypatch.setattr('parallel_robot_studies.sweep.workers._start', lambda: idle)
+    monkeypatch.setattr('parallel_robot.studies.sweep.workers._start', lambda: idle)
     workers = Processes(1000)
     for count in (1, 2, 3):
         workers.submit(Task('paper_circle', (count,), ({},), version()))
@@ -46,8 +46,8 @@ def test_there_are_no_more_processes_than_tasks(monkeypatch):
 STRUCK = """
 import os, signal, sys
 from pathlib import Path
-from parallel_robot_cli.command_line import main
-from parallel_robot_studies.sweep.store import Store
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.sweep.store import Store
 
 add, number, pid = Store.add, int(sys.argv.pop(1)), os.getpid()
 
@@ -180,7 +180,7 @@ def test_a_row_that_kills_its_workers_is_a_failure_and_no_other_row_is():
 
 
 def test_workers_that_cannot_start_end_the_sweep_with_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr('parallel_robot_studies.sweep.workers.MODULE', 'parallel_robot_missing')
+    monkeypatch.setattr('parallel_robot.studies.sweep.workers.MODULE', 'parallel_robot_missing')
     with pytest.raises(RunError, match=r'cannot start: .*parallel_robot_missing'):
         swept(tmp_path / 'out', workers=Processes(2))
     assert not list(tmp_path.iterdir())

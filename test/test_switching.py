@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from rig import Rig
 
-from parallel_robot_base import config, config_files
-from parallel_robot_base.errors import InputError
 from parallel_robot_control import assembly as control
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import RAMP
 from parallel_robot_control.transitions import taking_over
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config, config_files
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure

@@ -7,11 +7,12 @@ import pytest
 from assembly import simulated as simulate
 from bags import JOINTS, MS, START, streams, write_foreign
 
-from parallel_robot_analysis import table
-from parallel_robot_bags import simulation_bag
-from parallel_robot_base import config, layouts, topics
-from parallel_robot_base.errors import InputError
+from parallel_robot.analysis import table
+from parallel_robot.bags import simulation_bag
 from parallel_robot_control.messages import telemetry_layouts
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import layouts, topics
 
 COUNT = 305
 PER_JOINT = 9

@@ -9,12 +9,13 @@ from assembly import simulated
 from bags import MS, streams, write_foreign
 from test_replay import live
 
-from parallel_robot_analysis import timing
-from parallel_robot_bags import history, run_log, simulation_bag
-from parallel_robot_bags.statuses import ControllerStatus
-from parallel_robot_base import config, layouts, topics
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis import timing
+from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags.statuses import ControllerStatus
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.messages import answers_message
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import layouts, topics
 
 START = 1_700_000_000 * 10**9  # ns
 N = 1000

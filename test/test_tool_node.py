@@ -6,8 +6,8 @@ import signal
 import pytest
 import rclpy
 
-from parallel_robot_ros.middleware import TRANSPORTS
-from parallel_robot_ros.tool_node import tool_node
+from parallel_robot_model.nodes.middleware import TRANSPORTS
+from parallel_robot_model.nodes.tool_node import tool_node
 
 pytest_plugins = ['ros_fixtures']
 

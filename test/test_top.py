@@ -12,12 +12,13 @@ from rclpy.serialization import serialize_message
 from rich.console import Console
 from sensor_msgs.msg import JointState
 
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import top
-from parallel_robot_cli.top import joint_angles, view
-from parallel_robot_cli.top.app import Top
-from parallel_robot_cli.top.joint_angles import JointAngle
-from parallel_robot_cli.top.robots import ERROR, GONE, OK, SILENT, Robots
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import top
+from parallel_robot.cli.top import view
+from parallel_robot.cli.top.app import Top
+from parallel_robot.watch import joint_angles
+from parallel_robot.watch.joint_angles import JointAngle
+from parallel_robot.watch.robots import ERROR, GONE, OK, SILENT, Robots
 
 pytest_plugins = ['ros_fixtures']
 
@@ -364,7 +365,7 @@ def test_a_robot_that_appears_later_is_found(robots):
 def test_without_its_libraries_the_command_says_how_to_get_them():
     code = (
         'import sys; sys.modules.update(textual=None, rich=None)\n'
-        "from parallel_robot_cli.command_line import main; sys.exit(main(['top']))"
+        "from parallel_robot.cli.command_line import main; sys.exit(main(['top']))"
     )
     done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 2 and done.stderr.count('\n') == 1

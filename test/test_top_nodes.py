@@ -4,12 +4,12 @@ import time
 
 from ros_fixtures import PATIENCE, SLOW_LOOP, until
 
-from parallel_robot_base.processes import MODULES
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import top
-from parallel_robot_cli.top import ros_graph
-from parallel_robot_cli.top.robots import Robots
-from parallel_robot_cli.top.ros_graph import RosGraph
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import top
+from parallel_robot.watch import ros_graph
+from parallel_robot.watch.robots import Robots
+from parallel_robot.watch.ros_graph import RosGraph
+from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
 

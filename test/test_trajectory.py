@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from geometry import closure, legs, wrap
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
 from trajectory_gen.configuration import trajectory_of
 
 SCENARIOS = ['paper_circle', 'circle_pi12', 'paper_line', 'excitation']

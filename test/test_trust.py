@@ -9,10 +9,10 @@ import pytest
 from custom_law import LAW
 from mcap.writer import Writer
 
-from parallel_robot_bags import bag_reader, shown_code, trust
-from parallel_robot_base import custom_module
-from parallel_robot_base.errors import BagError
-from parallel_robot_cli.command_line import main
+from parallel_robot.bags import bag_reader, shown_code, trust
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.processes import custom_module
 
 DIGEST = hashlib.sha256(LAW.encode()).hexdigest()
 MARK = '\nimport pathlib\npathlib.Path(__file__).with_name("ran").touch()\n'
@@ -187,7 +187,7 @@ def test_a_module_beside_the_bag_is_not_imported(line, kind, tmp_path, monkeypat
         (place / '__init__.py').touch()
     with pytest.raises(BagError, match=f'mine.py imports beside from {tmp_path}/beside'):
         allowed(line.encode(), tmp_path)
-    allowed(b'import math, numpy, parallel_robot_base', tmp_path)
+    allowed(b'import math, numpy, parallel_robot_model', tmp_path)
     assert (
         str(tmp_path) not in sys.path and trust.near_modules.os.environ['PYTHONPATH'] == '/other'
     )

@@ -9,30 +9,24 @@ from typing import get_args, get_type_hints
 import pytest
 import yaml
 
-from parallel_robot_base import parameter_file
-from parallel_robot_base.errors import InputError, RunError
-from parallel_robot_base.fields import parameters
-from parallel_robot_cli.command_line import main
-from parallel_robot_cli.commands import tune
+from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import tune
+from parallel_robot.studies.tuning import convergence, effort
+from parallel_robot.studies.tuning.convergence import Rule
+from parallel_robot.studies.tuning.effort import Effort
+from parallel_robot.studies.tuning.front import choose, front
+from parallel_robot.studies.tuning.picture import SUFFIXES
+from parallel_robot.studies.tuning.ranges import Range
+from parallel_robot.studies.tuning.sampler import distributions, within
+from parallel_robot.studies.tuning.space import at_ends, doubts, objection, space_of, unit_of
+from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.tune import infeasible
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
-from parallel_robot_studies.tuning import convergence, effort
-from parallel_robot_studies.tuning.convergence import Rule
-from parallel_robot_studies.tuning.effort import Effort
-from parallel_robot_studies.tuning.front import choose, front
-from parallel_robot_studies.tuning.picture import SUFFIXES
-from parallel_robot_studies.tuning.ranges import Range
-from parallel_robot_studies.tuning.sampler import distributions, within
-from parallel_robot_studies.tuning.space import (
-    at_ends,
-    doubts,
-    objection,
-    space_of,
-    unit_of,
-)
-from parallel_robot_studies.tuning.trial import Trial
-from parallel_robot_studies.tuning.tune import infeasible
+from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.configuration import parameter_file
+from parallel_robot_model.configuration.fields import parameters
 
 pytest.importorskip('optuna')
 OPTIONS = ['--duration', '0.05', '--workers', '1']
@@ -77,7 +71,7 @@ def test_a_search_makes_enough_trials_to_converge_unless_told(
         found.append(count)
         raise RunError('enough')
 
-    monkeypatch.setattr('parallel_robot_cli.commands.tune.run', run)
+    monkeypatch.setattr('parallel_robot.cli.commands.tune.run', run)
     assert main(['tune', 'pid', 'paper_circle', '--out', str(tmp_path / 'out'), *words]) == 1
     assert found == [trials]
 

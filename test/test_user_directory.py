@@ -5,7 +5,7 @@ import tempfile
 
 import pytest
 
-from parallel_robot_base.user_directory import user_directories
+from parallel_robot_model.processes.user_directory import user_directories
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numba.core.errors import NumbaError
 
-from parallel_robot_compiler import (
+from parallel_robot_model.compiler import (
     Vector,
     as_arrays,
     as_vectors,
@@ -28,7 +28,7 @@ from parallel_robot_compiler import (
     vector,
     write_row,
 )
-from parallel_robot_compiler.vector_operators import BINARY, UNARY
+from parallel_robot_model.compiler.vector_operators import BINARY, UNARY
 
 ODD = [0.0, -0.0, math.nan, math.inf, -math.inf, 1.0, -1.0, 5e-324, 1e308, 0.5, -2.5, 3.0]
 X = np.array([*ODD, *(3.0 * np.random.default_rng(1).standard_normal(52))])

@@ -5,11 +5,11 @@ import sys
 import numpy as np
 import pytest
 
-from parallel_robot_base.errors import InputError
-from parallel_robot_cli.command_line import main
-from parallel_robot_model.robots import RobotModel
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies import verification
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.mujoco_model import MujocoRobot
-from parallel_robot_studies import verification
 
 pytest.importorskip('mujoco')
 SHORT = ['--robots', '2', '--duration', '0.1']
@@ -39,7 +39,7 @@ def test_a_parameter_that_is_a_thousandth_off_is_found(kind, name, monkeypatch, 
 
     monkeypatch.setattr(verification, 'MujocoRobot', built)
     monkeypatch.setattr(verification, 'SCENARIOS', {kind: verification.SCENARIOS[kind]})
-    monkeypatch.setattr('parallel_robot_cli.commands.verify.SCENARIOS', {kind: ''})
+    monkeypatch.setattr('parallel_robot.cli.commands.verify.SCENARIOS', {kind: ''})
     assert main(['verify', *SHORT]) == 1
     assert 'more than 1e-09' in capsys.readouterr().out
 

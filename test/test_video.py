@@ -6,9 +6,9 @@ import pytest
 from bags import full_disk
 from PIL import Image
 
-from parallel_robot_analysis.report.runs import read_runs
-from parallel_robot_analysis.video.scene import frame_times, magnification, scene
-from parallel_robot_cli.command_line import main
+from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.analysis.video.scene import frame_times, magnification, scene
+from parallel_robot.cli.command_line import main
 
 pytestmark = pytest.mark.xdist_group('video')  # its bags are made once
 BLUE = np.array([0x00, 0x44, 0x88])  # of S-FOTSMC

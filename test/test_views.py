@@ -14,10 +14,10 @@ from bags import STORE
 from geometry import PAPER_START, legs
 from rosbags.rosbag2 import Reader
 
-from parallel_robot_analysis.posture import posture_of
-from parallel_robot_base import config
-from parallel_robot_cli.command_line import main
-from parallel_robot_model.configuration import robot_of
+from parallel_robot.analysis.posture import posture_of
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.configuration import robot_of
 
 VIEWS = Path(__file__).parents[1] / 'config' / 'views'
 GENERATOR = np.random.default_rng(2)

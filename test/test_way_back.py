@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_base.hazards import parse
 from parallel_robot_control import faults
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.safety import EFFORT
+from parallel_robot_model.configuration.hazards import parse
 
 TOLD = 0.2  # s
 HAZARDS = {  # at 4 s of the paper's circle: for how long [s], and by which code it is told

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import LARGEST
 
-from parallel_robot_base import plain_data, yaml_file
-from parallel_robot_base.errors import InputError
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import plain_data, yaml_file
 
 TEXTS = st.text(st.characters(codec='utf-8', exclude_categories=['C', 'Zl', 'Zp']), max_size=12)
 NUMBERS = st.integers(-(2**63), 2**63) | st.floats(allow_nan=False, allow_infinity=False)

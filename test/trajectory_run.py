@@ -6,8 +6,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from parallel_robot_base import topics
-from parallel_robot_base.loop import STEP_START
+from parallel_robot_model.configuration.loop import STEP_START
+from parallel_robot_model.messages import topics
 from trajectory_gen.trajectory_node import TrajectoryNode
 
 PERIOD = 1_000_000  # ns

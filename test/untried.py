@@ -1,7 +1,7 @@
 """Custom files as they are for a process that has just started, and as bags that lack them."""
 
-from parallel_robot_analysis.report import paper_figures
-from parallel_robot_base import custom_module
+from parallel_robot.analysis.report import paper_figures
+from parallel_robot_model.processes import custom_module
 
 
 def forget(monkeypatch):

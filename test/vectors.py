@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from parallel_robot_compiler import as_vectors
-from parallel_robot_model.robots import KERNELS
+from parallel_robot_model.compiler import as_vectors
+from parallel_robot_model.robots.registry import KERNELS
 
 
 def on_vectors(kernel: Any) -> Any:

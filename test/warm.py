@@ -10,15 +10,15 @@ import hashlib
 import multiprocessing
 from pathlib import Path
 
-from parallel_robot_base import cache_directory
+from parallel_robot.studies.limit.causes import least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.processes import cache_directory
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
-from parallel_robot_studies.limit.causes import least_error
 from trajectory_gen.configuration import motions_of
 
 NOTE = 'warm_for_tests'

@@ -9,11 +9,12 @@ import os
 import sys
 from pathlib import Path
 
-from parallel_robot_base import config, forked_process
-from parallel_robot_base.processes import MODULES
-from parallel_robot_cli import command_line  # noqa: F401  imported for the processes
+from parallel_robot.cli import command_line  # noqa: F401  imported for the processes
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
+from parallel_robot_model.configuration import config
+from parallel_robot_model.processes import forked_process
+from parallel_robot_model.processes.node_processes import MODULES
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 from trajectory_gen import preflight
@@ -21,7 +22,7 @@ from trajectory_gen.configuration import motions_of, trajectory_of
 
 ROOT = Path(__file__).parents[1]
 
-for one in (*MODULES.values(), 'parallel_robot_bags.player_node'):
+for one in (*MODULES.values(), 'parallel_robot.bags.player_node'):
     importlib.import_module(one)
 _values = config.resolve('paper_circle')
 Controller(configure(_values))

@@ -9,7 +9,7 @@ import sys
 from multiprocessing import forkserver
 from pathlib import Path
 
-from parallel_robot_base.processes import MODULES
+from parallel_robot_model.processes.node_processes import MODULES
 
 
 class WarmProcess:

@@ -19,15 +19,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from parallel_robot_base import cache_directory, trial_process
-from parallel_robot_base.module_process import START, die_with_parent
+from parallel_robot_model.processes import cache_directory, trial_process
+from parallel_robot_model.processes.module_process import START, die_with_parent
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = ('NUMBA_BOUNDSCHECK', 'NUMBA_CACHE_DIR')  # of a parent, which Numba reads once
 MODULES = (
-    'parallel_robot_base.custom_import',
+    'parallel_robot_model.processes.custom_import',
     'parallel_robot_control.law_trial',
-    'parallel_robot_model.robots',
+    'parallel_robot_model.robots.registry',
     'trajectory_gen.shape_trial',
 )
 MOST = 200_000  # bytes of a request

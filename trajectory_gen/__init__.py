@@ -1,3 +1,3 @@
 """Reference motions of the platform, their check before the start, and the trajectory node."""
 
-import parallel_robot_base  # noqa: F401, before Numba
+import parallel_robot_model  # noqa: F401, before Numba

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base import config, fields, points_file
-from parallel_robot_base.errors import InputError, UnknownNameError
-from parallel_robot_base.groups import Declared, Groups, build
-from parallel_robot_base.loop import loop_of
-from parallel_robot_base.placed import locating, places_of
-from parallel_robot_model.configuration import robot_defaults
-from parallel_robot_model.contract import Robot
-from parallel_robot_model.robots import RobotModel, module_of, robot_with
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import config, fields, points_file
+from parallel_robot_model.configuration.groups import Declared, Groups, build
+from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.configuration.placed import locating, places_of
+from parallel_robot_model.robots.configuration import robot_defaults
+from parallel_robot_model.robots.contract import Robot
+from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from trajectory_gen import hold, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.plane import turned
 
 

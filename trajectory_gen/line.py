@@ -6,9 +6,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.time_law import quintic
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_base import layouts, topics
+from parallel_robot_model.messages import layouts, topics
 from trajectory_gen.trajectory import Reference
 
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from parallel_robot_base import config
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field, check
-from parallel_robot_base.loop import DURATION
-from parallel_robot_base.placed import Placed, merged
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.configuration.loop import DURATION
+from parallel_robot_model.configuration.placed import Placed, merged
 from trajectory_gen.configuration import resolve, trajectory_of
 
 KEY = 'duration'

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.cdr_reader import Reader, header_stamp
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.printable import printable
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages.cdr_reader import Reader, header_stamp
 
 MOST = 1000  # points
 LONGEST = 1 << 20  # bytes of a message that is looked at

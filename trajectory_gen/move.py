@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from parallel_robot_base.arrays import with_arrays
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.common.arrays import with_arrays
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.time_law import quintic
 
 

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from parallel_robot_compiler import kernel
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.robots.contract import PoseMotion
 
 Vector = tuple[float, float]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_base.errors import MotionError
-from parallel_robot_model.feasibility import first_sample
+from parallel_robot_model.common.errors import MotionError
+from parallel_robot_model.robots.feasibility import first_sample
 from trajectory_gen.trajectory import Trajectory
 
 MOST_SAMPLES = 100_000  # samples of a motion that are checked

@@ -6,10 +6,10 @@ from collections import Counter
 
 import numpy as np
 
-from parallel_robot_base import topics
-from parallel_robot_base.errors import InputError, KinematicsError
-from parallel_robot_model.poses import poses_of
-from parallel_robot_ros.joint_reader import JointReader
+from parallel_robot_model.common.errors import InputError, KinematicsError
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.joint_reader import JointReader
+from parallel_robot_model.robots.poses import poses_of
 from trajectory_gen.trajectory import Trajectory
 
 

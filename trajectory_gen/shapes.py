@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, Protocol
 
-from parallel_robot_base import custom_module
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.trial_process import LIMIT, step
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.processes import custom_module
+from parallel_robot_model.processes.trial_process import LIMIT, step
+from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen import (
     circle,
     ellipse,

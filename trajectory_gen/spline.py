@@ -11,7 +11,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import spsolve
 
-from parallel_robot_base.arrays import Array
+from parallel_robot_model.common.arrays import Array
 
 DEGREE = 5  # of a motion of least mean square jerk between points
 ENDS = 3  # coefficients at each end that position, zero rate and zero acceleration fix

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from parallel_robot_compiler import kernel
+from parallel_robot_model.compiler import kernel
 
 
 @kernel

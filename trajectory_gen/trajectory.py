@@ -8,12 +8,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import FirstClass, inlined, kernel, read_row, vector, write_row
-from parallel_robot_model.contract import PoseMotion
-from parallel_robot_model.robots import RobotModel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import FirstClass, inlined, kernel, read_row, vector, write_row
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import PoseMotion
+from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import shape_trial, transition, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, prepared
 from trajectory_gen.transition import Entry, Poses

@@ -20,15 +20,16 @@ import numpy as np
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from parallel_robot_base import cdr_reader, realtime, topics
-from parallel_robot_base.errors import InputError, MotionError, ParallelRobotError
-from parallel_robot_base.loop import OLDEST, WAIT
-from parallel_robot_base.parameter_file import MOTION
-from parallel_robot_base.units import NANOSECONDS
-from parallel_robot_ros import parameters
-from parallel_robot_ros.life_cycle import run_node
-from parallel_robot_ros.parameters import START
-from parallel_robot_ros.suite_node import SuiteNode
+from parallel_robot_model.common.errors import InputError, MotionError, ParallelRobotError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.loop import OLDEST, WAIT
+from parallel_robot_model.configuration.parameter_file import MOTION
+from parallel_robot_model.messages import cdr_reader, topics
+from parallel_robot_model.nodes import parameters
+from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.parameters import START
+from parallel_robot_model.nodes.suite_node import SuiteNode
+from parallel_robot_model.processes import realtime
 from trajectory_gen import motion_change, motion_message, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.course import Course

@@ -9,11 +9,11 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import with_arrays
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.common.arrays import with_arrays
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.time_law import trapezoid
 
 SMALLEST = 1e-6  # of the limits

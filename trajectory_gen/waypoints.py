@@ -6,11 +6,11 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field
-from parallel_robot_base.points_file import MOST
-from parallel_robot_compiler import kernel
-from parallel_robot_model.contract import PoseMotion
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.configuration.points_file import MOST
+from parallel_robot_model.robots.contract import PoseMotion
 
 RESIDUAL = 1e-9  # of a spline at its points, relative to the largest coordinate
 

@@ -14,11 +14,12 @@ from reliability.judging import Record, is_well
 from reliability.loop import NODES, Loop
 from reliability.watch_node import Watch, decoded
 
-from parallel_robot_base import cdr, config, layouts, topics
-from parallel_robot_base.errors import RunError
-from parallel_robot_base.groups import group
-from parallel_robot_base.loop import LoopParameters
-from parallel_robot_base.units import NANOSECONDS
+from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_sim.messages import state_layout
 from trajectory_gen.configuration import trajectory_of
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_analysis.metrics import distances, poses
-from parallel_robot_bags.run_log import RunLog
-from parallel_robot_base import topics
+from parallel_robot.analysis.metrics import distances, poses
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot_model.messages import topics
 
 START = 60.0  # s, after which memory must not grow
 WINDOW = 30.0  # s, whose median counts at the start and at the end

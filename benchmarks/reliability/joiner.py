@@ -18,7 +18,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
 
-from parallel_robot_base import topics
+from parallel_robot_model.messages import topics
 
 PATIENCE = 10.0  # s, for the first state
 LEAVING = 10  # s, for which a process may leave

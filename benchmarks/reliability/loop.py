@@ -17,8 +17,8 @@ from typing import Any
 
 from reliability.effects import TOPICS, Effect, relayed
 
-from parallel_robot_base.loop import WAIT
-from parallel_robot_base.processes import MODULES, as_yaml
+from parallel_robot_model.configuration.loop import WAIT
+from parallel_robot_model.processes.node_processes import MODULES, as_yaml
 
 NODES = ('trajectory', 'plant', 'controller')
 READERS = {'states': 'controller', 'references': 'controller', 'commands': 'plant'}

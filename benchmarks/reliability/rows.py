@@ -18,10 +18,10 @@ from reliability.bench import Bench
 from reliability.effects import Effect
 from reliability.loop import NODES, environment
 
-from parallel_robot_bags import run_log
-from parallel_robot_base import topics
-from parallel_robot_base.errors import BagError
-from parallel_robot_base.processes import MODULES, as_yaml
+from parallel_robot.bags import run_log
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.node_processes import MODULES, as_yaml
 
 DISTURBED = 3.0  # s, for which the relay disturbs
 HOGGED = 8.0  # s

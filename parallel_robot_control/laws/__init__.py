@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from parallel_robot_base.tuple_classes import classes_of, distinguish
 from parallel_robot_control.contract import Law
 from parallel_robot_control.laws import (
     adaptive_s_fotsmc,
@@ -22,6 +21,7 @@ from parallel_robot_control.laws import (
     super_twisting,
     tdc,
 )
+from parallel_robot_model.processes.tuple_classes import classes_of, distinguish
 
 LAWS: dict[str, Law] = {
     # the paper's

@@ -7,11 +7,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel, select, solve, vector
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.contract import Model, inverse_dynamics
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, select, solve, vector
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model, inverse_dynamics
 
 SLOWEST = 3.0  # w_o / w_c; Herbst (2013), Electronics 2(3), recommends 3 to 10
 

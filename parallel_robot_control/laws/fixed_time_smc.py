@@ -6,13 +6,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.switching_functions import saturate, sig
-from parallel_robot_model.contract import Model, inverse_dynamics
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model, inverse_dynamics
 
 
 class Gains(NamedTuple):

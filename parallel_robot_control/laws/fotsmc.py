@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_model.contract import Model
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge

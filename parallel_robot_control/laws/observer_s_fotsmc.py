@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from parallel_robot_compiler import kernel
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.laws.s_fotsmc import Gains, Memory, initial_memory, judge
-from parallel_robot_model.contract import Model
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.robots.contract import Model
 
 __all__ = ['ESTIMATOR', 'Gains', 'Memory', 'initial_memory', 'judge', 'update']
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
 from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.integral import Integral, advanced, zero_integral
-from parallel_robot_model.contract import Model
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model
 
 
 class Gains(NamedTuple):

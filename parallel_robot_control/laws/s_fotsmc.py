@@ -6,16 +6,16 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.errors import InputError
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import sig
-from parallel_robot_model.contract import Model, inverse_dynamics
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import kernel
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model, inverse_dynamics
 
 ROUNDING = 0.005  # of gamma2, which the paper rounds to two digits
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_base.arrays import Array
-from parallel_robot_base.fields import Field
-from parallel_robot_compiler import kernel, vector
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.switching_functions import saturate
-from parallel_robot_model.contract import Model, inverse_dynamics
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, vector
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model, inverse_dynamics
 
 
 class Gains(NamedTuple):

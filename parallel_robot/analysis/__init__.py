@@ -1,0 +1,1 @@
+"""What a run was like: metrics, claims, timing, replay, report, video; the monitor."""

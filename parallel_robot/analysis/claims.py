@@ -1,0 +1,130 @@
+"""The paper's claims about its four laws, each verified by a metric."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from parallel_robot.analysis.metrics import Metrics
+
+Value = Callable[[Metrics], float]
+
+SCENARIOS = ('paper_circle', 'paper_line')  # the paper's
+
+
+class Claim(NamedTuple):
+    """A law is said to be better than others in one metric.
+
+    Attributes:
+        text: What the paper says.
+        better: The law that is said to be better.
+        others: The laws it is said to be better than.
+        value: Function that gives the metric that is compared; smaller is better.
+        unit: Unit of the value as it is printed.
+        scale: Factor from SI to that unit.
+    """
+
+    text: str
+    better: str
+    others: tuple[str, ...]
+    value: Value
+    unit: str
+    scale: float
+
+
+class Verdict(NamedTuple):
+    """A claim beside what was measured.
+
+    Attributes:
+        claim: The claim.
+        reproduced: Whether `better` is better than all `others`.
+        values: Law to value, in the unit of the claim.
+    """
+
+    claim: Claim
+    reproduced: bool
+    values: dict[str, float]
+
+
+def _error(metrics: Metrics) -> float:
+    return metrics.steady.xy_rms_m
+
+
+def _synchronisation(metrics: Metrics) -> float:
+    return metrics.steady.sync_rms_rad
+
+
+def _time(metrics: Metrics) -> float:
+    settled = metrics.transient.to_1_mm_s
+    return math.inf if settled is None else settled
+
+
+def _chattering(metrics: Metrics) -> float:
+    return metrics.torque.chattering_nm
+
+
+CLAIMS = (
+    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), _error, 'µm', 1e6),
+    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), _error, 'µm', 1e6),
+    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), _error, 'µm', 1e6),
+    Claim(
+        'NFTSMC converges faster than SMC and S-SMC (to 1 mm)',
+        'nftsmc',
+        ('smc', 's_smc'),
+        _time,
+        's',
+        1.0,
+    ),
+    Claim(
+        'S-FOTSMC tracks best of the four',
+        's_fotsmc',
+        ('smc', 's_smc', 'nftsmc'),
+        _error,
+        'µm',
+        1e6,
+    ),
+    Claim(
+        'S-FOTSMC converges fastest of the four (to 1 mm)',
+        's_fotsmc',
+        ('smc', 's_smc', 'nftsmc'),
+        _time,
+        's',
+        1.0,
+    ),
+    Claim(
+        'S-FOTSMC synchronises the joints best of the four',
+        's_fotsmc',
+        ('smc', 's_smc', 'nftsmc'),
+        _synchronisation,
+        'µrad',
+        1e6,
+    ),
+    Claim(
+        'NFTSMC still chatters, S-FOTSMC does not',
+        's_fotsmc',
+        ('nftsmc',),
+        _chattering,
+        'N m',
+        1.0,
+    ),
+)
+
+
+def verify(scenario: str, results: Mapping[str, Metrics]) -> list[Verdict]:
+    """Verify the claims whose laws have results; none for scenarios that are not the paper's.
+
+    Args:
+        scenario: Name of the scenario.
+        results: Law to its metrics.
+    """
+    verdicts = []
+    for claim in CLAIMS if scenario in SCENARIOS else ():
+        laws = (claim.better, *claim.others)
+        if all(law in results for law in laws):
+            values = {law: claim.scale * claim.value(results[law]) for law in laws}
+            if any(math.isnan(value) for value in values.values()):
+                continue  # not defined for the robot of the runs
+            ahead = all(values[claim.better] < values[law] for law in claim.others)
+            verdicts.append(Verdict(claim, ahead, values))
+    return verdicts

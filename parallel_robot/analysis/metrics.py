@@ -1,0 +1,442 @@
+"""Metrics of a run: pure functions of its arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from parallel_robot.bags.run_log import RunLog, head, with_reference
+from parallel_robot_control.configuration import nominal_of
+from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_model.common.errors import InputError, KinematicsError
+from parallel_robot_model.robots.configuration import is_known, robot_of
+from parallel_robot_sim.motions import Motions, Moved, poses_of
+from parallel_robot_sim.motions import Poses as Poses
+
+TRUE: Literal['true'] = 'true'
+SEEN: Literal['seen'] = 'seen'
+SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
+BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
+STEP = 0.1  # s; what moves no longer than that is a step, of which the response is looked at
+FEW = 0.01  # share of samples at which a reference of steps moves at most
+FALLS = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
+SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
+
+
+class Errors(NamedTuple):
+    """Tracking errors over a part of a run.
+
+    Attributes:
+        xy_rms_m: Root mean square distance of the end effector from its reference [m]; NaN for a
+            robot that does not move in a plane.
+        xy_max_m: Largest distance [m]; NaN for such a robot.
+        joint_rms_rad: Root mean square joint error over all joints [rad].
+        sync_rms_rad: Root mean square synchronisation error over all joints [rad].
+    """
+
+    xy_rms_m: float
+    xy_max_m: float
+    joint_rms_rad: float
+    sync_rms_rad: float
+
+
+class Torque(NamedTuple):
+    """Motor torques over a whole motion.
+
+    Attributes:
+        max_nm: Largest absolute torque of any joint [N m].
+        total_variation_nm_per_s: Sum over the joints of |change of torque|, per second [N m/s].
+        chattering_nm: Root mean square, over all joints and the window, of the torque minus its
+            moving mean over SMOOTH [N m].
+    """
+
+    max_nm: float
+    total_variation_nm_per_s: float
+    chattering_nm: float
+
+
+class Effort(NamedTuple):
+    """What the motors are put to over the window.
+
+    Attributes:
+        torque_rms_nm: Root mean square torque over all joints [N m].
+        energy_j: Mechanical work of all motors, braking as dear as driving: the sum over the
+            joints of the integral of |torque x rate| [J]. The torque is constant over a period,
+            so that is |torque x change of the position|, summed.
+        excess_chattering_nm: Chattering that does not help to hold the robot on its reference,
+            see :func:`excess_chattering` [N m]; NaN where the ideal torque is not known.
+    """
+
+    torque_rms_nm: float = math.nan
+    energy_j: float = math.nan
+    excess_chattering_nm: float = math.nan
+
+
+class Transient(NamedTuple):
+    """How fast the end effector reaches its reference and stays there.
+
+    Attributes:
+        to_1_mm_s: Time after which the distance stays below 1 mm, for BELOW or more [s]; None if
+            never, NaN for a robot that does not move in a plane.
+        to_0_1_mm_s: The same for 0.1 mm [s].
+    """
+
+    to_1_mm_s: float | None
+    to_0_1_mm_s: float | None
+
+
+class Window(NamedTuple):
+    """Over which part of a run errors, chattering and effort are taken: its window.
+
+    Attributes:
+        start_s: Its begin [s].
+        stop_s: Its end [s].
+        run_s: Duration of all of the run, also of what is not looked at [s].
+        asked: Whether somebody asked for this part; then all metrics are of it alone. Else it is
+            the second half of the motion: from the first time at which the reference moves to
+            that from which on it rests for good.
+        rests: Whether the reference rests before or after the motion.
+        falls: Root mean square joint errors of its halves [rad], where the second is much less:
+            the robot had not settled; None where it had.
+    """
+
+    start_s: float
+    stop_s: float
+    run_s: float
+    asked: bool = False
+    rests: bool = False
+    falls: tuple[float, float] | None = None
+
+
+class Metrics(NamedTuple):
+    """All metrics of a run, of its motion: without what follows where that has come to rest.
+
+    Attributes:
+        duration_s: Duration of the motion [s].
+        transient: How fast the end effector reaches its reference.
+        steady: Tracking errors.
+        torque: Torques of the motors.
+        effort: What the motors are put to.
+        source: TRUE: of the true motion; SEEN: of what sensors and nominal robot show.
+        seen: Those of what is seen; None where all that is seen is true.
+        window: Over which part errors, chattering and effort are taken.
+    """
+
+    duration_s: float
+    transient: Transient
+    steady: Errors
+    torque: Torque
+    effort: Effort = Effort()
+    source: Literal['true', 'seen'] = TRUE
+    seen: Metrics | None = None
+    window: Window = Window(math.nan, math.nan, math.nan)
+
+
+Value = Callable[[Metrics], float | None]
+
+
+def of_true(value: Value) -> Value:
+    """A metric of the true motion: NaN where all that is known is what was seen."""
+    return lambda m: math.nan if m.source == SEEN else value(m)
+
+
+def of_seen(value: Value) -> Value:
+    """A metric of what is seen: NaN where it is that of the true motion."""
+
+    def seen(m: Metrics) -> float | None:
+        if m.seen is None or (m.source == TRUE and value(m.seen) == value(m)):
+            return math.nan
+        return value(m.seen)
+
+    return seen
+
+
+class Motion(Protocol):
+    """What the metrics are computed from: a run log, or anything with these arrays."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """Since t = 0 [s], shape (N,)."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """Actuated joints [rad], shape (N, n)."""
+
+    @property
+    def reference_position(self) -> np.ndarray:
+        """Desired positions of the joints [rad], shape (N, n)."""
+
+    @property
+    def effort(self) -> np.ndarray:
+        """Torques [N m], shape (N, n)."""
+
+
+def poses(log: RunLog, true: bool = False) -> Poses:
+    """Poses of the measured and of the desired joints; the latter by the nominal robot.
+
+    Of a robot that is not known here, joints stand in place of poses.
+
+    Args:
+        log: The run.
+        true: Whether the measured joints are those of the true robot, else of the nominal one.
+
+    Raises:
+        InputError: the robot of the log's configuration cannot be built.
+        KinematicsError: a sample has no pose in the assembly mode of the scenario.
+    """
+    if not is_known(log.config):
+        return Poses(log.position, log.reference_position, planar=False)
+    nominal, guess = nominal_of(log.config)
+    actual = robot_of(log.config, 'true_robot') if true else nominal
+    return poses_of(nominal, actual, guess, log.reference_position, log.position)
+
+
+def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
+    """The run up to the first sample that has no pose, without states that have no reference.
+
+    Arguments as of :func:`poses`.
+
+    Returns:
+        The run, its poses, and why it was cut off; empty when it was not.
+
+    Raises:
+        KinematicsError: not even the first sample has a pose, or none has a reference of its time.
+    """
+    log = with_reference(log)
+    if not len(log.time):
+        raise KinematicsError('no state has a reference of its time')
+    try:
+        return log, poses(log, true), ''
+    except KinematicsError as error:
+        reason = str(error)
+    good, bad = 0, len(log.time)
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        try:
+            poses(head(log, middle), true)
+            good = middle
+        except KinematicsError:
+            bad = middle
+    part = head(log, max(good, 1))
+    return part, poses(part, true), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
+
+
+def figures(
+    motions: Motions,
+    start: float | None = None,
+    stop: float | None = None,
+) -> Metrics:
+    """Compute the metrics of a run: of its true motion, and of what is seen of it.
+
+    Where the true motion is not known, all metrics are of what is seen. A motion that has come
+    to rest is looked at up to there.
+
+    Args:
+        motions: The run.
+        start: Time from which on it is looked at [s]; None: from its first sample on.
+        stop: Time up to which it is looked at [s]; None: up to its last sample.
+
+    Raises:
+        InputError: there is none of the run between `start` and `stop`.
+    """
+    whole, asked = motions.best, start is not None or stop is not None
+    end = None if asked else rest(whole)
+    if asked or end is not None:
+        first = -math.inf if start is None else start
+        last = stop if end is None else end
+        motions = _between(motions, first, math.inf if last is None else last)
+    found = Metrics(*_figures(motions, asked))
+    run = float(whole.time[-1] - whole.time[0])
+    rests = found.window.rests or end is not None
+    return found._replace(window=found.window._replace(run_s=run, asked=asked, rests=rests))
+
+
+def _figures(motions: Motions, asked: bool) -> Metrics:
+    seen = (
+        None if motions.seen is None else evaluate(motions.seen, motions.seen.poses, None, asked)
+    )
+    if motions.true is None:
+        assert seen is not None
+        return seen._replace(source=SEEN, seen=seen)
+    found = evaluate(motions.true, motions.true.poses, motions.ideal, asked)
+    return found._replace(seen=seen)
+
+
+def _between(motions: Motions, first: float, last: float) -> Motions:
+    """The part of a run between two times [s], both included."""
+    end, time = np.nextafter(last, math.inf), motions.best.time
+    part = motions.between(first, end)
+    if not first < last or not len(part.best.time):
+        raise InputError(
+            f'the run is from {time[0]:g} to {time[-1]:g} s; there is no part of it from '
+            f'{max(first, time[0]):g} to {min(last, time[-1]):g} s'
+        )
+    if part.seen is not None and not len(part.seen.time):
+        part = part._replace(seen=None)
+    return part
+
+
+def rest(motion: Moved) -> float | None:
+    """Time from which on the reference of a run rests to the end [s]; None where it moves on."""
+    moves = _moves(motion)
+    if not moves.size or moves[-1] + 2 == len(motion.time):
+        return None
+    return float(motion.time[moves[-1] + 1])
+
+
+def _moves(motion: Motion) -> np.ndarray:
+    """Indices of the samples before which a reference that moves does so; none if it steps."""
+    moves = np.flatnonzero(np.diff(motion.reference_position, axis=0).any(axis=1))
+    if moves.size:
+        first, last = moves[0], moves[-1] + 1
+        if motion.time[last] - motion.time[first] < STEP or moves.size < FEW * (last - first):
+            return moves[:0]
+    return moves
+
+
+def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
+    """Errors of the halves of a part of a run [rad], where it had not settled; else None."""
+    speeds = np.abs(np.diff(motion.reference_position, axis=0)).max(axis=1, initial=0.0)
+    if speeds.size and speeds[-1] < SLOW * speeds.max():
+        return None  # errors fall with the speed
+    error = (motion.reference_position - motion.position)[part]
+    before, after = (_rms(half) if len(half) else 0.0 for half in np.array_split(error, 2))
+    return (before, after) if before > FALLS * after > 0.0 else None
+
+
+def evaluate(
+    log: Motion, pose: Poses, ideal: np.ndarray | None = None, all_of_it: bool = False
+) -> Metrics:
+    """Compute the metrics of a run.
+
+    Args:
+        log: The run.
+        pose: Poses of the run, see :func:`poses`.
+        ideal: The ideal torque of each of its samples, see ideal_torque.py [N m], shape (N, n);
+            None where it is not known.
+        all_of_it: Whether the window is all of it, else the second half of its motion.
+    """
+    first = 0 if all_of_it else next(iter(_moves(log)), 0)
+    half = slice(0 if all_of_it else (first + len(log.time)) // 2, None)
+    times = log.time[half]
+    distance = distances(pose)
+    return Metrics(
+        float(log.time[-1] - log.time[0]),
+        Transient(_settled(log.time, distance, 1e-3), _settled(log.time, distance, 1e-4)),
+        errors(distance[half], (log.reference_position - log.position)[half]),
+        torque(log.time, log.effort, half),
+        effort(log, half, ideal),
+        window=Window(
+            float(times[0]),
+            float(times[-1]),
+            float(log.time[-1] - log.time[0]),
+            rests=first > 0,
+            falls=None if all_of_it else _falls(log, half),
+        ),
+    )
+
+
+def distances(pose: Poses) -> np.ndarray:
+    """Distance of the end effector from its reference [m], shape (N,); NaN if not planar."""
+    if not pose.planar:
+        return np.full(len(pose.actual), np.nan)
+    return np.linalg.norm((pose.actual - pose.reference)[:, :2], axis=1)
+
+
+def errors(distance: np.ndarray, error: np.ndarray) -> Errors:
+    """Compute the tracking errors over all samples given.
+
+    Args:
+        distance: Distance of the end effector from its reference [m], shape (N,).
+        error: Error of the joints [rad], shape (N, n).
+    """
+    return Errors(
+        _rms(distance), float(distance.max()), _rms(error), _rms(synchronisation_error(error))
+    )
+
+
+def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> Torque:
+    """Compute the metrics of the torque.
+
+    Args:
+        time: Time of the samples [s], shape (N,).
+        effort: Torques [N m], shape (N, n).
+        part: The samples over which chattering is measured.
+    """
+    duration = float(time[-1] - time[0])
+    variation = float(np.abs(np.diff(effort, axis=0)).sum())
+    return Torque(
+        float(np.abs(effort).max()),
+        variation / duration if duration else 0.0,
+        _rms(_rough(time, effort)[part]),
+    )
+
+
+def effort(log: Motion, part: slice = slice(None), ideal: np.ndarray | None = None) -> Effort:
+    """Compute the effort of a run over a part of its samples; arguments as of :func:`evaluate`."""
+    moved = np.diff(log.position, axis=0, prepend=log.position[:1])
+    excess = math.nan
+    if ideal is not None:
+        excess = excess_chattering(log.time, log.effort, ideal, part)
+    work = float(np.abs(log.effort * moved)[part].sum())
+    return Effort(_rms(log.effort[part]), work, excess)
+
+
+def excess_chattering(
+    time: np.ndarray, effort: np.ndarray, ideal: np.ndarray, part: slice = slice(None)
+) -> float:
+    """Root mean square of the chattering that does not help [N m].
+
+    A torque that cancels a disturbance changes as quickly as the disturbance; that is no fault.
+    Of what the torque differs from its moving mean, as much of that of the ideal torque is taken
+    away for each joint as leaves least, from none of it to all of it:
+
+        min_s rms(rough(torque) - s rough(ideal)),    0 <= s <= 1
+
+    The chattering of the difference, s = 1, would call it effort when a law does nothing about a
+    disturbance; a difference of two chatterings would let noise take the place of what a law does
+    not cancel. With s, noise counts in full, a torque that does nothing not at all, and a torque
+    that comes too late as far as it is out of phase.
+
+    Args:
+        time: Time of the samples [s], shape (N,).
+        effort: Torques [N m], shape (N, n).
+        ideal: Torques that hold the robot on its reference [N m], shape (N, n).
+        part: The samples over which it is measured.
+    """
+    found, useful = _rough(time, effort)[part], _rough(time, ideal)[part]
+    most = np.sum(useful**2, axis=0)
+    alike = np.sum(found * useful, axis=0)
+    share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
+    return _rms(found - share * useful)
+
+
+def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | None:
+    """Time from which the distance stays below `bound` to the end, for BELOW or more [s].
+
+    None if it does not, NaN of NaN.
+    """
+    if np.isnan(distance).any():
+        return math.nan
+    above = np.flatnonzero(distance >= bound)
+    if not above.size:
+        return 0.0
+    first = above[-1] + 1
+    stays = first < len(time) and time[-1] - time[first] >= BELOW - 1e-9
+    return float(time[first] - time[0]) if stays else None
+
+
+def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Torque minus its moving mean over SMOOTH, shape (N, n)."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
+    half = max(0, round(0.5 * SMOOTH / step))
+    share = np.full(2 * half + 1, 1.0 / (2 * half + 1))
+    longer = np.pad(torque, ((half, half), (0, 0)), mode='edge')
+    return torque - np.apply_along_axis(np.convolve, 0, longer, share, 'valid')
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,179 @@
+"""The monitor without ROS: metrics over the last seconds of a motion."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections import deque
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot.analysis import metrics
+from parallel_robot.bags.run_log import reference_at
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.messages.topics import DEPTH
+from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import RobotModel
+
+PERIOD = NANOSECONDS // 10  # ns of motion between two sets of metrics
+OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
+
+
+class MonitorParameters(NamedTuple):
+    """Over what the metrics are computed."""
+
+    window: Annotated[float, Field('s', 'length of motion for the metrics', 0.1, 600.0)]
+
+
+class WindowMetrics(NamedTuple):
+    """Metrics over a window; the names are those of the topics, the units are SI.
+
+    A robot that does not move in a plane has no end-effector error: its topics do not exist. That
+    of a robot that does is NaN while a sample of the window has no pose.
+
+    Attributes:
+        platform_error_rms: Root mean square distance of the end effector from its reference [m].
+        platform_error_max: Largest distance [m].
+        joint_error_rms: Root mean square joint error over all joints [rad].
+        synchronisation_error_rms: The same for the synchronisation error [rad].
+        torque_max: Largest absolute torque [N m].
+        torque_variation: Sum over the joints of |change of torque|, per second [N m/s].
+        torque_chattering: Root mean square of the torque minus its moving mean [N m].
+    """
+
+    platform_error_rms: float
+    platform_error_max: float
+    joint_error_rms: float
+    synchronisation_error_rms: float
+    torque_max: float
+    torque_variation: float
+    torque_chattering: float
+
+
+class _Window(NamedTuple):
+    """Samples in order: stamps [ns], distances [m], joint errors [rad], torques [N m]."""
+
+    stamps: np.ndarray
+    distance: np.ndarray
+    error: np.ndarray
+    effort: np.ndarray
+
+
+class Monitor:
+    """Collects states and references; computes metrics every 0.1 s of stamps.
+
+    A stamp that jumps back, or ahead by more than the window, clears the window: a bag was
+    rewound. States without a recent reference are left out: after a jump, the references received
+    before it do not apply.
+    """
+
+    def __init__(self, robot: RobotModel, guess: Array, parameters: MonitorParameters) -> None:
+        """Prepare.
+
+        Args:
+            robot: The nominal robot.
+            guess: Pose from which its forward kinematics starts, shape (m,).
+            parameters: Length of the window.
+        """
+        self._robot, self._first_guess = robot, guess
+        self._planar = robot.module.PLANAR
+        self._joints = robot.module.joints(robot.parameters)
+        self._length = round(parameters.window * NANOSECONDS)
+        self._newest: int | None = None  # ns, stamp of the last state
+        self._references: deque[tuple[Any, ...]] = deque(maxlen=DEPTH)
+        self._begin()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those of the metrics that are defined for the robot."""
+        return tuple(
+            name
+            for name in WindowMetrics._fields
+            if self._planar or not name.startswith('platform')
+        )
+
+    def add_reference(self, stamp: int, motion: list[np.ndarray]) -> None:
+        """Take a reference: stamp [ns]; position, velocity, acceleration, each shape (n,)."""
+        if self._references and stamp <= self._references[-1][0]:
+            self._references.clear()
+        self._references.append((stamp, *motion))
+
+    def add_state(
+        self, stamp: int, position: np.ndarray, effort: np.ndarray
+    ) -> WindowMetrics | None:
+        """Take a state.
+
+        Args:
+            stamp: Stamp of the state [ns].
+            position: Actuated joints [rad], shape (n,).
+            effort: Torques, NaN where they are not known [N m], shape (n,).
+
+        Returns:
+            The metrics once in 0.1 s of motion; None otherwise, and while there are less than two
+            states with a reference.
+        """
+        if self._newest is not None and not 0 < stamp - self._newest <= self._length:
+            self._begin()
+        due = self._newest is not None and stamp // PERIOD != self._newest // PERIOD
+        self._newest = stamp
+        self._states.append((stamp, position, effort))
+        return self._evaluate() if due else None
+
+    def _begin(self) -> None:
+        self._guess = self._first_guess
+        self._states: list[tuple[int, np.ndarray, np.ndarray]] = []
+        rows = np.empty((0, self._joints))
+        self._window = _Window(np.empty(0, dtype=np.int64), np.empty(0), rows, rows)
+
+    def _evaluate(self) -> WindowMetrics | None:
+        """Metrics of the window, after new samples have moved into it."""
+        new = self._new_samples()
+        oldest = (self._newest or 0) - self._length
+        kept = self._window.stamps >= oldest
+        self._window = _Window(
+            *(
+                np.concatenate([old[kept], more])
+                for old, more in zip(self._window, new, strict=True)
+            )
+        )
+        if len(self._window.stamps) < 2:
+            return None
+        time = self._window.stamps / NANOSECONDS
+        errors = metrics.errors(self._window.distance, self._window.error)
+        return WindowMetrics(*errors, *metrics.torque(time, self._window.effort))
+
+    def _new_samples(self) -> _Window:
+        """Samples since the last metrics that have a recent reference."""
+        references = [reference[0] for reference in self._references]
+        states = [state for state in self._states if _has_recent(references, state[0])]
+        self._states = []
+        if not states:
+            return self._window._replace(**{k: v[:0] for k, v in self._window._asdict().items()})
+        stamps, position, effort = (np.array(column) for column in zip(*states, strict=True))
+        known, *motion = (np.array(column) for column in zip(*self._references, strict=True))
+        desired, _, _ = reference_at(stamps, known, *motion)
+        while len(self._references) > 1 and self._references[1][0] <= stamps[-1]:
+            self._references.popleft()
+        return _Window(stamps, self._distances(position, desired), desired - position, effort)
+
+    def _distances(self, position: np.ndarray, desired: np.ndarray) -> np.ndarray:
+        """Distances of the end effector [m]; NaN where there is no pose or no distance."""
+        if not self._planar:
+            return np.full(len(position), math.nan)
+        try:
+            reference = poses_of(self._robot, desired, self._guess)
+            actual = poses_of(self._robot, position, reference[0])
+        except KinematicsError:
+            return np.full(len(position), math.nan)
+        self._guess = reference[-1]
+        return metrics.distances(metrics.Poses(actual, reference))
+
+
+def _has_recent(references: list[int], stamp: int) -> bool:
+    """Whether one of the stamps, in order, is at or shortly before another [ns]."""
+    newest = bisect.bisect_right(references, stamp) - 1
+    return newest >= 0 and stamp - references[newest] <= OLDEST

@@ -1,0 +1,78 @@
+"""The joints of all links of a robot, passive ones too, from its actuated joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_control.configuration import nominal_of
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.messages.topics import MARKERS_EVERY
+from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_model.robots.tree import angles_of, links_of
+from parallel_robot_model.robots.urdf import urdf
+
+
+class Posture:
+    """Follows the links of the nominal robot.
+
+    Attributes:
+        joints: Names of the joints of all links, L.
+        description: The robot as URDF.
+    """
+
+    def __init__(self, robot: RobotModel, guess: Array, loop: LoopParameters) -> None:
+        """Prepare.
+
+        Args:
+            robot: The nominal robot.
+            guess: Pose from which its forward kinematics starts, shape (m,).
+            loop: Names of its joints, period.
+
+        Raises:
+            InputError: the robot says nothing of its links.
+        """
+        self._robot = robot
+        self._first_guess = self._guess = guess
+        self.links = links_of(robot, loop.joints)
+        self.joints = tuple(link.joint for link in self.links)
+        self.description = urdf(robot.name, self.links)
+        self._period = MARKERS_EVERY * loop.period_ns
+        self._newest: int | None = None
+
+    def add_state(self, stamp: int, position: np.ndarray) -> np.ndarray | None:
+        """Take a state.
+
+        Args:
+            stamp: Stamp of the state [ns].
+            position: Actuated joints [rad], shape (n,).
+
+        Returns:
+            Angles of the joints of all links [rad], shape (L,), fifty times in a second of motion;
+            None otherwise, and where there is no pose.
+        """
+        due = self._newest is None or stamp // self._period != self._newest // self._period
+        self._newest = stamp
+        if not due:
+            return None
+        try:
+            pose = poses_of(self._robot, position[np.newaxis], self._guess)
+        except KinematicsError:  # it was put elsewhere
+            self._guess = self._first_guess
+            return None
+        self._guess = pose[0]
+        return angles_of(self._robot, pose, position[np.newaxis])[0]
+
+
+def posture_of(values: Mapping[str, Any]) -> Posture:
+    """The posture of the nominal robot of a resolved configuration.
+
+    Raises:
+        InputError: a parameter is wrong, or the robot says nothing of its links.
+    """
+    return Posture(*nominal_of(values), loop_of(values))

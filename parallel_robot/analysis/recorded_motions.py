@@ -1,0 +1,207 @@
+"""The motions of a run in a bag: the true one where the bag is of a plant, and what was seen."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot.analysis import metrics
+from parallel_robot.bags.experiment import SIMULATION
+from parallel_robot.bags.history import History
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot_control.configuration import nominal_of
+from parallel_robot_model.common.errors import ParallelRobotError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages.topics import REFERENCE
+from parallel_robot_model.robots.configuration import is_known, robot_of
+from parallel_robot_sim import plant_again
+from parallel_robot_sim.configuration import configure_plant
+from parallel_robot_sim.ideal_torque import along
+from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.motions import (
+    Motions,
+    Moved,
+    Poses,
+    poses_of,
+    saturation,
+    told_remarks,
+    untrue,
+)
+from parallel_robot_sim.plant import MUJOCO
+from trajectory_gen.configuration import trajectory_of
+
+SAME = 1e-9  # rad, to which a plant that moves again tells the same
+MOST_STEPS = 2  # samples for each state of a bag; if more, too many are missing
+PLANNED = 1e-6  # rad, to which references are those that were planned
+ROUNDING = 1e-6  # s, much less than between two samples
+FEW = 1e-3  # share of its states that may differ: steps of an encoder on another processor
+UNKNOWN = 'the plant of this bag is not known: errors are those seen, by the nominal robot'
+HIDDEN = 'the sensors are not ideal ({0}) and the bag does not tell the true motion: {1}'
+
+
+class Recorded(NamedTuple):
+    """The motions of a bag.
+
+    Attributes:
+        log: The run, up to the first sample without a pose.
+        poses: Poses of its joints by the nominal robot.
+        motions: Its motions.
+        cut: Why only a part of it is there; empty when all of it is.
+        remark: Why there is no true motion; empty when there is one.
+        saturated: For how long the motors of a plant that is known gave all they can.
+    """
+
+    log: RunLog
+    poses: Poses
+    motions: Motions
+    cut: str
+    remark: str
+    saturated: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> list[str]:
+        """What to know of the figures, one line each."""
+        return [*filter(None, [self.remark]), *self.saturated]
+
+    @property
+    def doubts(self) -> list[str]:
+        """That its joints are not the true ones, where they are not and those are known."""
+        return [] if self.motions.true is None else told_remarks(self.log.config)
+
+    @property
+    def pose(self) -> np.ndarray:
+        """Best pose at each state of the log, shape (N, m)."""
+        best = self.motions.best
+        rows = np.searchsorted(best.time, self.log.time - ROUNDING)
+        return best.poses.actual[np.minimum(rows, len(best.time) - 1)]
+
+    @property
+    def shown(self) -> RunLog:
+        """The run with the joints of its best motion, as pictures show it."""
+        best = self.motions.best
+        return self.log._replace(
+            time=best.time,
+            position=best.position,
+            reference_position=best.reference_position,
+            effort=best.effort,
+        )
+
+
+def of_bag(log: RunLog, past: History) -> Recorded:
+    """Find the motions of a bag.
+
+    Where the states do not tell the true joints, the plant moves once more under the commands, or
+    torques, of the bag; what it tells must be what the bag says.
+
+    Args:
+        log: The run.
+        past: What the bag says beside the motion.
+
+    Raises:
+        InputError: the robot of the bag cannot be built.
+        KinematicsError: not even the first sample has a pose.
+    """
+    found = _of_bag(log, past)
+    true = found.motions.true
+    if true is None:
+        return found
+    return found._replace(motions=found.motions._replace(ideal=_ideal(log, true)))
+
+
+def _of_bag(log: RunLog, past: History) -> Recorded:
+    """The motions of a bag, without the ideal torque."""
+    part, poses, cut = metrics.with_poses(log)
+    seen = Moved(part.time, part.position, part.reference_position, part.effort, poses)
+    if not (is_known(log.config) and of_plant(past)):
+        return Recorded(part, poses, Motions(None, seen), cut, UNKNOWN)
+    hidden, saturated = untrue(log.config), tuple(saturation(log.config, part.effort))
+    if not hidden:
+        if robot_of(log.config) == robot_of(log.config, 'true_robot'):
+            return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
+        true = seen._replace(poses=metrics.poses(part, true=True))
+        return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
+    try:
+        again = _again(log, past)
+        reason = 'it is not the motion of the plant as it is now' if again is None else ''
+    except ParallelRobotError as error:
+        again, reason = None, str(error)
+    remark = HIDDEN.format(', '.join(hidden), reason) if reason else ''
+    return Recorded(part, poses, Motions(again, seen), cut, remark, saturated)
+
+
+def _ideal(log: RunLog, true: Moved) -> np.ndarray | None:
+    """The ideal torque at each sample of a true motion [N m], shape (N, n).
+
+    None where the plant is not known exactly, or its motion is not the one that was planned.
+    """
+    try:
+        plant, trajectory = configure_plant(log.config), trajectory_of(log.config)
+        rows = np.rint(true.time / plant.loop.period).astype(np.int64)
+        last = int(rows[-1])
+        if plant.parameters.engine == MUJOCO or not 0 <= rows[0] < last <= MOST_STEPS * len(rows):
+            return None
+        if plant.loop.last_index != last:  # it ended early, or had no end
+            plant = plant._replace(loop=plant.loop._replace(duration=last * plant.loop.period))
+        planned = trajectory.sample(plant.loop.period * rows).position
+        if np.abs(planned - true.reference_position).max() > PLANNED:
+            return None
+        return along(trajectory, plant)[rows]
+    except ParallelRobotError:
+        return None
+
+
+def of_plant(past: History) -> bool:
+    """Whether the suite's plant moved the robot, with parameters that the bag has."""
+    nodes = {name.rpartition('/')[2] for name in past.parameters}
+    return past.facts.get('source') == SIMULATION or bool(past.facts and 'plant' in nodes)
+
+
+def _again(log: RunLog, past: History) -> Moved | None:
+    """The true motion by the plant that moves once more; None if it is another one.
+
+    Raises:
+        InputError: the plant cannot be put together.
+        KinematicsError: a sample has no pose.
+    """
+    configuration = configure_plant(log.config)
+    loop = configuration.loop
+    if configuration.parameters.engine == MUJOCO:
+        return None
+    tick, age = loop.period_ns, told_age(log.config)
+    measured = np.rint((log.stamps + age - log.start_stamp) / tick).astype(int)
+    count = int(measured[-1]) + 1
+    simulated = past.facts.get('source') == SIMULATION
+    if simulated:  # its last states may be lost, or their stamps be ahead
+        references = log.messages[REFERENCE.name]
+        count = references.count + references.missing
+    reference = trajectory_of(log.config).sample(np.arange(count) * loop.period)
+    if simulated or loop.lockstep:
+        again = plant_again.under_commands(configuration, log.command, reference)
+    elif len(log.stamps) == count and not age:
+        again = plant_again.under_torques(configuration, log.effort, reference)
+    else:
+        again = None
+    if again is None or not _told(log, again, measured):
+        return None
+    nominal, guess = nominal_of(log.config)
+    true, rows = robot_of(log.config, 'true_robot'), slice(len(again.joints))
+    wanted = reference.position[rows]
+    poses = poses_of(nominal, true, guess, wanted, again.joints)
+    time = tick * np.arange(len(wanted)) / NANOSECONDS
+    return Moved(time, again.joints, wanted, again.effort, poses)
+
+
+def _told(log: RunLog, again: plant_again.Again, measured: NDArray[np.int64]) -> bool:
+    """Whether a plant told what a bag says, but for few states; `measured`: their samples."""
+    rows = np.flatnonzero(again.heard.told[: len(again.told)])
+    samples = rows - again.heard.late[rows]
+    kept = np.isin(samples, measured)  # states that are not valid are not read
+    rows, samples = rows[kept], samples[kept]
+    if (np.diff(measured) >= 0).all():  # they were put in order
+        rows = rows[np.argsort(samples, kind='stable')]
+    told = again.told[rows]
+    if len(told) != len(log.position):
+        return False
+    return bool(np.mean(np.abs(told - log.position).max(axis=1) > SAME) <= FEW)

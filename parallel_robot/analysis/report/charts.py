@@ -1,0 +1,216 @@
+"""The content of the paper's Figures 3 to 9 as curves, the same on paper and on the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot.analysis.report.decimation import extremes
+from parallel_robot.analysis.report.labels import joint_label
+from parallel_robot.analysis.report.palette import joint_style
+from parallel_robot.analysis.report.runs import Run, Series
+from parallel_robot.analysis.report.scale import logarithmic
+from parallel_robot_control.coupling import synchronisation_error
+
+TIME = 't [s]'
+FIRST = 1.0  # s, in which the torques are far larger than afterwards
+
+
+class Curve(NamedTuple):
+    """One curve, with as many points as can be seen.
+
+    Attributes:
+        label: Name in the legend.
+        style: Key of palette.STYLES.
+        x: Shape (N,).
+        y: Shape (N,).
+    """
+
+    label: str
+    style: str
+    x: np.ndarray
+    y: np.ndarray
+
+
+class Panel(NamedTuple):
+    """Curves over common axes.
+
+    Attributes:
+        title: Heading; may be empty.
+        quantity: Name of y.
+        unit: Unit of y.
+        curves: The curves.
+        dashed: Whether curves are dashed; a path that repeats itself would fill its own gaps.
+        marks: Times at which law or gains of a run changed [s].
+    """
+
+    title: str
+    quantity: str
+    unit: str
+    curves: list[Curve]
+    dashed: bool = True
+    marks: tuple[float, ...] = ()
+
+
+class Chart(NamedTuple):
+    """One figure.
+
+    Attributes:
+        number: Number of the paper's figure with this content.
+        name: Name for the file.
+        title: Heading.
+        note: Remark for the caption; may be empty.
+        x_label: Label of the x axis of all panels.
+        panels: Panels, row by row.
+        widths: Widths of the columns of panels, relative to each other.
+        magnitude: Whether the curves are errors, which may be drawn as magnitudes.
+        equal: Whether both axes have the same scale.
+        spans: Whether the columns show different times; then the panels of a column have the same
+            limits, otherwise all panels have the same time.
+    """
+
+    number: int
+    name: str
+    title: str
+    note: str
+    x_label: str
+    panels: list[Panel]
+    widths: tuple[float, ...] = (1.0,)
+    magnitude: bool = False
+    equal: bool = False
+    spans: bool = False
+
+    def logarithmic(self, scale: str) -> bool:
+        """Whether its errors are drawn as magnitudes, see :func:`scale.logarithmic`."""
+        curves = [curve.y for panel in self.panels for curve in panel.curves]
+        return self.magnitude and logarithmic(scale, curves)
+
+
+def charts(runs: Sequence[Run]) -> list[Chart]:
+    """Charts of the runs of one scenario, numbered as the paper's figures.
+
+    Those of the path and of its errors are left out for a robot that does not move in a plane.
+    """
+    errors = [_joint_errors(runs), _coupling_errors(runs)]
+    if not runs[0].poses.planar:
+        return [*(_marked(chart, runs) for chart in errors), _torques(runs)]
+    errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
+    return [_path(runs), *(_marked(chart, runs) for chart in errors), _torques(runs)]
+
+
+def _marked(chart: Chart, runs: Sequence[Run]) -> Chart:
+    """A chart over time with the marks of all runs."""
+    marks = tuple(sorted({time for run in runs for time in run.marks}))
+    return chart._replace(panels=[panel._replace(marks=marks) for panel in chart.panels])
+
+
+def joint_error(run: Run) -> np.ndarray:
+    """Errors reference - feedback [rad], shape (N, n)."""
+    return run.log.reference_position - run.log.position
+
+
+def _path(runs: Sequence[Run]) -> Chart:
+    starts = np.unique([1e3 * run.poses.actual[0, :2] for run in runs], axis=0)
+    start = Curve('start', 'start', *starts.T)
+    whole = [*_tracks(runs, np.inf), start]
+    panels = [Panel('', 'y', 'mm', whole, dashed=False)]
+    if min(run.log.time[-1] for run in runs) > 2.0 * FIRST:
+        panels.append(Panel('first second', 'y', 'mm', [*_tracks(runs, FIRST), start]))
+    line = {run.log.config.get('trajectory.shape') for run in runs} == {'line'}
+    widths = (1.0,) * len(panels)
+    number = 9 if line else 3
+    title = 'Path of the end effector'
+    return Chart(number, 'path', title, '', 'x [mm]', panels, widths, equal=True)
+
+
+def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
+    """Paths of references and end effectors, with the points where the errors are extreme."""
+    references, paths = [], []
+    for run in runs:
+        rows = run.log.time <= until
+        reference = 1e3 * run.poses.reference[rows, :2]
+        actual = 1e3 * run.poses.actual[rows, :2]
+        chosen = np.union1d(*(extremes(column) for column in reference.T))
+        references.append(Curve('reference', 'reference', *reference[chosen].T))
+        chosen = np.union1d(*(extremes(column) for column in (reference - actual).T))
+        paths.append(Curve(run.label, run.style, *actual[chosen].T))
+    return references + paths
+
+
+def _path_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart:
+    series = [
+        Series(run.log.time, 1e3 * (run.poses.reference - run.poses.actual)[:, axis : axis + 1])
+        for run in runs
+    ]
+    title = f'Error of the end effector in {name}'
+    panel = Panel('', f'{name} error', 'mm', _curves(runs, series, 0))
+    return Chart(number, f'{name}_error', title, '', TIME, [panel], magnitude=True)
+
+
+def _joint_errors(runs: Sequence[Run]) -> Chart:
+    series = [Series(run.log.time, 1e3 * joint_error(run)) for run in runs]
+    panels = [
+        Panel(name, 'error', 'mrad', _curves(runs, series, joint))
+        for joint, name in enumerate(_joints(runs))
+    ]
+    return Chart(
+        6, 'joint_errors', 'Errors of the actuated joints', '', TIME, panels, magnitude=True
+    )
+
+
+def _coupling_errors(runs: Sequence[Run]) -> Chart:
+    synchronisation = [
+        Series(run.log.time, 1e3 * synchronisation_error(joint_error(run))) for run in runs
+    ]
+    with_coupling = [run for run in runs if run.cross_coupling is not None]
+    coupling = [
+        Series(run.cross_coupling.time, 1e3 * run.cross_coupling.values)
+        for run in with_coupling
+        if run.cross_coupling is not None
+    ]
+    panels = []
+    for joint, name in enumerate(_joints(runs)):
+        title = f'{name}, '
+        curves = _curves(runs, synchronisation, joint)
+        panels.append(Panel(title + 'synchronisation', 'error', 'mrad', curves))
+        if with_coupling:
+            curves = _curves(with_coupling, coupling, joint)
+            panels.append(Panel(title + 'cross-coupling', 'error', 'mrad', curves))
+    lacking = [run.label for run in runs if run.cross_coupling is None]
+    note = f'No cross-coupling error is in the bag of {", ".join(lacking)}.' if lacking else ''
+    title = 'Synchronisation and cross-coupling errors'
+    widths = (1.0, 1.0) if with_coupling else (1.0,)
+    return Chart(7, 'coupling_errors', title, note, TIME, panels, widths, magnitude=True)
+
+
+def _torques(runs: Sequence[Run]) -> Chart:
+    split = min(run.log.time[-1] for run in runs) > 2.0 * FIRST
+    panels = []
+    for run in runs:
+        first = run.log.time <= (FIRST if split else np.inf)
+        parts = [('', first), (' afterwards', ~first)] if split else [('', first)]
+        for when, rows in parts:
+            series = [Series(run.log.time[rows], run.log.effort[rows])]
+            curves = []
+            for joint, name in enumerate(_joints(runs)):
+                (curve,) = _curves([run], series, joint)
+                curves.append(curve._replace(label=name, style=joint_style(joint)))
+            times = run.log.time[rows]
+            marks = tuple(time for time in run.marks if times[0] <= time <= times[-1])
+            panels.append(Panel(run.label + when, 'torque', 'N m', curves, marks=marks))
+    widths = (1.0, 2.5) if split else (1.0,)
+    return Chart(8, 'torques', 'Torques of the motors', '', TIME, panels, widths, spans=True)
+
+
+def _curves(runs: Sequence[Run], series: Sequence[Series], column: int) -> list[Curve]:
+    curves = []
+    for run, (time, values) in zip(runs, series, strict=True):
+        chosen = extremes(values[:, column])
+        curves.append(Curve(run.label, run.style, time[chosen], values[chosen, column]))
+    return curves
+
+
+def _joints(runs: Sequence[Run]) -> list[str]:
+    return [joint_label(name) for name in runs[0].log.joints]

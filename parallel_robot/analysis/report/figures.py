@@ -1,0 +1,344 @@
+"""Figures of one run."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from parallel_robot.analysis.metrics import Motion, Poses, distances
+from parallel_robot.analysis.report.labels import joint_label, label, law_label
+from parallel_robot.analysis.report.palette import RUNS, slots
+from parallel_robot.analysis.report.scale import AUTO, logarithmic
+from parallel_robot.bags import new_files
+from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_model.common.errors import UnknownNameError
+
+FORMATS = ('.png', '.pdf', '.svg')
+COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
+DASHES = ('-', '--')  # of as many joints as there are colours each
+LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins ten times higher
+LARGEST = 'Largest '  # of all joints
+COLUMNS = 6  # of a legend
+HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
+MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
+
+
+class NamedMotion(Motion, Protocol):
+    """What is drawn of a run: a run log, or anything with these names and arrays."""
+
+    @property
+    def scenario(self) -> str:
+        """Name of the scenario."""
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the actuated joints."""
+
+
+def draw_run(
+    log: NamedMotion,
+    pose: Poses,
+    path: str | Path,
+    scale: str = AUTO,
+    marks: Sequence[float] = (),
+) -> None:
+    """Draw path, errors and torques of a run to a PNG or vector file.
+
+    Args:
+        log: The run.
+        pose: Poses of the run.
+        path: File to write, which must not exist; its suffix chooses the format.
+        scale: Of errors, see scale.SCALES.
+        marks: Times at which something changed [s].
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file exists or cannot be written; with its name.
+    """
+    save(figure_of_run(log, pose, scale, marks), path)
+
+
+def figure_of_run(
+    log: NamedMotion, pose: Poses, scale: str = AUTO, marks: Sequence[float] = ()
+) -> Any:
+    """Path, errors and torques of a run as a figure of matplotlib.
+
+    A robot that does not move in a plane has no path; its synchronisation errors are drawn.
+
+    Args:
+        log: The run.
+        pose: Poses of the run.
+        scale: Of errors, see scale.SCALES.
+        marks: Times at which something changed [s].
+    """
+    figure, path, (first, joints, torque) = panels(
+        f'{label(log.scenario)}, {law_label(log.law)}', pose.planar
+    )
+    names = [without_mathematics(joint_label(name)) for name in log.joints]
+    looks = [look_of(k) for k in range(len(names))]
+    error = log.reference_position - log.position
+    if pose.planar:
+        _draw_paths(path, [pose], looks, 'end effector')
+        offset = (pose.reference - pose.actual)[:, :2]
+        curves = _curves(log.time, 1e6 * offset, looks, ['x', 'y'])
+        _draw_errors(first, curves, 'µm', scale, 'End-effector error')
+    else:
+        curves = _curves(log.time, 1e6 * synchronisation_error(error), looks, names)
+        _draw_errors(first, curves, 'µrad', scale, 'Synchronisation errors')
+    curves = _curves(log.time, 1e6 * error, looks, names)
+    _draw_errors(joints, curves, 'µrad', scale, 'Joint errors')
+    _draw_curves(torque, _curves(log.time, log.effort, looks, names))
+    torque.set(xlabel='t [s]', ylabel='torque [N m]')
+    torque.set_title('Torques', loc='left')
+    for axes in (first, joints, torque):
+        for time in marks:
+            axes.axvline(time, color='0.4', linestyle=':', lw=1.0)
+        add_legend(axes)
+    return figure
+
+
+def figure_of_runs(runs: Mapping[str, tuple[NamedMotion, Poses]], scale: str = AUTO) -> Any:
+    """Several runs over one another as a figure of matplotlib, one curve each in a panel.
+
+    Of the joints, the largest magnitude at each time is drawn. Without a path if a robot does not
+    move in a plane.
+
+    Args:
+        runs: Name to a run and its poses, up to as many as palette.RUNS.
+        scale: Of errors, see scale.SCALES.
+    """
+    logs, poses = zip(*runs.values(), strict=True)
+    planar = all(pose.planar for pose in poses)
+    title = ', '.join(dict.fromkeys(label(log.scenario) for log in logs))
+    figure, path, (first, joints, torque) = panels(title, planar, fitted=True)
+    names = [without_mathematics(label(name)) for name in runs]
+    looks = [
+        {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
+        for style in (RUNS[slot] for slot in slots([log.law for log in logs]))
+    ]
+
+    def curves(columns: Iterable[np.ndarray]) -> list[Curve]:
+        """One curve for each run: the largest magnitude of its columns, shape (N, k)."""
+        return [
+            Curve(log.time, np.abs(values).max(axis=1), look, name)
+            for log, values, look, name in zip(logs, columns, looks, names, strict=True)
+        ]
+
+    errors = [1e6 * (log.reference_position - log.position) for log in logs]
+    if planar:
+        _draw_paths(path, poses, looks)
+        distance = curves(1e6 * distances(pose)[:, np.newaxis] for pose in poses)
+        _draw_errors(first, distance, 'µm', scale, 'End-effector error', sign=False)
+    else:
+        synchronisation = curves(map(synchronisation_error, errors))
+        _draw_errors(
+            first, synchronisation, 'µrad', scale, LARGEST + 'synchronisation error', sign=False
+        )
+    _draw_errors(joints, curves(errors), 'µrad', scale, LARGEST + 'joint error', sign=False)
+    _draw_curves(torque, curves(log.effort for log in logs))
+    torque.set(xlabel='t [s]', ylabel='|torque| [N m]')
+    torque.set_title(LARGEST + 'torque', loc='left')
+    figure.legend(*torque.get_legend_handles_labels(), loc='outside lower center', ncols=COLUMNS)
+    return figure
+
+
+def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) -> None:
+    """Draw recorded commands and other torques for the same states, joint by joint.
+
+    Args:
+        log: The run.
+        torque: The other torques [N m], shape (N, n).
+        law: Law of the other torques.
+        path: File to write, which must not exist; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file exists or cannot be written; with its name.
+    """
+    count = len(log.joints)
+    title = f'{label(log.scenario)}: torques on the same motion'
+    figure = _figure(title, max(HEIGHT, ROW * count))
+    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
+    for axes, joint, recorded, replayed in curves:
+        name = f'recorded, {without_mathematics(law_label(log.law))}'
+        axes.plot(log.time, recorded, color='0.6', lw=2.0, label=name)
+        name = f'replayed, {without_mathematics(law_label(law))}'
+        axes.plot(log.time, replayed, color=COLOURS[0], lw=0.8, label=name)
+        axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
+        axes.grid(alpha=0.3)
+    rows[0].legend(loc='upper right', ncols=2, fontsize='small')
+    rows[-1].set(xlabel='t [s]')
+    save(figure, path)
+
+
+def draw_prediction(
+    time: np.ndarray,
+    joints: Sequence[str],
+    measured: np.ndarray,
+    predicted: np.ndarray,
+    path: str | Path,
+) -> None:
+    """Draw measured and predicted torques, joint by joint.
+
+    Args:
+        time: Times [s], shape (T,).
+        joints: Names of the joints.
+        measured: Measured torques [N m], shape (T, n).
+        predicted: Predicted torques [N m], shape (T, n).
+        path: File to write, which must not exist; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file exists or cannot be written; with its name.
+    """
+    count = len(joints)
+    figure = _figure('Torques by the identified robot', max(HEIGHT, ROW * count))
+    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for axes, joint, before, after in zip(rows, joints, measured.T, predicted.T, strict=True):
+        axes.plot(time, before, color='0.6', lw=2.0, label='measured')
+        axes.plot(time, after, color=COLOURS[0], lw=0.8, label='predicted')
+        axes.plot(time, before - after, color=COLOURS[1], lw=0.8, label='difference')
+        axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
+        axes.grid(alpha=0.3)
+    rows[0].legend(loc='upper right', ncols=3, fontsize='small')
+    rows[-1].set(xlabel='t [s]')
+    save(figure, path)
+
+
+class Curve(NamedTuple):
+    """One curve: times, values, both shape (N,), arguments of its line, name."""
+
+    time: np.ndarray
+    values: np.ndarray
+    look: dict[str, Any]
+    name: str
+
+
+def panels(title: str, planar: bool, fitted: bool = False) -> tuple[Any, Any, list[Any]]:
+    """A figure, the panel of the path, None if not planar, and three panels over time.
+
+    Args:
+        title: Of the figure.
+        planar: Whether the robot moves in a plane.
+        fitted: Whether the panels leave the room that their surroundings need, a legend below
+            for example. It takes as long as to draw the figure.
+    """
+    figure = _figure(title, fitted=fitted)
+    margins = {} if fitted else {**MARGINS, 'hspace': 0.4}
+    columns = 2 if planar else 1
+    ratios = (1.1, 1.0)[-columns:]
+    grid = figure.add_gridspec(3, columns, width_ratios=ratios, **margins)
+    path = figure.add_subplot(grid[:, 0]) if planar else None
+    first = figure.add_subplot(grid[0, -1])
+    others = [figure.add_subplot(grid[k, -1], sharex=first) for k in (1, 2)]
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    return figure, path, [first, *others]
+
+
+def _curves(
+    time: np.ndarray, values: np.ndarray, looks: list[dict[str, Any]], names: list[str]
+) -> list[Curve]:
+    """One curve for each column of the values, shape (N, k)."""
+    return [Curve(time, *one) for one in zip(values.T, looks, names, strict=False)]
+
+
+def _draw_paths(
+    axes: Any, poses: Sequence[Poses], looks: list[dict[str, Any]], name: str = ''
+) -> None:
+    for k, pose in enumerate(poses):
+        grey = '' if k else 'reference'
+        axes.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label=grey)
+    for pose, look in zip(poses, looks, strict=False):
+        axes.plot(*(1e3 * pose.actual[:, :2].T), **{**look, 'lw': 1.2}, label=name)
+    starts = np.unique([1e3 * pose.actual[0, :2] for pose in poses], axis=0)
+    axes.plot(*starts.T, 'o', color=COLOURS[1], label='start')
+    axes.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
+    axes.margins(0.12)
+    axes.legend(loc='upper right')
+
+
+def _draw_errors(
+    axes: Any, curves: list[Curve], unit: str, scale: str, title: str, sign: bool = True
+) -> None:
+    """Draw errors, with their sign unless the axis is logarithmic or they have none."""
+    log = logarithmic(scale, [curve.values for curve in curves])
+    if log:
+        curves = [c._replace(values=np.maximum(np.abs(c.values), LEAST)) for c in curves]
+    _draw_curves(axes, curves)
+    if log:
+        axes.set_yscale('log')
+        axes.set_ylim(max(axes.get_ylim()[0], 10 * LEAST), None)
+    axes.set_ylabel(f'|error| [{unit}]' if log or not sign else f'error [{unit}]')
+    axes.set_title(title, loc='left')
+
+
+def _draw_curves(axes: Any, curves: list[Curve]) -> None:
+    for curve in curves:
+        axes.plot(curve.time, curve.values, **curve.look, label=curve.name)
+
+
+def add_legend(axes: Any) -> None:
+    """Add a legend above the curves, beside the title."""
+    axes.legend(
+        loc='lower right',
+        bbox_to_anchor=(1.0, 1.0),
+        borderpad=0.2,
+        columnspacing=1.2,
+        fontsize='small',
+        frameon=False,
+        handlelength=1.6,
+        handletextpad=0.5,
+        ncols=COLUMNS,
+    )
+
+
+def look_of(column: int) -> dict[str, Any]:
+    """Colour and dashes of one of several curves, by its 0-based index."""
+    dashes = DASHES[column // len(COLOURS) % len(DASHES)]
+    return {'color': COLOURS[column % len(COLOURS)], 'linestyle': dashes, 'lw': 0.8}
+
+
+def save(figure: Any, path: str | Path) -> None:
+    """Write a figure to a file that must not exist; its suffix chooses the format.
+
+    Raises:
+        InputError: the suffix is of no picture format.
+        OSError: the file exists or cannot be written; with its name.
+    """
+    check_format(path)
+    content = io.BytesIO()
+    figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
+    new_files.write(Path(path), content.getbuffer())
+
+
+def check_format(path: str | Path) -> None:
+    """Refuse a file whose suffix is of no picture format.
+
+    Raises:
+        UnknownNameError: with the formats.
+    """
+    suffix = Path(path).suffix
+    if suffix not in FORMATS:
+        raise UnknownNameError('picture format', suffix, FORMATS)
+
+
+def _figure(title: str, height: float = HEIGHT, fitted: bool = True) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, height), layout='constrained' if fitted else None)
+    FigureCanvasAgg(figure)
+    figure.suptitle(without_mathematics(title), fontweight='bold')
+    return figure

@@ -1,0 +1,147 @@
+"""A bag as a table: one row for each state, units in the names of the columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot.analysis import metrics, recorded_motions
+from parallel_robot.analysis.metrics import Poses
+from parallel_robot.bags import command_states, history, run_log, telemetry
+from parallel_robot.bags.history import History
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import ParallelRobotError
+from parallel_robot_model.messages.topics import SLIDING_VARIABLE
+from parallel_robot_model.robots.configuration import robot_of
+
+
+class Table(NamedTuple):
+    """A bag as a table.
+
+    Attributes:
+        columns: Name to numbers, shape (N,).
+        warnings: Defects of the bag and what cannot be computed, one line each.
+    """
+
+    columns: dict[str, np.ndarray]
+    warnings: tuple[str, ...]
+
+
+def read(bag: Path, memory: int = MEMORY) -> Table:
+    """Read a bag, see :func:`run_log.read`.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        memory: Memory that reading it may take [bytes].
+
+    Raises:
+        BagError: not a bag, or a topic that the table needs is not in it.
+    """
+    log = run_log.read(bag, memory)
+    poses, warnings = _poses(log, history.read(bag, memory))
+    sliding = np.full(log.position.shape, np.nan)
+    found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
+    if found is not None:
+        row = command_states.by_state(log.stamps, found.stamps)
+        sliding[row >= 0] = found.numbers['position'][row[row >= 0]]
+    return Table(columns(log, poses, sliding), log.warnings + warnings)
+
+
+def columns(
+    log: RunLog, poses: Mapping[str, np.ndarray], sliding_variable: np.ndarray
+) -> dict[str, np.ndarray]:
+    """A run as columns: name with unit to numbers, shape (N,).
+
+    Args:
+        log: The run.
+        poses: Columns of the pose.
+        sliding_variable: Sliding variable in the unit of the law, NaN where it is not known,
+            shape (N, n).
+    """
+    reference, rate, acceleration = (
+        np.where(log.referenced[:, np.newaxis], each, np.nan)
+        for each in (log.reference_position, log.reference_velocity, log.reference_acceleration)
+    )
+    quantities = {
+        'position_rad': log.position,
+        'velocity_rad_per_s': log.velocity,
+        'effort_nm': log.effort if log.has_efforts else np.full_like(log.effort, np.nan),
+        'reference_position_rad': reference,
+        'reference_velocity_rad_per_s': rate,
+        'reference_acceleration_rad_per_s2': acceleration,
+        'command_nm': log.answer,
+        'synchronisation_error_rad': synchronisation_error(reference - log.position),
+        'sliding_variable': sliding_variable,
+    }
+    return (
+        {'time_s': log.time, 'stamp_ns': log.stamps}
+        | {
+            f'{joint}_{quantity}': numbers[:, k]
+            for quantity, numbers in quantities.items()
+            for k, joint in enumerate(log.joints)
+        }
+        | dict(poses)
+    )
+
+
+def to_frame(bag: Path) -> Frame:
+    """A bag as a pandas DataFrame, see :func:`read`.
+
+    Raises:
+        InputError: pandas is not installed.
+        BagError: not a bag, or a topic that the table needs is not in it.
+    """
+    frame: Frame = pandas().DataFrame(read(bag).columns)
+    return frame
+
+
+def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Columns of the pose, named after its coordinates, and what is wrong with them.
+
+    Those of a robot that moves in a plane are of its platform and hold its error. They are true
+    where the plant is known; what is seen stands beside them where it is something else.
+    """
+    try:
+        robot = robot_of(log.config)
+    except ParallelRobotError as error:
+        return {}, (f'no pose of the robot: {error}',)
+    coordinates = robot.module.coordinates(robot.parameters)
+    names = [f'{name}_{unit}' for name, unit in coordinates]
+    warnings: tuple[str, ...] = ()
+    seen = None
+    try:
+        part = recorded_motions.of_bag(log, past)
+        found = part.poses._replace(actual=part.pose)
+        if part.motions.true is not None and part.motions.seen is not None:
+            seen = part.poses
+        warnings = (f'the pose of the robot is {part.cut}',) if part.cut else ()
+        warnings += (part.remark,) if part.remark not in ('', recorded_motions.UNKNOWN) else ()
+    except ParallelRobotError as error:
+        nothing = np.empty((0, len(names)))
+        found = Poses(nothing, nothing, robot.module.PLANAR)
+        warnings = (f'no pose of the robot: {error}',)
+    prefix = 'platform' if found.planar else 'pose'
+    actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
+    columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
+    columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
+    if found.planar:
+        columns['platform_error_m'] = metrics.distances(Poses(actual, reference))
+    if seen is not None:
+        actual = _spread(seen.actual, log.referenced)
+        columns |= {f'seen_{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
+        if seen.planar:
+            columns['seen_platform_error_m'] = metrics.distances(Poses(actual, reference))
+    return columns, warnings
+
+
+def _spread(rows: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Rows at the first places that are wanted, NaN elsewhere, one for each of `where`."""
+    whole = np.full((len(where), rows.shape[1]), np.nan)
+    whole[np.flatnonzero(where)[: len(rows)]] = rows
+    return whole

@@ -1,0 +1,155 @@
+"""The frames of a video: robot, path with magnified errors, error and torques of each run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis.report.animation import box
+from parallel_robot.analysis.report.figures import look_of
+from parallel_robot.analysis.report.labels import label
+from parallel_robot.analysis.report.palette import STYLES
+from parallel_robot.analysis.report.paper_figures import RC
+from parallel_robot.analysis.video.scene import Scene
+from parallel_robot.bags.printable_output import without_mathematics
+
+DOTS = 100  # per inch
+COLUMN, WIDEST = 4.0, 12.8  # in, of one run, of all
+LARGE = 9.0  # in, the width of a single run
+SQUARE, STRIP = 2.7, 1.15  # in, heights of a picture of the plane, of a curve
+PARTS = {'proximal': ('#5b6675', 5.0), 'distal': ('#9aa4b1', 3.5), 'platform': ('#1d2126', 2.0)}
+OTHER = ('#5b6675', 4.0)
+LEAST = 1e-2  # µm, the smallest distance that is drawn
+LOOK: dict[Any, Any] = {**RC, 'font.family': 'sans-serif', 'lines.solid_capstyle': 'round'}
+CURVE = {'lw': 1.1, 'animated': True}
+DOT = {'marker': 'o', 'ls': '', 'animated': True}
+
+
+def frames(scenes: Sequence[Scene], times: np.ndarray, magnified: float) -> Iterator[np.ndarray]:
+    """Draw the frames one after the other.
+
+    Args:
+        scenes: The runs, side by side.
+        times: Of the frames [s], shape (F,).
+        magnified: By how much errors are magnified; for the title.
+
+    Yields:
+        Red, green and blue of each dot, of type uint8, shape (height, width, 3), both even.
+    """
+    import matplotlib as mpl  # slow to import: only when drawn
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    with mpl.rc_context(LOOK):
+        layout = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08)
+        figure = Figure(figsize=size(len(scenes)), dpi=DOTS, layout=layout)
+        canvas: Any = FigureCanvasAgg(figure)
+        films = _films(figure, scenes, times, magnified)
+        clock = figure.text(0.99, 0.985, '', ha='right', va='top', animated=True)
+        canvas.draw()  # what stands still
+        still = canvas.copy_from_bbox(figure.bbox)
+        for k, time in enumerate(times):
+            canvas.restore_region(still)
+            clock.set_text(f't = {time:.2f} s')
+            figure.draw_artist(clock)
+            for film in films:
+                film.draw(k)
+            yield np.array(canvas.buffer_rgba())[:, :, :3]
+
+
+def size(runs: int) -> tuple[float, float]:
+    """Width and height of a video of some runs side by side [in], of an even number of dots."""
+    if runs == 1:
+        return LARGE, SQUARE + 2.0 * STRIP
+    return min(COLUMN * runs, WIDEST), 2.0 * SQUARE + 2.0 * STRIP
+
+
+def _films(
+    figure: Any, scenes: Sequence[Scene], times: np.ndarray, magnified: float
+) -> list[_Film]:
+    """The panels: one run fills the figure, several have a column each with common scales."""
+    if len(scenes) == 1:
+        grid = figure.add_gridspec(2, 2, height_ratios=(SQUARE, 1.7 * STRIP))
+        panels = [[figure.add_subplot(grid[k]) for k in range(4)]]
+    else:
+        ratios = (SQUARE, SQUARE, STRIP, STRIP)
+        rows = figure.subplots(4, len(scenes), sharey='row', height_ratios=ratios, squeeze=False)
+        panels = list(rows.T)
+    films = [
+        _Film(axes, scene, times[-1], magnified)
+        for axes, scene in zip(panels, scenes, strict=True)
+    ]
+    whole = [scene.parts[part].reshape(-1, 2) for scene in scenes for part in scene.parts]
+    paths = np.concatenate([scene.reference for scene in scenes])
+    most = max(1e6 * float(scene.error.max()) for scene in scenes)
+    least = min(1e6 * float(np.percentile(scene.error, 1)) for scene in scenes)
+    for robot, path, error, _ in panels:
+        _square(robot, np.concatenate([*whole, paths]), 0.05)
+        _square(path, paths, 0.3)
+        error.set_ylim(max(LEAST, 0.5 * least), max(10.0 * LEAST, 2.0 * most))
+    for axes, name in zip(panels[0][2:], ('|error| [µm]', 'torque [N m]'), strict=True):
+        axes.set_ylabel(name)
+    return films
+
+
+class _Film:
+    """The panels of one run, and what moves in them."""
+
+    def __init__(self, panels: Sequence[Any], scene: Scene, end: float, magnified: float) -> None:
+        robot, path, error, torque = panels
+        run = scene.run
+        name = without_mathematics(run.label)
+        style = STYLES[run.style].light
+        faint = {'color': STYLES['reference'].light, 'lw': 2.5}
+        for axes in (robot, path):
+            axes.plot(*scene.reference.T, **faint)
+            axes.axis('off')
+        robot.set_title(f'{without_mathematics(label(run.log.scenario))}, {name}')
+        path.set_title(f'path, errors times {magnified:g}' if magnified != 1.0 else 'path')
+        error.set_yscale('log')
+        for axes in (error, torque):
+            axes.set(xlim=(0.0, end), xlabel='t [s]')
+        self._scene = scene
+        self._curves: list[tuple[Any, Any, Any, np.ndarray]] = []
+        self._add(path, scene.path.T, {'color': style})
+        distance = np.maximum(1e6 * scene.error, LEAST)
+        self._add(error, np.stack([run.log.time, distance]), {'color': style})
+        looks = [look_of(k) for k in range(run.log.effort.shape[1])]
+        for torques, look in zip(run.log.effort.T, looks, strict=True):
+            torque.plot(run.log.time, torques, alpha=0.0)  # for the scale
+            self._add(torque, np.stack([run.log.time, torques]), look, 3.0)
+        self._links = []
+        for part, ends in scene.parts.items():
+            colour, width = PARTS.get(part, OTHER)
+            look = {'color': colour, 'lw': width, 'mec': 'white', 'marker': 'o', 'ms': width}
+            lines = [robot.plot([], [], **look, animated=True)[0] for _ in range(ends.shape[1])]
+            self._links.append((robot, lines, ends))
+        self._add(robot, run.poses.actual[:, :2].T, {'color': style})
+
+    def _add(self, axes: Any, points: np.ndarray, look: dict[str, Any], dot: float = 5.0) -> None:
+        """Add a curve, shape (2, N), that grows with the frames, with a dot at its end."""
+        (line,) = axes.plot([], [], **{**look, **CURVE})
+        (end,) = axes.plot([], [], color=look['color'], ms=dot, **DOT)
+        self._curves.append((axes, line, end, points))
+
+    def draw(self, frame: int) -> None:
+        """Draw what moves, at a frame."""
+        for axes, lines, ends in self._links:
+            for line, (x, y) in zip(lines, ends[frame].transpose(0, 2, 1), strict=True):
+                line.set_data(x, y)
+                axes.draw_artist(line)
+        end = self._scene.rows[frame] + 1
+        for axes, line, dot, points in self._curves:
+            line.set_data(points[:, :end])
+            dot.set_data(points[:, end - 1 : end])
+            axes.draw_artist(line)
+            axes.draw_artist(dot)
+
+
+def _square(axes: Any, points: np.ndarray, margin: float) -> None:
+    """Show points, shape (N, 2), with a margin, in equal scales."""
+    x, y, width, height = box(points, margin)
+    axes.set(xlim=(x, x + width), ylim=(y, y + height), aspect='equal')

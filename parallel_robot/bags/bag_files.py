@@ -1,0 +1,132 @@
+"""The files of a bag: which they are, each opened safely, and what metadata.yaml says."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import mmap
+import os
+import re
+import shutil
+import stat
+import tempfile
+from pathlib import Path
+from typing import IO, NamedTuple
+
+import zstandard
+
+from parallel_robot.bags.limits import CHUNK, MEMORY, RATIO, YAML, Allowance
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration import plain_data
+
+PIECE = 1 << 20  # bytes that are unpacked at once
+
+
+class File(NamedTuple):
+    """Content of an MCAP file, and the allowance for reading it."""
+
+    data: memoryview
+    allowance: Allowance
+
+
+def files(bag: Path) -> list[Path]:
+    """The MCAP files of a bag, in the order of recording.
+
+    Raises:
+        BagError: there are none.
+    """
+    try:
+        names = {path.name for path in bag.iterdir()} if bag.is_dir() else set()
+        there = bag.is_file()
+        exists = bag.exists()
+    except OSError as error:
+        raise BagError(f'{bag} cannot be read: {error.strerror}') from None
+    packed = {name for name in names if name.endswith('.mcap.zstd') and name[:-5] not in names}
+    unpacked = {name for name in names if name.endswith('.mcap')}
+    paths = [bag / name for name in sorted(packed | unpacked, key=_numbers_by_value)]
+    paths = [bag] if there else paths
+    if not exists:
+        raise BagError(f'{bag} does not exist')
+    if not paths:
+        raise BagError(f'{bag} is not a bag: no MCAP file there')
+    return paths
+
+
+def open_file(path: Path, memory: int = MEMORY) -> File:
+    """Open an MCAP file: map it into memory, after unpacking it if it is compressed as a whole.
+
+    Args:
+        path: The file.
+        memory: What may be held of it [bytes].
+
+    Raises:
+        BagError: it cannot be read, or takes more than is allowed.
+    """
+    try:
+        with _regular(path) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            allowance = Allowance(path, size, memory)
+            if path.suffix != '.zstd':
+                return File(_mapped(stream), allowance)
+            with tempfile.TemporaryFile() as unpacked:
+                _unpack(path, stream, max(CHUNK, RATIO * size), unpacked)
+                return File(_mapped(unpacked), allowance)
+    except OSError as error:
+        raise BagError(f'{path} cannot be read: {error.strerror}') from None
+
+
+def custom_data(bag: Path) -> dict[str, str]:
+    """What metadata.yaml says about the experiment; empty when it is missing or broken."""
+    directory = bag if bag.is_dir() else bag.parent
+    try:
+        with _regular(directory / 'metadata.yaml') as stream:
+            text = stream.read(YAML + 1).decode()
+        found = plain_data.load(text, YAML)
+        facts = found['rosbag2_bagfile_information']['custom_data']
+        return {key: str(value) for key, value in facts.items()} if 'config' in facts else {}
+    except Exception:  # a broken file can hold anything
+        return {}
+
+
+def _regular(path: Path) -> IO[bytes]:
+    """Open a regular file and nothing else: reading a pipe would block.
+
+    Raises:
+        OSError: it cannot be opened.
+    """
+    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(number).st_mode):
+        os.close(number)
+        raise OSError(errno.EINVAL, 'not a file', str(path))
+    return open(number, 'rb')
+
+
+def _unpack(path: Path, packed: IO[bytes], most: int, unpacked: IO[bytes]) -> None:
+    """Unpack a file up to where it is broken.
+
+    Raises:
+        BagError: it is larger than `most` [bytes], or than half of what is free on the disk.
+        OSError: the disk is full.
+    """
+    free = shutil.disk_usage(tempfile.gettempdir()).free // 2
+    with contextlib.suppress(zstandard.ZstdError):  # the rest is lost
+        pieces = zstandard.ZstdDecompressor().read_to_iter(packed, write_size=PIECE)
+        for piece in pieces:
+            unpacked.write(piece)
+            if unpacked.tell() > most:
+                raise BagError(f'{path} unpacks to more than {RATIO} times its size')
+            if unpacked.tell() > free:
+                where = tempfile.gettempdir()
+                raise BagError(f'{path} unpacks to more than half of what is free in {where}')
+    unpacked.flush()
+
+
+def _mapped(stream: IO[bytes]) -> memoryview:
+    if stream.seek(0, 2) == 0:  # an empty file cannot be mapped
+        return memoryview(b'')
+    return memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
+
+
+def _numbers_by_value(name: str) -> list[tuple[int, str]]:
+    """Key that sorts bag_10 after bag_9."""
+    return [(int(part or 0), text) for text, part in re.findall(r'(\D*)(\d*)', name)]

@@ -1,0 +1,216 @@
+"""Messages of a bag as arrays of bytes: from any recorder, whole or damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+import zstandard
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from parallel_robot.bags import custom_sources
+from parallel_robot.bags.bag_files import custom_data, files, open_file
+from parallel_robot.bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
+from parallel_robot.bags.mcap_block import HEAD, MESSAGE_HEAD, Block
+from parallel_robot.bags.mcap_chunk import unpacked_payload
+from parallel_robot.bags.mcap_records import Damage, Record, scan
+from parallel_robot.bags.record_names import METADATA
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration import plain_data
+from parallel_robot_model.messages.topics import Topic
+
+Part = TypeVar('Part')
+
+LARGE = 1 << 21  # bytes of messages that are sorted at once
+
+
+class Messages(NamedTuple):
+    """Some messages of one topic and one length, in the order of the file.
+
+    Attributes:
+        log_times: When they were recorded [ns], shape (N,).
+        payloads: The bytes, shape (N, L).
+    """
+
+    log_times: np.ndarray
+    payloads: np.ndarray
+
+
+@dataclass(frozen=True)
+class Bag(Generic[Part]):
+    """What was read of a bag.
+
+    Attributes:
+        streams: What `condense` returned, by full name of the topic.
+        metadata: What the suite wrote about the experiment; empty when another recorded it.
+        warnings: What is wrong with the bag, one line each.
+        notes: Other metadata records, by their name.
+        sources: Source of each custom law and robot by key, as ``custom_laws``, and by name; bad
+            names and long sources are left out.
+        channels: Type of each topic of the bag, by its full name.
+    """
+
+    streams: dict[str, list[Part]]
+    metadata: dict[str, str]
+    warnings: tuple[str, ...]
+    notes: dict[str, list[dict[str, str]]]
+    sources: dict[str, dict[str, bytes]]
+    channels: dict[str, str]
+
+
+def read(
+    bag: str | Path,
+    topics: Iterable[Topic],
+    condense: Callable[[Topic, Messages], Part],
+    memory: int = MEMORY,
+) -> Bag[Part]:
+    """Read some topics of a bag, a few megabytes at a time.
+
+    Args:
+        bag: Directory of the bag, or one file of it.
+        topics: What to read, in any namespace, if the type is the same or unknown.
+        condense: Turns messages into what is kept of them, which takes no more memory.
+        memory: What may be held of the bag [bytes].
+
+    Raises:
+        BagError: nothing there is an MCAP file, or it takes more than is allowed.
+    """
+    bag = Path(bag)
+    streams: dict[str, list[Part]] = {}
+    facts: dict[str, str] = {}
+    notes: dict[str, list[dict[str, str]]] = {}
+    channels: dict[str, str] = {}
+    sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
+    doubled: set[tuple[str, str]] = set()
+    damage: list[Damage] = []
+    understood = False
+    held = Allowance(bag, 0, memory)
+    for file in files(bag):
+        schemas: dict[int, str] = {}
+        wanted: dict[int, tuple[str, Topic]] = {}
+        opened = open_file(file, memory)
+        for record in _joined(scan(*opened)):
+            understood = understood or not isinstance(record, (Damage, Header))
+            if isinstance(record, Schema):
+                schemas[record.id] = record.name
+            elif isinstance(record, Channel):
+                name = f'/{record.topic.lstrip("/")}'
+                channels[name] = schemas.get(record.schema_id, '')
+                for topic in topics:
+                    same = schemas.get(record.schema_id, '') in (topic.type, '')
+                    if same and name.endswith(f'/{topic.name}'):
+                        wanted[record.id] = name, topic
+                if len(wanted) > CHANNELS:
+                    raise BagError(f'{file} has more than {CHANNELS} channels of such topics')
+            elif isinstance(record, Metadata) and record.name == METADATA:
+                facts = record.metadata
+            elif isinstance(record, Metadata) and record.name.startswith(METADATA):
+                held.hold(sum(len(text) for pair in record.metadata.items() for text in pair))
+                notes.setdefault(record.name, []).append(record.metadata)
+            elif isinstance(record, Attachment) and len(record.data) <= SOURCE:
+                named = custom_sources.parse(record.name)
+                if named:
+                    key, name = named
+                    held.hold(len(record.data))
+                    if sources[key].setdefault(name, record.data) != record.data:
+                        doubled.add((key, name))
+                if sum(map(len, sources.values())) > SOURCES:
+                    raise BagError(f'{file} holds more than {SOURCES} custom laws and robots')
+            elif isinstance(record, Damage):
+                damage.append(record)
+            elif isinstance(record, Block):
+                for channel, messages in _messages(record, wanted, opened.allowance):
+                    held.hold(messages.payloads.nbytes)
+                    name, topic = wanted[channel]
+                    streams.setdefault(name, []).append(condense(topic, messages))
+    if not understood:
+        raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
+    if damage or not facts:
+        facts = custom_data(bag) or facts
+    if plain_data.whole_number(facts.get('start_stamp', '0')) is None:
+        raise BagError(f'{bag}: its start_stamp must be a whole number of nanoseconds')
+    warnings = [warning(bag, damage)] if damage else []
+    for key, name in sorted(doubled):
+        del sources[key][name]
+        warnings.append(f'{bag} holds several files {key}/{name}; none of them is used')
+    return Bag(streams, facts, tuple(warnings), notes, sources, channels)
+
+
+def warning(bag: Path, damage: Iterable[Damage]) -> str:
+    """One line that says what is lost of a bag."""
+    places = [place for place in damage if place.what != 'end']
+    what = 'was not closed and ends with its last finished chunk'
+    if places:
+        where = f'{len(places)} places' if len(places) > 1 else 'one place'
+        what = f'is damaged in {where}, {sum(place.length for place in damage)} bytes are lost'
+    return f'{bag} {what}; parallel_robot recover makes a whole bag of it'
+
+
+def _joined(records: Iterable[Record]) -> Iterator[Record]:
+    """Records with small blocks joined, because numpy is fast on large arrays."""
+    small: list[Block] = []
+    size = 0
+    for record in records:
+        if not isinstance(record, Block) or len(record.data) > LARGE:
+            yield record
+            continue
+        small.append(record)
+        size += len(record.data)
+        if size > LARGE:
+            yield _join(small)
+            small, size = [], 0
+    if small:
+        yield _join(small)
+
+
+def _join(blocks: list[Block]) -> Block:
+    begins = np.cumsum([0, *(len(block.data) for block in blocks)])
+    starts = [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
+    return Block(memoryview(b''.join(block.data for block in blocks)), np.concatenate(starts))
+
+
+def _messages(
+    block: Block, channels: Mapping[int, tuple[str, Topic]], allowance: Allowance
+) -> Iterator[tuple[int, Messages]]:
+    """Messages of a block by channel and length."""
+    heads = block.heads()
+    for channel in channels:
+        here = np.flatnonzero(heads['channel'] == channel)
+        lengths = heads['length'][here]
+        kinds = {*lengths.tolist()} - {MESSAGE_HEAD}  # empty payloads are ignored
+        if len(kinds) > LENGTHS:
+            raise BagError(f'{channels[channel][0]} has messages of more than {LENGTHS} lengths')
+        for length in kinds:
+            these = here[lengths == length]
+            times = heads['log_time'][these].astype(np.int64)
+            rows = block.cut(HEAD + MESSAGE_HEAD, length - MESSAGE_HEAD, these)
+            if rows[0].tobytes().startswith(zstandard.FRAME_HEADER):
+                yield from ((channel, messages) for messages in _plain(times, rows, allowance))
+            else:
+                yield channel, Messages(times, rows.view(np.uint8).reshape(len(rows), -1))
+
+
+def _plain(times: np.ndarray, rows: np.ndarray, allowance: Allowance) -> Iterator[Messages]:
+    """Messages that were compressed one by one, grouped by length."""
+    groups: dict[int, list[tuple[int, bytes]]] = {}
+    size = 0
+    for k, row in enumerate(rows):
+        payload = unpacked_payload(row.tobytes(), allowance)
+        groups.setdefault(len(payload), []).append((k, payload))
+        size += len(payload)
+        if size > LARGE:
+            yield from _together(times, groups)
+            groups, size = {}, 0
+    yield from _together(times, groups)
+
+
+def _together(
+    times: np.ndarray, groups: Mapping[int, Sequence[tuple[int, bytes]]]
+) -> Iterator[Messages]:
+    for length, group in groups.items():
+        if length:
+            raw = np.frombuffer(b''.join(payload for _, payload in group), np.uint8)
+            yield Messages(times[[k for k, _ in group]], raw.reshape(-1, length))

@@ -1,0 +1,65 @@
+"""How many messages of each topic a bag holds, and how many it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from parallel_robot.bags.command_states import Answered
+from parallel_robot.bags.message_arrays import Samples
+from parallel_robot_model.messages import topics
+from parallel_robot_model.messages.topics import SLOW, TELEMETRY, Topic
+
+
+@dataclass(frozen=True)
+class TopicCount:
+    """Messages of a topic.
+
+    Attributes:
+        count: How many the bag holds.
+        missing: How many were published between the first and the last one and are not there. A
+            state that the controller left out has no command and no telemetry: none is missing.
+    """
+
+    count: int
+    missing: int
+
+
+def count(
+    streams: Mapping[Topic, Sequence[Samples]], period: int, answered: Answered | None
+) -> dict[str, TopicCount]:
+    """Count the messages of each topic.
+
+    Args:
+        streams: Messages of each topic.
+        period: Control period [ns].
+        answered: What the controller recorded. None, or not all of it: a command is taken to
+            answer each state.
+    """
+    counts: dict[str, TopicCount] = {}
+    for topic, parts in streams.items():
+        stamps = np.sort(np.concatenate([part.stamps for part in parts]))
+        missing = 0
+        if topic == topics.COMMANDS and (answered is None or answered.gaps):
+            states = counts[topics.JOINT_STATES.name]
+            missing = max(0, states.count + states.missing - len(stamps))
+        elif topic == topics.COMMANDS and answered is not None:
+            missing = answered.lost
+        elif topic == topics.ANSWERED and answered is not None:
+            missing = answered.gaps
+        elif topic in TELEMETRY and answered is not None and len(stamps):
+            due = _due(answered, period)
+            due = due[(due > stamps[0]) & (due < stamps[-1])]
+            missing = int((~np.isin(due, stamps)).sum())
+        elif topic.every:
+            steps = np.diff(stamps) / (topic.every * period)
+            missing = int(np.maximum(np.rint(steps) - 1, 0).sum())
+        counts[topic.name] = TopicCount(len(stamps), missing)
+    return counts
+
+
+def _due(answered: Answered, period: int) -> np.ndarray:
+    """Stamps at which telemetry was due: the first answer of each SLOW samples."""
+    return answered.rows[1:][np.diff(answered.rows_act // (SLOW * period)) != 0]

@@ -1,0 +1,218 @@
+"""Reads bags of any size piece by piece: in the order of log times, from any moment on."""
+
+from __future__ import annotations
+
+import bisect
+import re
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
+
+from parallel_robot.bags import mcap_records
+from parallel_robot.bags.bag_files import File, files, open_file
+from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
+from parallel_robot.bags.printable_output import LONGEST_LINE
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration import plain_data
+
+TRANSIENT_LOCAL = ('transient_local', 1)  # in bags since Iron, and before
+TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
+TYPE = re.compile(r'[A-Za-z]\w*/(\w+/)?\w+', re.ASCII)
+LAST = 1 << 61  # ns, largest log time that is accepted
+INDEX = mcap_records.SUMMARISED | {Opcode.CHUNK_INDEX: ChunkIndex}
+
+
+class RecordedTopic(NamedTuple):
+    """A topic of a bag.
+
+    Attributes:
+        name: Name with leading slash.
+        type: ROS type.
+        latched: How many messages a late subscriber got from all publishers; 0: not latched.
+    """
+
+    name: str
+    type: str
+    latched: int
+
+
+class RecordedMessage(NamedTuple):
+    """One message of a bag; `log_time` in nanoseconds, `data` as it was recorded."""
+
+    log_time: int
+    topic: str
+    data: bytes
+
+
+class _Chunk(NamedTuple):
+    """Where a chunk lies; chunks sort by their first log time [ns]."""
+
+    first: int
+    rank: int  # place in the order of files and offsets
+    last: int
+    path: Path
+    data: memoryview
+    offset: int
+    channels: dict[int, str]  # id to topic
+
+
+class BagReader:
+    """An open bag; holds a few chunks in memory, whatever its size.
+
+    Attributes:
+        topics: By name with leading slash.
+        counts: Messages by topic.
+        start: Log time of the first message [ns].
+        end: Log time of the last message [ns].
+    """
+
+    def __init__(self, bag: str | Path, memory: int = MEMORY) -> None:
+        """Read the index.
+
+        Args:
+            bag: Directory of the bag, or its MCAP file.
+            memory: What may be held of it at once [bytes].
+
+        Raises:
+            BagError: not a bag, or one without index.
+        """
+        self.topics: dict[str, RecordedTopic] = {}
+        self.counts: Counter[str] = Counter()
+        self._bag = Path(bag)
+        self._memory = memory
+        self._size = 0
+        chunks: list[_Chunk] = []
+        for path in files(self._bag):
+            file = open_file(path, memory)
+            self._size += len(file.data)
+            chunks += self._index(path, file, len(chunks))
+        self._chunks = sorted(chunks)  # by time and rank, which is unique
+        self.start = min((chunk.first for chunk in chunks), default=0)
+        self.end = max((chunk.last for chunk in chunks), default=0)
+
+    def messages(
+        self, topics: Collection[str], start: int, end: int | None = None
+    ) -> Iterator[RecordedMessage]:
+        """Iterate in the order of log times; equal ones in the order of the file.
+
+        Args:
+            topics: Names with leading slash.
+            start: First log time [ns].
+            end: Last log time [ns]; None: that of the bag.
+
+        Raises:
+            BagError: the file is broken, or takes too much.
+        """
+        end = self.end if end is None else end
+        allowance = Allowance(self._bag, self._size, self._memory)
+        pending: list[tuple[Any, ...]] = []
+        for chunk in self._chunks:
+            if chunk.last < start or chunk.first > end:
+                continue
+            ready = bisect.bisect_left(pending, (chunk.first,))
+            yield from map(_message, pending[:ready])
+            pending = pending[ready:]
+            held = {item[1]: len(item[4]) for item in pending}
+            if sum(held.values()) > self._memory // COPIES:
+                raise BagError(f'{self._bag}: too many chunks are of the same time')
+            pending += (
+                item for item in _scan(chunk, topics, allowance) if start <= item[0] <= end
+            )
+            pending.sort()
+        yield from map(_message, pending)
+
+    def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
+        """Messages that a new subscriber of latched topics would get at a moment [ns], in order.
+
+        Raises:
+            BagError: the file is broken, or takes too much.
+        """
+        allowance = Allowance(self._bag, self._size, self._memory)
+        wanted = {name: self.topics[name].latched for name in topics if self.topics[name].latched}
+        found: list[tuple[Any, ...]] = []
+        for chunk in reversed(self._chunks):
+            if chunk.first >= before or not wanted.keys() & chunk.channels.values():
+                continue
+            for item in sorted(_scan(chunk, wanted, allowance), reverse=True):
+                if item[0] < before and wanted.get(item[3]):
+                    wanted[item[3]] -= 1
+                    found.append(item)
+            wanted = {name: left for name, left in wanted.items() if left}
+        return [_message(item) for item in sorted(found)]
+
+    def close(self) -> None:
+        """Release the files."""
+        self._chunks = []
+
+    def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
+        name = printable(path, LONGEST_LINE)
+        end, records = mcap_records.summarised(*file, INDEX)
+        if end is None:
+            raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off')
+        statistics = next((r for r in records if isinstance(r, Statistics)), None)
+        indexes = {r.chunk_start_offset: r for r in records if isinstance(r, ChunkIndex)}
+        if statistics is None:
+            raise BagError(f'{name} has no index: its recording was cut off')
+        if statistics.message_count and not indexes:
+            raise BagError(f'{name} has no index: it was written without chunks')
+        if max((index.message_end_time for index in indexes.values()), default=0) > LAST:
+            raise BagError(f'{name} has log times that no clock can have')
+        schemas = {r.id: r.name for r in records if isinstance(r, Schema)}
+        topic_of = {}
+        for channel in (r for r in records if isinstance(r, Channel)):
+            type_name = schemas.get(channel.schema_id, '')
+            known = TYPE.fullmatch(type_name) and TOPIC.fullmatch(channel.topic)
+            if not known or channel.message_encoding != 'cdr':
+                continue
+            topic_of[channel.id] = channel.topic
+            latched = _latched(channel.metadata.get('offered_qos_profiles', ''))
+            self.topics[channel.topic] = RecordedTopic(channel.topic, type_name, latched)
+            self.counts[channel.topic] += statistics.channel_message_counts.get(channel.id, 0)
+        return [
+            _Chunk(
+                index.message_start_time,
+                rank + k,
+                index.message_end_time,
+                path,
+                file.data,
+                offset,
+                {
+                    key: topic
+                    for key, topic in topic_of.items()
+                    if key in index.message_index_offsets or not index.message_index_offsets
+                },
+            )
+            for k, (offset, index) in enumerate(sorted(indexes.items()))
+        ]
+
+
+def _scan(
+    chunk: _Chunk, topics: Collection[str], allowance: Allowance
+) -> Iterator[tuple[Any, ...]]:
+    """Messages of a chunk: log time, rank, offset, topic, bytes of the chunk, end."""
+    block = mcap_records.messages_at(chunk.data, chunk.offset, allowance)
+    if block is None:
+        raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
+    content = bytes(block.data)
+    wanted = [key for key, topic in chunk.channels.items() if topic in topics]
+    for channel, _, log_time, _, begin, end in block.rows(wanted):
+        yield log_time, chunk.rank, begin, chunk.channels[channel], content, end
+
+
+def _message(item: tuple[Any, ...]) -> RecordedMessage:
+    log_time, _, first, topic, data, end = item
+    return RecordedMessage(log_time, topic, data[first:end])
+
+
+def _latched(profiles: str) -> int:
+    """History of all latched publishers together, from `offered_qos_profiles`."""
+    try:
+        latched = [p for p in plain_data.load(profiles) if p['durability'] in TRANSIENT_LOCAL]
+        return sum(max(1, min(int(p['depth']), 1000)) for p in latched)
+    except (KeyError, TypeError, ValueError):
+        return 0

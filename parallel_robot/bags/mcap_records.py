@@ -1,0 +1,245 @@
+"""Walks an MCAP file record by record, past damaged parts, and verifies every chunk."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Iterator, Mapping
+from io import BytesIO
+from typing import Any, NamedTuple
+from zlib import crc32
+
+import numpy as np
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
+
+from parallel_robot.bags.limits import ATTACHMENT, DESCRIPTION, Allowance
+from parallel_robot.bags.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
+from parallel_robot.bags.mcap_chunk import Content, chunk_content, packed_chunk
+
+MAGIC = b'\x89MCAP0\r\n'
+FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
+TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
+PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes searched at a time for the next chunk
+BATCH = 1 << 16  # messages outside chunks that make one block
+CHUNK_BEGIN = re.compile(rb'\x06.{7}\x00.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd)', re.DOTALL)
+PARSED: dict[int, Any] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+    Opcode.STATISTICS: Statistics,
+}
+SUMMARISED: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.STATISTICS: Statistics,
+}
+
+
+class Damage(NamedTuple):
+    """A damaged part of a file.
+
+    Attributes:
+        what: What is damaged, in words.
+        length: How much of the file is lost [bytes].
+    """
+
+    what: str
+    length: int
+
+
+Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage
+
+
+def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
+    """Yield what a file holds: what its summary repeats, then its data in their order.
+
+    Memory stays within the size of one chunk, whatever the lengths in the file say. After damage
+    the walk goes on with the next chunk. A file without end is damage at its end.
+
+    Args:
+        data: The file.
+        allowance: Budget for reading it.
+
+    Raises:
+        BagError: it takes more.
+    """
+    summary, repeated = summarised(data, allowance)
+    yield from repeated
+    channels = np.zeros(1 << 16, bool)  # whether each number is a known channel
+    channels[[record.id for record in repeated if isinstance(record, Channel)]] = True
+    stop = len(data) if summary is None else summary
+    offset = min(len(MAGIC), stop)
+    sound = data[:offset] == MAGIC
+    if not sound and offset:
+        yield Damage('magic', offset)
+    while offset < stop:
+        opcode, end = data[offset], _end(data, offset, stop)
+        if end is None:
+            resume = _next_chunk(data, offset + 1, stop)
+            if resume == len(data):
+                break
+            yield Damage('record', resume - offset)
+            sound, offset = False, resume
+            continue
+        record = data[offset:end]
+        allowance.walk(1)
+        if opcode == Opcode.DATA_END:
+            (crc,) = struct.unpack_from('<I', record, HEAD)
+            if sound and crc and crc != crc32(data[:offset]):
+                yield Damage('outside chunks', 0)
+            offset = end
+            break
+        if opcode == Opcode.MESSAGE:
+            starts, end = record_starts(np.frombuffer(data, np.uint8), offset, stop, opcode, BATCH)
+            allowance.walk(len(starts))
+            yield from _known(Block(data, starts), channels)
+        elif opcode == Opcode.CHUNK:
+            content = chunk_content(record, allowance)
+            if content is None:
+                sound = False
+                yield Damage('chunk', len(record))
+            else:
+                yield from _records(content, channels, allowance)
+        elif opcode in PARSED:
+            allowance.describe()
+            parsed = _parsed(record)
+            if isinstance(parsed, Channel):
+                channels[parsed.id] = True
+            yield parsed
+        offset = end
+    if summary is None:
+        yield Damage('end', len(data) - offset)
+
+
+def summarised(
+    data: memoryview, allowance: Allowance, kinds: Mapping[int, Any] = SUMMARISED
+) -> tuple[int | None, list[Any]]:
+    """Where the summary begins and what it repeats; None when the file has no sound end.
+
+    Args:
+        data: The file.
+        allowance: Budget for reading it.
+        kinds: Records that are wanted.
+
+    Raises:
+        BagError: it takes more.
+    """
+    tail = len(data) - TAIL
+    if tail < len(MAGIC) or data[tail : tail + HEAD] != FOOTER or data[-len(MAGIC) :] != MAGIC:
+        return None, []
+    begin, _, crc = struct.unpack_from('<QQI', data, tail + HEAD)
+    if begin == 0:
+        return tail, []
+    checked = tail + HEAD + 2 * LENGTH.size
+    if not len(MAGIC) <= begin <= tail or (crc and crc != crc32(data[begin:checked])):
+        return None, []
+    starts, _ = record_starts(
+        np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD
+    )
+    wanted = starts[np.isin(np.frombuffer(data, np.uint8)[starts], list(kinds))].tolist()
+    allowance.describe(len(wanted))
+    records = [_parsed(_record(data, start), kinds) for start in wanted]
+    return begin, [record for record in records if record is not None]
+
+
+def messages_at(data: memoryview, offset: int, allowance: Allowance) -> Block | None:
+    """Messages of the chunk at an offset; None when there is none or it is damaged.
+
+    Raises:
+        BagError: it takes more than is allowed.
+    """
+    end = _end(data, offset, len(data)) if 0 <= offset < len(data) else None
+    if end is None or data[offset] != Opcode.CHUNK:
+        return None
+    content = chunk_content(data[offset:end], allowance)
+    return None if content is None else _messages(content)
+
+
+def _end(data: memoryview, offset: int, stop: int) -> int | None:
+    """End of the record at `offset`; None when no record with sound lengths begins there."""
+    content = offset + HEAD
+    if content > stop:
+        return None
+    opcode = data[offset]
+    (length,) = LENGTH.unpack_from(data, offset + 1)
+    end = content + length
+    if end > stop:
+        return None
+    if opcode == Opcode.CHUNK:
+        whole = packed_chunk(data[offset:end]) is not None
+    elif opcode == Opcode.MESSAGE:
+        whole = length >= MESSAGE_HEAD
+    elif opcode == Opcode.MESSAGE_INDEX:
+        whole = length >= 6 and struct.unpack_from('<I', data, content + 2)[0] == length - 6
+    elif opcode == Opcode.DATA_END:
+        whole = length == 4
+    elif opcode in PARSED:
+        whole = _parsed(data[offset:end]) is not None
+    else:
+        whole = False
+    return end if whole else None
+
+
+def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
+    """Where the next chunk begins whose lengths fit together; `stop` when there is none."""
+    raw = np.frombuffer(data, np.uint8)
+    size = PIECE
+    while offset < stop:
+        found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == Opcode.CHUNK)
+        found = found[found + HEAD <= stop]
+        for start in found[raw[found + HEAD - 1] == 0].tolist():
+            if CHUNK_BEGIN.match(data, start, stop) and _end(data, start, stop) is not None:
+                return int(start)
+        offset, size = offset + size, min(2 * size, LARGEST_PIECE)
+    return stop
+
+
+def _record(data: memoryview, start: int) -> memoryview:
+    return data[start : start + HEAD + LENGTH.unpack_from(data, start + 1)[0]]
+
+
+def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED) -> Any:
+    """A record as mcap's class; None unless that class writes exactly these bytes."""
+    if len(record) > (ATTACHMENT if record[0] == Opcode.ATTACHMENT else DESCRIPTION):
+        return None
+    builder = RecordBuilder()
+    try:
+        parsed = kinds[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
+        parsed.write(builder)
+    except Exception:  # in broken bytes, any length or string can be wrong
+        return None
+    return parsed if builder.end() == record else None
+
+
+def _records(
+    content: Content, channels: np.ndarray, allowance: Allowance
+) -> Iterator[Schema | Channel | Block | Damage]:
+    """Records of a verified chunk; adds to the known `channels`."""
+    kinds = content.opcodes
+    described = content.starts[(kinds == Opcode.SCHEMA) | (kinds == Opcode.CHANNEL)].tolist()
+    allowance.describe(len(described))
+    for start in described:
+        parsed = _parsed(_record(content.data, start))
+        if isinstance(parsed, Channel):
+            channels[parsed.id] = True
+        if parsed is not None:
+            yield parsed
+    yield from _known(_messages(content), channels)
+
+
+def _messages(content: Content) -> Block:
+    return Block(content.data, content.starts[content.opcodes == Opcode.MESSAGE])
+
+
+def _known(block: Block, channels: np.ndarray) -> Iterator[Block | Damage]:
+    """The messages of a block whose channels are known."""
+    heads = block.heads()
+    known = channels[heads['channel']]
+    if not known.all():
+        yield Damage('messages of unknown topics', int(heads['length'][~known].sum()))
+    if known.any():
+        yield Block(block.data, block.starts[known])

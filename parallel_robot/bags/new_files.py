@@ -1,0 +1,107 @@
+"""New files and directories: complete or not at all, and never in place of existing ones."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from parallel_robot_model.common.errors import BagError, InputError, RunError
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+def check(path: Path, option: str) -> None:
+    """Refuse a file that exists, or whose directory does not; the message names the option.
+
+    Raises:
+        InputError: it does, or the directory does not.
+    """
+    if path.exists() or path.is_symlink():
+        raise InputError(f'{path} exists; nothing is overwritten, choose another {option}')
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        reason = os.strerror(errno.ENOTDIR if folder.exists() else errno.ENOENT)
+        raise InputError(f'cannot write {path}: {reason}')
+
+
+def write(path: Path, content: bytes | memoryview) -> None:
+    """Write a file that must not exist.
+
+    Raises:
+        OSError: it exists or cannot be written; with its name.
+    """
+    file = path.open('xb')
+    try:
+        with file:
+            file.write(content)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def save(path: Path, content: bytes | memoryview) -> None:
+    """Write the file that a command was asked for, which must not exist.
+
+    Raises:
+        InputError: it exists or cannot be written there.
+        RunError: the disk is full.
+    """
+    try:
+        write(path, content)
+    except OSError as error:
+        kind = RunError if error.errno in FULL else InputError
+        raise kind(f'cannot write {path}: {error.strerror}') from None
+
+
+@contextlib.contextmanager
+def written(path: Path, content: bytes) -> Iterator[None]:
+    """Write a file that stays only when the block succeeds.
+
+    Raises:
+        OSError: it exists or cannot be written; with its name.
+    """
+    write(path, content)
+    try:
+        yield
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def create_directory(directory: str | Path) -> Path:
+    """Make the directory of a new bag.
+
+    Raises:
+        BagError: it exists or cannot be created.
+    """
+    directory = Path(directory)
+    check_directory(directory)
+    try:
+        directory.mkdir(parents=True)
+    except OSError as error:
+        raise BagError(f'cannot write to {directory}: {error.strerror}') from None
+    return directory
+
+
+def check_directory(directory: str | Path) -> None:
+    """Refuse a directory that exists or cannot be made, without leaving a trace.
+
+    Raises:
+        BagError: with the reason.
+    """
+    directory = Path(directory)
+    try:
+        if directory.exists():
+            raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
+        parent = next(parent for parent in directory.absolute().parents if parent.exists())
+        with tempfile.TemporaryDirectory(dir=parent):
+            pass
+    except OSError as error:
+        raise BagError(f'cannot write to {directory}: {error.strerror}') from None

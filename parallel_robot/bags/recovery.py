@@ -1,0 +1,178 @@
+"""A whole bag of what is intact in another one."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap import records as mcap
+
+from parallel_robot.bags import bag_files, run_log
+from parallel_robot.bags.bag_files import File, open_file
+from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.channels import Channel
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.mcap_block import Block
+from parallel_robot.bags.mcap_chunk import unpacked_payload
+from parallel_robot.bags.mcap_records import Damage, scan
+from parallel_robot.bags.new_files import check_directory
+from parallel_robot.bags.progress import Progress
+from parallel_robot.bags.record_names import MESSAGES, METADATA, ROSBAG2
+from parallel_robot_model.common.errors import BagError, RunError
+
+# Metadata about the content of a file.
+WRITTEN_ANEW = (METADATA, MESSAGES, ROSBAG2)
+
+
+@dataclass
+class Recovery:
+    """What was kept and what was lost.
+
+    Attributes:
+        kept: Messages copied, by full name of the topic.
+        chunks: Chunks copied.
+        written: Messages in the broken bag by its own count, by topic; empty without a count.
+        written_chunks: Chunks in the broken bag by its own count.
+        missing: Messages missing from the regular stamps, by name without leading slash.
+        damage: Damaged places.
+    """
+
+    kept: Counter[str] = field(default_factory=Counter)
+    chunks: int = 0
+    written: Counter[str] = field(default_factory=Counter)
+    written_chunks: int = 0
+    missing: dict[str, int] = field(default_factory=dict)
+    damage: list[Damage] = field(default_factory=list)
+
+    def lines(self) -> list[str]:
+        """The result as lines of text."""
+        lost = sum(place.length for place in self.damage)
+        kinds = Counter(place.what for place in self.damage)
+        chunks = max(self.written_chunks - self.chunks, kinds['chunk'])
+        lines = [
+            f'kept    {self.kept.total()} messages in {self.chunks} chunks',
+            f'lost    {lost} bytes, {chunks} chunks',
+        ]
+        if kinds:
+            lines[-1] += f'; damaged: {", ".join(f"{kind} ({n})" for kind, n in kinds.items())}'
+        gone = self.written - self.kept
+        lines += [f'  {topic:<34}{count:>8} messages' for topic, count in sorted(gone.items())]
+        lines += [
+            f'  /{topic:<33}{count:>8} messages, by the rhythm of their stamps'
+            for topic, count in self.missing.items()
+            if count and f'/{topic}' not in gone
+        ]
+        return lines
+
+
+def recover(
+    bag: str | Path,
+    out: str | Path,
+    memory: int = MEMORY,
+    add: Callable[[BagWriter], None] = lambda _: None,
+) -> Recovery:
+    """Write all that is intact in a bag as a new bag; leave nothing when that fails.
+
+    Args:
+        bag: Directory of the broken bag, or one file of it.
+        out: Directory of the new one; must not exist.
+        memory: Memory that reading the bag may take [bytes].
+        add: Called with the writer of the new one at the end, to add more to it.
+
+    Raises:
+        BagError: nothing is intact, the bag takes too much, or `out` exists or cannot be created.
+        RunError: the disk is full.
+    """
+    bag, out = Path(bag), Path(out)
+    files = bag_files.files(bag)
+    check_directory(out)
+    recovery = Recovery()
+    numbers: dict[Channel, int] = {}
+    created = False
+    try:
+        with BagWriter(out, (), _facts(bag, files, memory)) as writer:
+            created = True
+            with Progress(sum(file.stat().st_size for file in files) // 1000, 'kB') as progress:
+                for file in files:
+                    _copy(open_file(file, memory), writer, numbers, recovery, progress)
+            if not recovery.kept:
+                raise BagError(f'{bag} holds no message that is intact')
+            add(writer)
+    except BaseException as error:
+        if created:  # and not by another process since the check
+            shutil.rmtree(out, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise RunError(f'cannot write {out}: {error.strerror}') from None
+        raise
+    recovery.missing = _missing(out, memory)  # whatever it finds, the new bag stays
+    return recovery
+
+
+def _copy(
+    file: File,
+    writer: BagWriter,
+    numbers: dict[Channel, int],
+    recovery: Recovery,
+    progress: Progress,
+) -> None:
+    """Copy what is intact in a file; new channels are added to `numbers`."""
+    schemas: dict[int, mcap.Schema] = {}
+    channels: dict[int, Channel] = {}
+    written: dict[int, int] = {}
+    for record in scan(*file):
+        if isinstance(record, mcap.Schema):
+            schemas[record.id] = record
+        elif isinstance(record, mcap.Channel):
+            channels[record.id] = _channel(record, schemas.get(record.schema_id))
+        elif isinstance(record, mcap.Statistics):
+            written = record.channel_message_counts
+            recovery.written_chunks += record.chunk_count
+        elif isinstance(record, mcap.Metadata) and record.name not in WRITTEN_ANEW:
+            writer.note(record.name, record.metadata)
+        elif isinstance(record, mcap.Attachment):
+            writer.attach(record.name, record.data, record.media_type, record.create_time)
+        elif isinstance(record, Damage):
+            recovery.damage.append(record)
+        elif isinstance(record, Block):
+            recovery.chunks += 1
+            progress.show(writer.size // 1000)
+            for source, sequence, log_time, publish_time, begin, end in record.rows():
+                channel = channels[source]
+                if channel not in numbers:
+                    numbers[channel] = writer.add(channel)
+                payload = unpacked_payload(bytes(record.data[begin:end]), file.allowance)
+                writer.append(numbers[channel], log_time, payload, publish_time, sequence)
+                recovery.kept[channel.topic] += 1
+    for source, count in written.items():
+        if source in channels:
+            recovery.written[channels[source].topic] += count
+
+
+def _channel(channel: mcap.Channel, schema: mcap.Schema | None) -> Channel:
+    schema = schema or mcap.Schema(0, b'', '', '')
+    metadata = tuple(sorted(channel.metadata.items()))
+    return Channel(channel.topic, schema.name, schema.encoding, schema.data, metadata)
+
+
+def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
+    """What the suite wrote about the experiment; empty if nothing."""
+    facts = bag_files.custom_data(bag)
+    for file in files if not facts else ():
+        for record in scan(*open_file(file, memory)):
+            if isinstance(record, mcap.Metadata) and record.name == METADATA:
+                return record.metadata
+            if isinstance(record, Block):
+                break
+    return facts
+
+
+def _missing(out: Path, memory: int) -> dict[str, int]:
+    """Messages missing from the regular stamps of each topic; empty without a run of the suite."""
+    try:
+        messages = run_log.read(out, memory).messages
+        return {name: count.missing for name, count in messages.items()}
+    except BagError:
+        return {}

@@ -1,0 +1,57 @@
+"""Doubts about recorded states: several recordings taken for one, several publishers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from parallel_robot.bags.bag_files import files
+from parallel_robot_model.common.units import NANOSECONDS
+
+GAP = 1.0  # s without states, in which a robot is not recorded
+LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
+BACK = 0.1  # of a leap, by which its ends may differ
+
+
+def doubts(bag: Path, stamps: np.ndarray, position: np.ndarray) -> list[str]:
+    """What makes recorded states look like those of more than one run, one line each.
+
+    Args:
+        bag: The bag.
+        stamps: Of the states [ns], shape (N,).
+        position: Actuated joints [rad], shape (N, n).
+    """
+    found = []
+    steps = np.diff(stamps) / NANOSECONDS
+    if len(steps) and steps.max() > GAP:
+        names = [path.name for path in files(bag)]
+        count = int((steps > GAP).sum())
+        where = 'one place' if count == 1 else f'{count} places'
+        what = f'no states for {steps.max():.4g} s' + (f', in {where}' if count > 1 else '')
+        if len(names) > 1:
+            what += f': several recordings, in {", ".join(names)}? figures are of all together; '
+            what += 'give one file for its own'
+        found.append(what)
+    leaps = _leaps(position)
+    if leaps:
+        what = f'{leaps} states leap by more than {LEAP:g} rad and back'
+        found.append(f'{what}: two publishers that contradict each other?')
+    back = np.diff(stamps) < 0
+    if back.any():
+        what = f'the stamps of states go back by up to {-steps.min():.3g} s'
+        found.append(f'{what}: a clock was set, or there are several runs')
+    return found
+
+
+def _leaps(position: np.ndarray) -> int:
+    """How many states lie far beside both their neighbours, which agree.
+
+    None where the motion is so fast, or so coarse, that its steps are near to leaps.
+    """
+    steps = np.abs(np.diff(position, axis=0))
+    if len(steps) < 2 or np.median(steps) > BACK * LEAP:
+        return 0
+    least = np.minimum(steps[:-1], steps[1:])
+    leap = (least > LEAP) & (np.abs(position[2:] - position[:-2]) < BACK * least)
+    return int(leap.any(axis=1).sum())

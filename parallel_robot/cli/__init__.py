@@ -1,0 +1,1 @@
+"""The command line `parallel_robot`, its commands, and `top`."""

@@ -1,0 +1,171 @@
+"""The command ``analyze``: metrics and a picture of one bag."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.analysis import metrics, recorded_motions, timing
+from parallel_robot.analysis.readable_metrics import (
+    AS_SEEN,
+    EFFORT,
+    STEADY,
+    TORQUE,
+    Metric,
+    as_data,
+    defined,
+    head,
+    shown,
+)
+from parallel_robot.analysis.report import figures
+from parallel_robot.analysis.report.scale import add_scale_argument
+from parallel_robot.bags import history, new_files, run_log, stretches
+from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.bags.stretches import Stretch
+from parallel_robot.cli.window import add_window_arguments
+from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
+from parallel_robot_model.configuration.loop import length
+from parallel_robot_sim.motions import Motions
+
+SHORTEST = 10  # states of a stretch of which there are figures
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, help='directory of a bag')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the metrics as JSON')
+    parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='FILE',
+        help='picture; png, pdf, svg; default: BAG/run.png, where there is none yet',
+    )
+    add_window_arguments(parser)
+    add_scale_argument(parser)
+    add_memory_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
+    figure = arguments.figure or directory / 'run.png'
+    if arguments.json:
+        new_files.check(arguments.json, '--json')
+    if arguments.figure:
+        figures.check_format(figure)
+        new_files.check(figure, '--figure')
+    memory = arguments.max_memory
+    log, past = run_log.read(arguments.bag, memory), history.read(arguments.bag, memory)
+    for warning in log.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    timed = timing.evaluate(log, past)
+    try:
+        part = recorded_motions.of_bag(log, past)
+    except KinematicsError as error:
+        raise BagError(f'{arguments.bag}: {error}') from None
+    log = part.log
+    if part.cut:
+        print(f'warning: {part.cut}', file=sys.stderr)
+    found = metrics.figures(part.motions, arguments.start, arguments.stop)
+    failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
+    if found.window.asked:
+        failure = ''
+    result = summarise(log, found, timed, failure)
+    parts = stretches.of_run(past, log)
+    result['law'] = ', then '.join(stretches.laws(parts))
+    kept = not arguments.figure and os.path.lexists(figure)
+    try:
+        with contextlib.ExitStack() as written:
+            if arguments.json:
+                written.enter_context(new_files.written(arguments.json, as_json(result)))
+            if not kept:
+                marks = [one.begin for one in parts[1:]]
+                drawn, poses = part.shown._replace(law=result['law']), part.motions.best.poses
+                figures.draw_run(drawn, poses, figure, arguments.scale, marks)
+    except OSError as error:
+        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+    if timing.verdict(timed):
+        print(timing.verdict(timed))
+    print(table(result, found, length(log.config)))
+    quiet = ['no limit acted, no fault'] if past.statuses and not part.saturated else []
+    remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
+    remarks += history.new_motions(past, log.start_stamp)
+    remarks += [*part.remarks, *stretches.told(parts), *of_stretches(part.motions, parts)]
+    for text in remarks:
+        print(f'  {text}')
+    old = ' exists and is kept; --figure draws another' if kept else ''
+    print(f'bag     {arguments.bag}\nfigure  {figure}{old}')
+    return 0
+
+
+def of_stretches(motions: Motions, parts: Sequence[Stretch]) -> Iterator[str]:
+    """Figures of each of several stretches of a run, in lines, over the second half of each."""
+    ends = [*(one.begin for one in parts[1:]), math.inf]
+    for one, end in zip(parts, ends, strict=True):
+        part = motions.between(one.begin, end)
+        if len(parts) == 1 or len(part.best.time) < SHORTEST:
+            continue
+        found = metrics.figures(part)
+        last = float(part.best.time[-1])
+        texts = [
+            f'{metric.name} {shown(metric.value(found))} {metric.unit}'
+            for metric in defined((*STEADY[::2], AS_SEEN[2], AS_SEEN[4], TORQUE[2]), found)
+        ]
+        yield f'{one.begin:g} to {last:g} s, {one.law}: {"; ".join(texts)}'
+
+
+def as_json(result: dict[str, Any]) -> bytes:
+    """Plain data as JSON for a file."""
+    return (json.dumps(result, indent=2) + '\n').encode()
+
+
+def summarise(
+    log: run_log.RunLog, found: metrics.Metrics, timed: timing.Timing, failure: str = ''
+) -> dict[str, Any]:
+    """Metrics and timing as plain data, for JSON; of a run that failed, why in their place."""
+    return {
+        'scenario': log.scenario,
+        'law': log.law,
+        'duration_s': found.duration_s,
+        **({'failure': failure} if failure else as_data(found)),
+        'timing': timing.as_json(timed),
+        'messages': {name: asdict(count) for name, count in log.messages.items()},
+    }
+
+
+def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> str:
+    """Metrics as lines of text.
+
+    Args:
+        result: See :func:`summarise`.
+        found: The metrics.
+        planned: How long the motion was to be [s]; 0 if not known.
+    """
+    if 'failure' in result:
+        names = f'{result["scenario"]}, {result["law"]}'
+        lines = [
+            f'{names}, {result["duration_s"]:g} s: no figures of a run that was '
+            f'{result["failure"]}; --from and --to choose a part'
+        ]
+        shown_metrics: list[Metric] = []
+    else:
+        lines = [head(result['scenario'], result['law'], found, planned)]
+        shown_metrics = defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
+    lines += [
+        f'  {metric.name:<32}{metric.value(found):>12.3f} {metric.unit}'
+        for metric in shown_metrics
+    ]
+    lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
+    lines += [
+        f'    {name:<32}{count["count"]:>8}{count["missing"]:>9}'
+        for name, count in result['messages'].items()
+    ]
+    return '\n'.join(lines)

@@ -1,0 +1,160 @@
+"""The command ``compare``: all laws on one scenario, without ROS, and the paper's claims."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.analysis import claims, metrics
+from parallel_robot.analysis.readable_metrics import (
+    METRICS,
+    TRANSIENT,
+    Metric,
+    as_data,
+    defined,
+    shown,
+    unsettled,
+    window,
+)
+from parallel_robot.bags import new_files
+from parallel_robot.bags.progress import tracked
+from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.commands.analyze import as_json
+from parallel_robot.cli.window import add_window_arguments
+from parallel_robot_control.configuration import available, resolve
+from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
+from parallel_robot_model.configuration import assignments
+from parallel_robot_sim import simulation
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.motions import of_simulation
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.motion_doubts import motion_doubts
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    simulate.add_scenario_arguments(parser)
+    add_window_arguments(parser)
+    parser.add_argument('--laws', nargs='+', metavar='LAW', help='laws to compare, default: all')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write table and claims as JSON')
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if 'law' in assignments.parse(arguments.assignments):
+        raise InputError('--set law: compare has all laws, or those of --laws')
+    overrides = simulate.overrides(arguments)
+    values = resolve(arguments.scenario, overrides)
+    scenario, known = str(values['scenario']), available(values['custom_laws'])
+    laws = arguments.laws or list(known)
+    given = ' '.join(laws)
+    if ',' in given:
+        names = ' '.join(given.replace(',', ' ').split())
+        raise InputError(f'--laws takes names with spaces between them, {names}, not {given}')
+    for law in laws:
+        if law not in known:
+            raise UnknownNameError('law', law, known)
+    if arguments.json:
+        new_files.check(arguments.json, '--json')
+    results = {}
+    notes = [*motion_doubts(trajectory_of(values))]
+    failed: dict[str, str] = {}
+    causes: dict[str, str] = {}
+    for law in tracked(laws, len(laws), 'laws'):
+        configuration = configure(resolve(arguments.scenario, overrides | {'law': law}))
+        made = simulation.attempt(configuration)
+        if made.failure:
+            failed[law] = made.failure.removeprefix(f'{law}: ')
+            causes[law] = failed[law] if made.driven_out else made.fault_text
+        else:
+            results[law] = metrics.figures(of_simulation(made), arguments.start, arguments.stop)
+            notes += [f'{law}: {text}' for text in unsettled(results[law])]
+        notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
+    verdicts = claims.verify(scenario, results)
+    if arguments.json:
+        try:
+            data = summarise(scenario, results, verdicts, causes)
+            new_files.write(arguments.json, as_json(data))
+        except OSError as error:
+            raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
+    print(table(scenario, laws, results, failed))
+    for verdict in verdicts:
+        print(line(verdict))
+    for note in notes:
+        print(f'warning: {note}', file=sys.stderr)
+    if not results:
+        raise RunError('every law failed')
+    return 0
+
+
+def table(
+    scenario: str,
+    laws: Iterable[str],
+    results: Mapping[str, metrics.Metrics],
+    failed: Mapping[str, str],
+) -> str:
+    """One row for each law, one column for each metric.
+
+    Args:
+        scenario: Name of the scenario.
+        laws: The laws, one row each.
+        results: Law to its metrics.
+        failed: Law to why it has none.
+    """
+    found = next(iter(results.values()), None)
+    columns = defined(METRICS, found) if found else []
+    rows = [f'{scenario}: ' + (_parts(found, columns) if found else 'no figures')]
+    rows.append(f'{"law":<20}' + ''.join(f'{metric.short:>11}' for metric in columns))
+    rows.append(f'{"":<20}' + ''.join(f'{"[" + metric.unit + "]":>11}' for metric in columns))
+    for law in laws:
+        if law in failed:
+            rows.append(f'{law:<20}  no figures: {failed[law]}')
+            continue
+        cells = [shown(metric.value(results[law])) for metric in columns]
+        rows.append(f'{law:<20}' + ''.join(f'{cell:>11}' for cell in cells))
+    return '\n'.join(rows)
+
+
+def _parts(found: metrics.Metrics, columns: Collection[Metric]) -> str:
+    """Of which part of the run the columns are."""
+    settling = (
+        f'time until the end-effector error stays below a bound, for {metrics.BELOW:g} s or more; '
+    )
+    of_all = '' if found.window.asked else '; largest torque and variation over all of it'
+    return (
+        f'{settling if TRANSIENT[0] in columns else ""}'
+        f'errors, chattering and effort over {window(found)}{of_all}'
+    )
+
+
+def line(verdict: claims.Verdict) -> str:
+    """One claim with its verdict and what was measured."""
+    values = ', '.join(f'{law} {shown(value)}' for law, value in verdict.values.items())
+    word = 'reproduced' if verdict.reproduced else 'not reproduced'
+    return f'{word:<15} {verdict.claim.text}: {values} {verdict.claim.unit}'
+
+
+def summarise(
+    scenario: str,
+    results: Mapping[str, metrics.Metrics],
+    verdicts: list[claims.Verdict],
+    causes: Mapping[str, str],
+) -> dict[str, Any]:
+    """Table, what failed by law, and claims as plain data, for JSON."""
+    return {
+        'scenario': scenario,
+        'laws': {law: as_data(result) for law, result in results.items()},
+        'faults': dict(causes),
+        'claims': [
+            {
+                'claim': verdict.claim.text,
+                'reproduced': verdict.reproduced,
+                'figures': verdict.values,
+                'unit': verdict.claim.unit,
+            }
+            for verdict in verdicts
+        ],
+    }

@@ -1,0 +1,221 @@
+"""The command ``show``: the effective configuration, and where each value comes from."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.analysis.monitor import MonitorParameters
+from parallel_robot.cli.commands.run import OWN
+from parallel_robot.cli.commands.simulate import (
+    add_scenario_argument,
+    add_set_argument,
+    given_layers,
+)
+from parallel_robot_control.configuration import available, custom_defaults
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration import config, scenario_file
+from parallel_robot_model.configuration.fields import Field, parameters
+from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.configuration.parameter_file import MARK
+from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.yaml_file import text_of
+from parallel_robot_model.robots.registry import module_of
+from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.fastest import fastest
+from parallel_robot_sim.parameter_groups import members
+from trajectory_gen.shapes import shapes
+
+BY_COMMANDS = (*OWN, 'duration')  # left out of files unless set
+UNKNOWN = Field('', '')  # of the keys of the recorder
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_scenario_argument(parser)
+    parser.add_argument('--law', help='control law, default: that of the configuration')
+    add_set_argument(parser)
+    parser.add_argument(
+        '--fit-speed',
+        action='store_true',
+        help='say how fast the motion may run until a joint meets a limit of speed or torque',
+    )
+    parser.add_argument(
+        '--plot',
+        type=Path,
+        metavar='FILE',
+        help='draw the motion before it runs, with the robot and the limits of its joints: a new '
+        '.png, .pdf or .svg',
+    )
+    parser.add_argument(
+        '--format',
+        choices=FORMATS,
+        default='table',
+        help='table (default); yaml: a scenario; ros: a parameter file for nodes; json',
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    layers = given_layers(arguments)
+    if arguments.law is not None:
+        layers.append(('--law', {'law': arguments.law}))
+    changed = merged(values for _, values in layers)
+    values, sources = config.resolve_with_sources(arguments.scenario, changed, custom_defaults)
+    made = configure(values)  # a wrong value is refused here as in a run
+    if arguments.fit_speed:
+        found = fastest(made)
+        print(
+            f'fastest: trajectory.speed_factor {found.factor:.4g}, span {found.span:.4g} s; '
+            f'there {found.text}',
+            file=sys.stderr,
+        )
+    if arguments.plot is not None:
+        _plot(made, arguments.plot)
+    values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
+    overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
+    for name, layer in layers:
+        sources |= {key: name for key in layer if key in overridden}
+    place = scenario_file.absolute(arguments.scenario)
+    print(FORMATS[arguments.format](values, sources, place))
+    return 0
+
+
+def _plot(made: Configuration, path: Path) -> None:
+    """Draw the motion of a configuration.
+
+    Raises:
+        InputError: the suffix is of no picture format, or the file cannot be written.
+    """
+    from parallel_robot.analysis.report import (
+        figures,  # slow to import
+        planned,  # slow to import
+    )
+
+    figures.check_format(path)
+    try:
+        figures.save(planned.figure_of_motion(made), path)
+    except OSError as error:
+        raise InputError(f'cannot write {path}: {error.strerror}') from None
+
+
+def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
+    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
+    loop = loop_of(values)
+    known = members(module_of(loop), available(loop.custom_laws), shapes(loop.custom_trajectories))
+    known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
+    return {key: parameter.field for key, parameter in known}
+
+
+def as_table(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """One line for each key: value, unit and source."""
+    units = {key: field.unit for key, field in fields_of(values).items()}
+    rows = [('key', 'value', 'source')]
+    for key in ordered(values):
+        rows.append(
+            (key, f'{_short(values[key])} {units.get(key, "")}'.strip(), _source(key, sources))
+        )
+    widths = [min(WIDEST, max(len(row[i]) for row in rows)) for i in (0, 1)]
+    return '\n'.join(f'{a:<{widths[0]}}  {b:<{widths[1]}}  {c}' for a, b, c in rows)
+
+
+def as_json(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """Key to value, unit, meaning and source."""
+    fields = fields_of(values)
+    data = {
+        key: {
+            'value': values[key],
+            'unit': fields.get(key, UNKNOWN).unit,
+            'description': fields.get(key, UNKNOWN).description,
+            'source': sources[key],
+        }
+        for key in ordered(values)
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False)
+
+
+def as_scenario(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """A scenario of one's own that resolves to the same values."""
+    code = {key: values[key] for key in sorted(config.CUSTOM) if values[key]}
+    head = [f'# All values of the scenario {values["scenario"]}, as parallel_robot show has them.']
+    head += [f'# It needs --set {key}={text_of(paths)}' for key, paths in code.items()]
+    keys = [key for key in _own(values, sources) if key not in config.CUSTOM]
+    return '\n'.join([*head, *_lines(keys, values, sources)])
+
+
+def as_ros(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
+    """A parameter file for the nodes, as ``--params-file`` takes it."""
+    shown = {**values, 'scenario': place}
+    # ROS has no type for an empty list, nor for one of whole and other numbers.
+    keys = ['scenario', *(key for key in _own(values, sources) if values[key] != [])]
+    for key in keys:
+        if isinstance(shown[key], list) and any(type(item) is float for item in shown[key]):
+            shown[key] = [float(item) for item in shown[key]]
+    lines = _lines(keys, shown, sources)
+    return '\n'.join(['/**:', f'  {MARK}:', *(f'    {line}' for line in lines)])
+
+
+FORMATS = {'table': as_table, 'yaml': as_scenario, 'ros': as_ros, 'json': as_json}
+MANY = 100  # items of a list, of which not all are shown
+WIDEST = 44  # characters of a column; what is wider sticks out
+
+
+def ordered(values: Iterable[str]) -> list[str]:
+    """Keys without a group first, then group by group in the order in which they came."""
+    groups = list(dict.fromkeys(key.partition('.')[0] for key in values if '.' in key))
+    return sorted(
+        values, key=lambda key: groups.index(key.partition('.')[0]) if '.' in key else -1
+    )
+
+
+def _own(values: Mapping[str, Any], sources: Mapping[str, str]) -> list[str]:
+    """Keys for a file: none that follow from others, none that a command sets itself."""
+    return [
+        key
+        for key in ordered(values)
+        if sources[key] != key.removeprefix('true_')
+        and key not in ('scenario', 'preset')
+        and not (key in BY_COMMANDS and sources[key] == config.DEFAULTS)
+    ]
+
+
+def _lines(
+    keys: Iterable[str], values: Mapping[str, Any], sources: Mapping[str, str]
+) -> list[str]:
+    """Keys and values as YAML, with unit and source in a comment."""
+    fields = fields_of(values)
+    lines, before = [], ''
+    for key in keys:
+        group, dot, name = key.partition('.')
+        if dot and group != before:
+            lines.append(f'{group}:')
+            before = group
+        unit = fields.get(key, UNKNOWN).unit
+        source = printable(sources[key])
+        comment = f'{unit}; {source}' if unit else source
+        start = f'  {text_of(name)}' if dot else text_of(key)
+        lines.append(f'{start}: {text_of(values[key])}  # {comment}')
+    return lines
+
+
+def _source(key: str, sources: Mapping[str, str]) -> str:
+    """Source of a value for people."""
+    source = sources[key]
+    return f'from {source}' if source in sources else source
+
+
+def _short(value: Any) -> str:
+    """A value for people: numbers with ten digits, words without quotes, long lists cut."""
+    if isinstance(value, list):
+        if len(value) > MANY:
+            first = ', '.join(map(_short, value[:3]))
+            return f'[{first}, ... {_short(value[-1])}] ({len(value)} in all)'
+        return f'[{", ".join(map(_short, value))}]'
+    if isinstance(value, str) and value.isalpha():  # also off, which YAML quotes
+        return value
+    return f'{value:.10g}' if isinstance(value, float) else text_of(value)

@@ -1,0 +1,245 @@
+"""The command ``simulate``: the closed loop without ROS, written as a bag."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis import metrics, readable_metrics
+from parallel_robot.bags import new_files, simulation_bag
+from parallel_robot.bags.history import remark_lines
+from parallel_robot.cli import invocation
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.estimator import told_delay
+from parallel_robot_control.messages import limits_text
+from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
+from parallel_robot_model.common.options import number
+from parallel_robot_model.configuration import assignments, config, parameter_file, points_file
+from parallel_robot_model.configuration.hazards import parse
+from parallel_robot_model.configuration.loop import DURATION, length
+from parallel_robot_model.configuration.placed import Placed, merged
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.fastest import FACTOR, fastest
+from parallel_robot_sim.motions import of_simulation, saturation
+from parallel_robot_sim.noise_doubts import noise_doubts
+from parallel_robot_sim.simulation import Simulation, attempt
+from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.motion_length import with_duration
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_run_arguments(parser)
+    parser.add_argument(
+        '--row',
+        type=int,
+        metavar='N',
+        help='one run of a study: SCENARIO is the directory of its sweep, its file or its name',
+    )
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of a command that writes a run as a bag."""
+    add_scenario_arguments(parser)
+    parser.add_argument('--law', help='control law, default: that of the configuration')
+    parser.add_argument(
+        '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
+    )
+    parser.add_argument(
+        '--fit-speed',
+        type=number,
+        metavar='SHARE',
+        help='run the motion at this share, e.g. 0.5, of the fastest speed that limits of joint '
+        'speed and torque allow',
+    )
+
+
+def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of every command that makes a run."""
+    add_scenario_argument(parser)
+    parser.add_argument(
+        '--duration',
+        type=float,
+        metavar='S',
+        help='seconds of motion, default: that of the scenario, else the length of its motion, '
+        f'else {DURATION:g}',
+    )
+    parser.add_argument(
+        '--hold',
+        type=number,
+        metavar='S',
+        help='seconds for which the robot is held where its motion ended, default: none',
+    )
+    add_set_argument(parser)
+
+
+def add_scenario_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare the scenario."""
+    parser.add_argument(
+        'scenario', help='name of a scenario in config/scenarios, or the path of a YAML file'
+    )
+
+
+def add_set_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare what changes the configuration: ``--param-file`` and ``--set``."""
+    parser.add_argument(
+        '--param-file',
+        action='append',
+        default=[],
+        dest='param_files',
+        type=Path,
+        metavar='FILE',
+        help='YAML file with keys of the configuration, also as ROS has them; may be repeated, '
+        'the later wins',
+    )
+    parser.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        dest='assignments',
+        metavar='KEY=VALUE',
+        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated and wins '
+        'over --param-file',
+    )
+
+
+def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
+    """What ``--param-file`` and ``--set`` change, each with its name; later ones win.
+
+    Raises:
+        InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
+    """
+    layers = [(str(path), parameter_file.read(path)) for path in arguments.param_files]
+    layers.append((config.OVERRIDE, Placed(assignments.parse(arguments.assignments))))
+    return [(name, points_file.filled(values)) for name, values in layers]
+
+
+def given(arguments: argparse.Namespace) -> Placed:
+    """What ``--param-file`` and ``--set`` change together; see :func:`given_layers`."""
+    return merged(values for _, values in given_layers(arguments))
+
+
+def overrides(arguments: argparse.Namespace) -> Placed:
+    """What the arguments change in the configuration.
+
+    Raises:
+        InputError: no such scenario, or an argument is wrong.
+    """
+    options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
+    options = {key: value for key, value in options.items() if value is not None}
+    for key, value in assignments.parse(arguments.assignments).items():
+        if key in options and options[key] != value:
+            raise InputError(f'--{key} {options[key]} and --set {key}={value} differ; give one')
+    changed = merged([given(arguments), options])
+    share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
+    if share is not None:
+        changed = _fitted(scenario, changed, share)
+    return with_duration(scenario, changed, getattr(arguments, 'hold', None))
+
+
+def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
+    """Changes with the motion at a share of its fastest feasible speed.
+
+    Raises:
+        InputError: the share is none, or the motion has no such speed.
+    """
+    if not 0.0 < share <= 1.0:
+        raise InputError(f'--fit-speed must be a share above 0, up to 1, not {share:g}')
+    found = fastest(configure(resolve(scenario, with_duration(scenario, changed))))
+    factor = share * found.factor
+    print(f'{FACTOR}={factor:.6g}; at {found.factor:.4g} {found.text}', file=sys.stderr)
+    return changed | {FACTOR: factor}
+
+
+def remarks(simulation: Simulation) -> list[str]:
+    """Remarks on a simulation: gains that the theory doubts, hazards, limits, faults."""
+    acted = int(np.bitwise_or.reduce(simulation.run.acted))
+    limits, loop = limits_text(acted) if acted else '', simulation.experiment.loop
+    acting = [each.told for each in parse(loop.hazards) if each.at <= loop.duration]
+    return [
+        *simulation.experiment.control.law.warnings,
+        *([f'hazards: {", ".join(acting)}'] if acting else []),
+        *saturation(simulation.configuration.values, simulation.run.effort),
+        *remark_lines(limits, simulation.faults),
+    ]
+
+
+def evaluate(made: Simulation) -> list[str]:
+    """The metrics of a simulation, the same as those of its bag, in lines."""
+    loop = made.experiment.loop
+    if made.failure:
+        return [f'{loop.scenario}, {made.failure}: no figures']
+    found = metrics.figures(of_simulation(made))
+    head = readable_metrics.head(loop.scenario, loop.law, found, length(made.configuration.values))
+    return [head, *readable_metrics.brief(found, {})]
+
+
+def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
+    """Last lines of a command that made a bag: metrics, its directory, the next command.
+
+    Args:
+        bag: Directory of the bag.
+        evaluate: Returns the lines of the metrics. Whatever it raises, the bag is good.
+    """
+    try:
+        lines = evaluate()
+    except ParallelRobotError as error:
+        lines = [f'no metrics: {error}']
+    except Exception as error:
+        lines = [f'no metrics: {first_line(error)}']
+    command = shlex.join([*invocation.words(), 'analyze', str(bag)])
+    return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.row is None:
+        return record(arguments.scenario, overrides(arguments), arguments.out)
+    from parallel_robot.studies.sweep.single_row import row_of  # needed for rows alone
+
+    for option in ('law', 'duration', 'hold', 'fit_speed'):
+        if getattr(arguments, option) is not None:
+            name = option.replace('_', '-')
+            raise InputError(f'--{name} and --row exclude each other: the study has it')
+    row, doubts = row_of(arguments.scenario, arguments.row, given(arguments))
+    for text in doubts:
+        print(f'warning: {text}', file=sys.stderr)
+    return record(row.scenario, dict(row.overrides), arguments.out)
+
+
+def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+    """Simulate a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Raises:
+        InputError: something is wrong with the configuration or the place of the bag.
+        RunError: the run failed, and the bag has it up to there; or the disk is full.
+    """
+    new_files.check_directory(out)
+    changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
+    values = resolve(scenario, changed)
+    configuration = configure(values)
+    for text in motion_doubts(configuration.trajectory):
+        print(f'warning: {text}', file=sys.stderr)
+    simulation = attempt(configuration)
+    for text in (*noise_doubts(configuration), *remarks(simulation)):
+        print(f'warning: {text}', file=sys.stderr)
+    try:
+        simulation_bag.write(out, values, simulation)
+    except OSError as error:
+        raise RunError(f'cannot write {out}: {error.strerror}') from None
+    duration = (simulation.run.steps - 1) * simulation.experiment.loop.period
+    rate = duration / simulation.loop_time
+    delay = told_delay(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
+    if delay:
+        print(f'delay of the states: {delay}')
+    print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
+    print(result(out, lambda: evaluate(simulation)))
+    if simulation.failure:
+        raise RunError(simulation.failure)
+    return 0

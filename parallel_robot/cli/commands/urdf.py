@@ -1,0 +1,36 @@
+"""The command ``urdf``: the robot of a scenario as URDF."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from parallel_robot.analysis.posture import posture_of
+from parallel_robot.bags import new_files
+from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration.placed import locating
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_scenario_argument(parser)
+    add_set_argument(parser)
+    parser.add_argument(
+        '--out', type=Path, metavar='FILE', help='must not exist; default: the terminal'
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.out:
+        new_files.check(arguments.out, '--out')
+    values = resolve(arguments.scenario, given(arguments))
+    with locating(values):
+        posture = posture_of(values)
+    if not arguments.out:
+        print(posture.description, end='')
+        return 0
+    new_files.save(arguments.out, posture.description.encode())
+    print(f'urdf    {arguments.out}, {len(posture.links)} links')
+    return 0

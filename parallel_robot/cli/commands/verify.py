@@ -1,0 +1,77 @@
+"""The command ``verify``: the simulated plants against MuJoCo, or a robot against its contract."""
+
+from __future__ import annotations
+
+import argparse
+
+from parallel_robot.bags.progress import tracked
+from parallel_robot.cli.commands import simulate
+from parallel_robot.studies.robot_verification import verify_robot
+from parallel_robot.studies.verification import SCENARIOS, verify
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.placed import Placed
+from parallel_robot_model.robots.robot_checks import FINE
+
+TOLERANCE = 1e-9  # m or rad
+ROBOTS, DURATION = 10, 1.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument(
+        '--robots', type=int, metavar='N', help=f'of each kind against MuJoCo, default {ROBOTS}'
+    )
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='default 0')
+    parser.add_argument(
+        '--duration',
+        type=float,
+        metavar='S',
+        help=f'of each motion against MuJoCo, default {DURATION:g}',
+    )
+    simulate.add_set_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    robots = ROBOTS if arguments.robots is None else arguments.robots
+    duration = DURATION if arguments.duration is None else arguments.duration
+    if robots < 1:
+        raise InputError(f'--robots must be at least 1, not {robots}')
+    if arguments.seed < 0:
+        raise InputError(f'--seed must not be negative, not {arguments.seed}')
+    if not 0.001 <= duration <= 10.0:
+        raise InputError(f'--duration must be 0.001 to 10 s, not {duration:g}')
+    given = simulate.given(arguments)
+    if not given:
+        return _against_mujoco(robots, arguments.seed, duration)
+    for option in ('robots', 'duration'):
+        if getattr(arguments, option) is not None:
+            raise InputError(f'--set checks one robot without MuJoCo: no --{option}')
+    return _against_contract(given, arguments.seed)
+
+
+def _against_contract(given: Placed, seed: int) -> int:
+    """Check one robot; print each check."""
+    name, found = verify_robot(given, seed)
+    print(f'{name}: largest differences near plant.initial_pose')
+    for check in found:
+        print(f'  {check.text()}: {"agrees" if check.passes(FINE) else "wrong"}')
+    return 0 if all(check.passes(FINE) for check in found) else 1
+
+
+def _against_mujoco(robots: int, seed: int, duration: float) -> int:
+    """Compare random robots of each kind; print the worst."""
+    print(f'largest difference of the poses over {duration:g} s, [m] or [rad]')
+    failed = False
+    for kind in SCENARIOS:
+        numbers = tracked(range(robots), robots, kind)
+        found = verify(kind, numbers, seed, duration)
+        worst = max(found, key=lambda difference: difference.largest)
+        least = min(difference.path for difference in found)
+        agrees = worst.largest < TOLERANCE
+        failed |= not agrees
+        print(
+            f'  {kind:12} {worst.largest:8.1e}, robot {worst.robot} of {len(found)}; each moved '
+            f'by {least:.2g} or more: {"agrees" if agrees else f"more than {TOLERANCE:g}"}'
+        )
+    return 1 if failed else 0

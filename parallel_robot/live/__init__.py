@@ -1,0 +1,1 @@
+"""The live page: a robot that moves, in a browser."""

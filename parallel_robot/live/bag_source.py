@@ -1,0 +1,230 @@
+"""A bag, as the page sees it; no nodes are needed. All browsers see the same moment."""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.bags import history, run_log, stretches
+from parallel_robot.bags.history import History
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.trust import custom_files
+from parallel_robot.cli.commands import replay
+from parallel_robot.live import readable_state
+from parallel_robot.live.frames import Camera, Motion
+from parallel_robot.live.source import RefusedError
+from parallel_robot_control.configuration import (
+    ControlConfiguration,
+    changed,
+    configure,
+)
+from parallel_robot_control.laws import title
+from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.robots.configuration import is_known
+from parallel_robot_sim.motions import differs
+from trajectory_gen.shapes import shapes
+
+PAST = 12.0  # s before a moment that is sought, for the curves
+SPEEDS = (0.001, 100.0)  # slowest, fastest
+
+
+class BagSource:
+    """Plays a run from any moment, at any speed."""
+
+    def __init__(
+        self,
+        log: RunLog,
+        past: History,
+        configuration: ControlConfiguration,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Prepare to play from the start.
+
+        Args:
+            log: The run.
+            past: What happened beside the motion.
+            configuration: Of its controller at the first state.
+            clock: Time [s].
+        """
+        self._log, self._past, self._configuration = log, past, configuration
+        self._clock = clock
+        guess = np.array(configuration.guess)
+        self._camera = Camera(configuration.robot, guess, log.joints)
+        none = np.full_like(log.effort, np.nan)
+        self._motion = Motion(log.time, log.position, log.reference_position, log.effort, none)
+        self._ghost, self._torques = '', {'': none}
+        self._seen = not recorded_motions.of_plant(past) or differs(log.config)
+        parts = stretches.of_run(past, log)
+        self._changes = [[one.begin, printable(one.change)] for one in parts[1:]]
+        self._starts = np.array([status.stamp for status in past.statuses], dtype=np.int64)
+        self._duration = float(log.time[-1])
+        self._speed, self._playing = 1.0, True
+        self._now, self._shown = float(log.time[0]), -1
+        self._looked = clock()
+        self._anew = True
+
+    def look(self) -> list[bytes]:
+        """Frames since the last call; after a jump, those of the past, too."""
+        now = self._clock()
+        if self._playing:
+            self._now = min(self._now + self._speed * (now - self._looked), self._duration)
+            self._playing = self._now < self._duration
+        self._looked = now
+        newest = int(np.searchsorted(self._log.time, self._now, side='right')) - 1
+        newest = min(max(newest, 0), len(self._log.time) - 1)
+        if self._anew:
+            return self._begin(newest)
+        if newest <= self._shown:
+            return []
+        first, self._shown = self._shown + 1, newest
+        return self._frames(first, newest + 1)
+
+    def texts(self) -> dict[str, Any]:
+        """Layout, state and setup; duration and speed."""
+        stamp = self._log.stamps[max(self._shown, 0)]
+        known = int(np.searchsorted(self._starts, stamp, side='right')) - 1
+        status = self._past.statuses[known] if known >= 0 else None
+        law = status.law if status else self._log.law
+        fault = '' if status is None or status.fault == NO_FAULT else status.fault_text
+        return {
+            'layout': readable_state.layout(self._camera),
+            'state': {
+                'law': law,
+                'title': title(law),
+                'fault': fault,
+                'limits': '',
+                'lag': [],
+                'answered': '',
+                'skipped': '',
+                'nodes': [],
+                'ghost': self._ghost,
+                'trouble': '',
+            },
+            'setup': {
+                'scenario': self._log.scenario,
+                'robot': str(self._log.config['robot_model']),
+                'preset': '',
+                'laws': [
+                    {'name': name, 'title': title(name)} for name in self._configuration.laws
+                ],
+                'gains': {},
+                'shape': '',
+                'shapes': {},
+                'seen': self._seen,
+            },
+            'bag': {
+                'duration': self._duration,
+                'playing': self._playing,
+                'speed': self._speed,
+                'changes': self._changes,
+            },
+        }
+
+    async def act(self, action: str, value: Any) -> str:
+        """Do what a browser asks for; see source.Source."""
+        do = {
+            'play': self._play,
+            'seek': self._seek,
+            'step': self._step,
+            'speed': self._set_speed,
+            'ghost': self._set_ghost,
+        }[action]
+        return await do(value)
+
+    def _begin(self, newest: int) -> list[bytes]:
+        """Frames of the seconds before a state, with a layout of their own."""
+        self._anew = False
+        self._camera.number += 1
+        self._camera.begin()
+        first = int(np.searchsorted(self._log.time, self._log.time[newest] - PAST))
+        self._shown = newest
+        return self._frames(first, newest + 1)
+
+    def _frames(self, first: int, stop: int) -> list[bytes]:
+        motion = self._motion.part(slice(first, stop))
+        before = self._log.time[max(first - 1, 0)]
+        return self._camera.frames(motion, float(motion.time[-1] - before))
+
+    async def _play(self, value: Any) -> str:
+        if value is True and self._now >= self._duration:
+            self._now, self._anew = float(self._log.time[0]), True
+        self._playing = value is True
+        return 'plays' if self._playing else 'paused'
+
+    async def _seek(self, value: Any) -> str:
+        self._now = min(max(_number(value), float(self._log.time[0])), self._duration)
+        self._anew = True
+        return f'{self._now:.3f} s'
+
+    async def _step(self, value: Any) -> str:
+        """One state on, or back; the motion pauses."""
+        row = max(self._shown, 0) + (1 if _number(value) > 0.0 else -1)
+        self._playing = False
+        row = min(max(row, 0), len(self._log.time) - 1)
+        self._now = float(self._log.time[row])
+        self._anew = row < self._shown
+        return f'{self._now:.3f} s'
+
+    async def _set_speed(self, value: Any) -> str:
+        low, high = SPEEDS
+        if not low <= _number(value) <= high:
+            raise RefusedError(f'the speed must be from {low:g} to {high:g}, not {value!r:.40}')
+        self._speed = float(value)
+        return f'{self._speed:g}'
+
+    async def _set_ghost(self, value: Any) -> str:
+        """Show what a law would have asked for, from the first state on."""
+        if not isinstance(value, str) or value not in {'', *self._configuration.laws}:
+            raise RefusedError(f'the law {value!r:.40} is not known here')
+        if value not in self._torques:
+            configured = changed(self._configuration, {'law': value})
+            given = self._log, self._past, configured
+            try:
+                found = await asyncio.to_thread(replayed.instead, *given)
+            except BagError as error:
+                raise RefusedError(str(error)) from None
+            self._torques = {'': self._torques[''], value: found.torque}
+        self._ghost = value
+        self._motion = self._motion._replace(ghost=self._torques[value])
+        self._anew = True
+        return value or 'off'
+
+
+def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource:
+    """Read a bag that is to be played.
+
+    Args:
+        stack: Removes what must be removed when the page ends.
+        bag: Directory of the bag, or one file of it.
+        trust: Whether code that it holds may run.
+        memory: What may be held of it [bytes].
+
+    Raises:
+        BagError: it is not a bag of a run, or needs code that may not run.
+    """
+    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+    files = custom_files(bag, past.sources, log.config, folder, trust)
+    values = replay.configuration(log, past, files, {})
+    if not is_known(values):
+        raise BagError(f'{bag} does not hold the robot {values["robot_model"]}')
+    if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
+        raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
+    return BagSource(log, past, configure(values))
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e9:
+        raise RefusedError(f'{value!r:.40} is not a number that is taken')
+    return float(value)

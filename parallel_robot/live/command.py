@@ -1,0 +1,181 @@
+"""The command ``live``: the robot in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.bags import new_files
+from parallel_robot.bags.limits import MEMORY, add_memory_argument
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot_model.common.errors import InputError, StoppedError
+from parallel_robot_model.messages.namespaces import add_namespace_argument, full
+from parallel_robot_model.processes import discovery
+from parallel_robot_model.processes.ending_signals import ending_signals
+
+HOST, PORT, OUT = '127.0.0.1', 8080, Path('runs')
+NICE = 5  # the loop goes first
+Wait = Callable[[], None]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    shown = parser.add_mutually_exclusive_group()
+    shown.add_argument(
+        '--run',
+        metavar='SCENARIO',
+        help='start the nodes of a scenario, and end them with the page; default: those that run',
+    )
+    shown.add_argument('--bag', type=Path, metavar='BAG', help='play a bag, without nodes')
+    parser.add_argument(
+        '--foxglove',
+        action='store_true',
+        help='serve Foxglove and Lichtblick instead of a page, to look at alone; default port: '
+        '8765',
+    )
+    parser.add_argument('--law', help='with --run: control law, default: that of the scenario')
+    parser.add_argument(
+        '--duration',
+        type=float,
+        metavar='S',
+        help='with --run: seconds of motion, default: no end',
+    )
+    add_set_argument(parser)
+    add_namespace_argument(parser, 'of the robot, default: the first that is heard', None)
+    parser.add_argument(
+        '--host',
+        default=HOST,
+        metavar='ADDRESS',
+        help=f'where to listen, default: {HOST}, this machine alone',
+    )
+    parser.add_argument(
+        '--port', type=int, metavar='N', help=f'default: {PORT}, or another if that is taken'
+    )
+    parser.add_argument('--read-only', action='store_true', help='the page changes nothing')
+    parser.add_argument(
+        '--out',
+        type=Path,
+        metavar='DIR',
+        help=f'where the page puts the bags that it records, default: {OUT}',
+    )
+    add_trust_argument(parser)
+    add_memory_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    changed = given(arguments)
+    for option in ('law', 'duration'):
+        if getattr(arguments, option) is not None:
+            changed[option] = getattr(arguments, option)
+    if changed and arguments.run is None:
+        raise InputError(f'{next(iter(changed))} can be set with --run alone')
+    if arguments.bag is None:
+        for option, given_ in (
+            ('--trust', arguments.trust),
+            ('--max-memory', arguments.max_memory != MEMORY),
+        ):
+            if given_:
+                raise InputError(f'{option} goes with --bag alone')
+    elif arguments.namespace is not None:
+        raise InputError('--namespace is that of a graph, not of a --bag')
+    if arguments.out is not None and (arguments.bag is not None or arguments.foxglove):
+        raise InputError('--out: only the page of a graph records')
+    if arguments.out is not None:
+        new_files.check_directory(arguments.out / 'recorded')
+    if arguments.port is not None and not 0 <= arguments.port < 1 << 16:
+        raise InputError(f'--port must be from 0 to 65535, not {arguments.port}')
+    namespace = full(arguments.namespace) if arguments.namespace is not None else None
+    if arguments.foxglove:
+        return _foxglove(arguments, changed, namespace)
+    try:
+        import aiohttp  # noqa: F401  optional
+    except ImportError:
+        raise InputError("aiohttp is not installed; pip install 'parallel_robot[live]'") from None
+    from parallel_robot.live.serving import listening
+
+    handlers = {number: signal.signal(number, _stop) for number in ending_signals()[1:]}
+    try:
+        with ExitStack() as stack:
+            listen = stack.enter_context(listening(arguments.host, arguments.port, PORT))
+            if arguments.bag is not None:
+                from parallel_robot.live.bag_source import open_bag
+
+                source: Any = open_bag(stack, arguments.bag, arguments.trust, arguments.max_memory)
+            else:
+                source = _graph(stack, arguments, changed, namespace)
+            os.nice(NICE)
+            listen(source, arguments.read_only)
+    except (KeyboardInterrupt, StoppedError):
+        print('ended', file=sys.stderr)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    return 0
+
+
+def _foxglove(
+    arguments: argparse.Namespace, changed: dict[str, Any], namespace: str | None
+) -> int:
+    """Serve Foxglove until the user ends it."""
+    if arguments.bag is not None:
+        raise InputError(
+            'Foxglove opens bags by itself: parallel_robot export BAG --foxglove makes one with '
+            'the robot in it'
+        )
+    discovery.prepare()
+    try:
+        with ExitStack() as stack:
+            values = None
+            if arguments.run is not None:
+                from parallel_robot.live.started_graph import started_graph
+
+                namespace, changed = namespace or '', {'duration': 0.0, **changed}
+                graph = started_graph(arguments.run, changed, namespace)
+                values = stack.enter_context(graph).values
+            from parallel_robot.live.ros_foxglove import (
+                PORT,  # needs ROS, after the forks
+                serve,  # needs ROS, after the forks
+            )
+
+            os.nice(NICE)
+            port = PORT if arguments.port is None else arguments.port
+            serve(arguments.host, port, namespace, values)
+    except KeyboardInterrupt:
+        print('ended', file=sys.stderr)
+    return 0
+
+
+def _stop(number: int, _: Any) -> None:
+    raise StoppedError(number)
+
+
+def _graph(
+    stack: ExitStack, arguments: argparse.Namespace, changed: dict[str, Any], namespace: str | None
+) -> Any:
+    """The graph that runs, or one that is started."""
+    from parallel_robot.live.started_graph import started_graph
+
+    discovery.prepare()
+    values = parameters = None
+    if arguments.run is not None:
+        namespace, changed = namespace or '', {'duration': 0.0, **changed}
+        _, parameters, values = stack.enter_context(
+            started_graph(arguments.run, changed, namespace)
+        )
+    from parallel_robot.live.graph_source import GraphSource
+    from parallel_robot.live.recording import Recording
+    from parallel_robot.live.ros_live_graph import LiveGraph  # needs ROS, after the forks
+    from parallel_robot.watch.robots import Robots
+
+    recording = stack.enter_context(Recording(arguments.out or OUT, parameters))
+    robots = Robots()
+    graph = stack.enter_context(LiveGraph(robots))
+    return GraphSource(graph, robots, recording, namespace, values)

@@ -1,0 +1,181 @@
+"""What a browser gets thirty times a second: one picture of the motion as bytes.
+
+A frame is 24 bytes, then float32: its length [bytes] and the number of its layout, both uint32;
+time of the newest state [s] as float64; seconds that it covers [s] and points of the path, float32
+and uint32. Then the posture: x, y of the reference, of the end effector, and of both ends of each
+line of the robot [m], part by part; the points of the path: x, y of the reference and of the end
+effector [m]; for each curve the extremes of its values, in the order in which they came.
+Several frames may lie end to end in one message. Little endian.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import RobotModel
+
+HEADER = struct.Struct('<IIdfI')
+FRAME = 1.0 / 30.0  # s of motion in a frame
+PATH_STEP = 0.02  # s between two points of the path
+
+
+class Curve(NamedTuple):
+    """A curve of the page.
+
+    Attributes:
+        group: Diagram in which it is drawn: error, joints, torque or ghost.
+        name: Name in the legend.
+    """
+
+    group: str
+    name: str
+
+
+class Motion(NamedTuple):
+    """Some states of a robot, one row each.
+
+    Attributes:
+        time: Since the first state [s], shape (N,).
+        position: Actuated joints [rad], shape (N, n).
+        desired: Their reference [rad], shape (N, n).
+        effort: Torques [N m], shape (N, n).
+        ghost: Torques that another law asks for [N m], NaN where there is none, shape (N, n).
+    """
+
+    time: Array
+    position: Array
+    desired: Array
+    effort: Array
+    ghost: Array
+
+    def part(self, rows: slice) -> Motion:
+        """Some of them."""
+        return Motion(*(row[rows] for row in self))
+
+
+class Camera:
+    """Turns states of one robot into frames.
+
+    Attributes:
+        parts: Parts of the robot, each name and number of lines; empty without a picture.
+        curves: What the frames hold after the path.
+        number: Of the layout; frames of another camera have another.
+    """
+
+    def __init__(
+        self, robot: RobotModel, guess: Array, joints: Sequence[str], number: int = 0
+    ) -> None:
+        """Prepare.
+
+        Args:
+            robot: The nominal robot.
+            guess: A pose near the first one, shape (m,).
+            joints: Names of the actuated joints.
+            number: Of the layout.
+        """
+        self._robot, self._first = robot, guess
+        self._guess = guess
+        self.number = number
+        self.parts: list[tuple[str, int]] = []
+        if robot.module.PLANAR:
+            row = np.zeros(len(joints))
+            found = robot.module.segments(robot.parameters, guess, row)
+            self.parts = [(name, ends.shape[-3]) for name, ends in found.items()]
+        groups = (['error'] if robot.module.PLANAR else []) + ['joints', 'torque', 'ghost']
+        self.curves = [
+            Curve(group, name)
+            for group in groups
+            for name in (['end effector'] if group == 'error' else joints)
+        ]
+
+    def begin(self) -> None:
+        """Take the next states for those of another motion."""
+        self._guess = self._first
+
+    def frames(self, motion: Motion, seconds: float) -> list[bytes]:
+        """Frames of at most about FRAME of motion each: several when the last look is long ago.
+
+        Args:
+            motion: The states, at least one.
+            seconds: Time that they cover [s].
+        """
+        count = min(max(round(seconds / FRAME), 1), len(motion.time))
+        edges = np.linspace(0, len(motion.time), count + 1).astype(int)
+        return [
+            self.frame(motion.part(slice(first, stop)), seconds * (stop - first) / edges[-1])
+            for first, stop in pairwise(edges)
+        ]
+
+    def frame(self, motion: Motion, seconds: float) -> bytes:
+        """The picture of the newest of some states, and the curves of all of them.
+
+        Args:
+            motion: The states, at least one.
+            seconds: Time that they cover [s].
+        """
+        poses, desired = self._poses(motion)
+        errors = motion.desired - motion.position
+        if self._robot.module.PLANAR:
+            distance = np.hypot(*(poses - desired)[:, :2].T)[:, np.newaxis]
+            values = np.hstack([distance, errors, motion.effort, motion.ghost])
+            newest = [desired[-1, :2], poses[-1, :2], *self._lines(poses[-1], motion.position[-1])]
+            rows = _every(motion.time, PATH_STEP)
+            path = np.hstack([desired[rows, :2], poses[rows, :2]])
+        else:
+            values = np.hstack([errors, motion.effort, motion.ghost])
+            newest, path = [np.full(4, np.nan)], np.zeros((0, 4))
+        numbers = np.concatenate([*newest, path.ravel(), _extremes(values).ravel()])
+        body = numbers.astype('<f4').tobytes()
+        length = HEADER.size + len(body)
+        head = HEADER.pack(length, self.number, float(motion.time[-1]), seconds, len(path))
+        return head + body
+
+    def _lines(self, pose: Array, position: Array) -> list[Array]:
+        found = self._robot.module.segments(self._robot.parameters, pose, position)
+        return [ends.ravel() for ends in found.values()]
+
+    def _poses(self, motion: Motion) -> tuple[Array, Array]:
+        """Poses and desired poses, NaN where there are none, each shape (N, m)."""
+        found = np.full((2, len(motion.time), len(self._first)), np.nan)
+        if self._robot.module.PLANAR:
+            for poses, joints in zip(found, (motion.position, motion.desired), strict=True):
+                known = np.isfinite(joints).all(axis=1)
+                poses[known] = self._located(joints[known])
+            if np.isfinite(found[0, -1]).all():
+                self._guess = found[0, -1]
+        return found[0], found[1]
+
+    def _located(self, joints: Array) -> Array:
+        """Poses of some states, NaN where the robot is not where it was before, nor at first."""
+        for guess in (self._guess, self._first):
+            try:
+                return poses_of(self._robot, joints, guess)
+            except KinematicsError:
+                continue
+        return np.full((len(joints), len(self._first)), np.nan)
+
+
+def _every(time: Array, step: float) -> NDArray[np.intp]:
+    """The first row of each interval of time that begins among some rows, and the last row."""
+    slots = np.floor(time / step + 1e-6)
+    rows = np.flatnonzero(np.diff(slots, prepend=-np.inf) > 0)
+    return np.union1d(rows[1:], [len(time) - 1]).astype(np.intp)
+
+
+def _extremes(values: Array) -> Array:
+    """Smallest and largest value of each column in the order of their rows, shape (columns, 2)."""
+    known = np.where(np.isnan(values), np.inf, values)
+    low = known.argmin(axis=0)
+    high = np.where(np.isnan(values), -np.inf, values).argmax(axis=0)
+    rows = np.sort(np.stack([low, high]), axis=0)
+    chosen: Array = np.take_along_axis(values, rows, axis=0).T
+    return chosen

@@ -1,0 +1,249 @@
+"""A graph that runs, as the page sees it: its nodes come and go, and nothing waits for them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis.replay.ghost import Ghost
+from parallel_robot.live import readable_state
+from parallel_robot.live.frames import Camera, Motion
+from parallel_robot.live.graph_values import known_values, meant, of_robot
+from parallel_robot.live.motion_buffer import MotionBuffer, States
+from parallel_robot.live.recording import Recording
+from parallel_robot.live.source import RefusedError
+from parallel_robot.live.watched import Graph, Watched
+from parallel_robot.watch.robots import Robots
+from parallel_robot_control.configuration import available, nominal_of
+from parallel_robot_control.configuration import configure as configure_control
+from parallel_robot_model.common.errors import ParallelRobotError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages import topics
+from parallel_robot_model.processes.module_process import command, die_with_parent
+from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.motions import differs
+
+EVERY = 6  # looks, from one check of what runs to the next: five a second
+LONGEST = 100  # characters of a name that a browser sends
+
+
+class GraphSource:
+    """Shows one robot of a graph: the one of a namespace, or the first that is heard."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        robots: Robots,
+        recording: Recording,
+        namespace: str | None,
+        values: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            graph: The graph; the caller enters and leaves it.
+            robots: What its nodes report.
+            recording: Records it when asked.
+            namespace: Full name; None for the first that is heard.
+            values: Configuration of a graph that was started here; None for any other.
+        """
+        self._graph, self._robots, self._recording = graph, robots, recording
+        self._watched, self._given = Watched(graph, robots, namespace), values
+        self._looks = self._layouts = 0
+        self._texts: dict[str, Any] = {}
+        self._values: dict[str, Any] | None = None
+        self._seen: dict[str, Any] = {}
+        self._camera: Camera | None = None
+        self._ghost: Ghost | None = None
+        self._trouble = ''
+        self._origin = self._end = 0
+
+    def look(self) -> list[bytes]:
+        """Frames since the last call."""
+        self._graph.look()
+        if self._looks % EVERY == 0:
+            self._check()
+        self._looks += 1
+        if self._camera is None or self._values is None:
+            return []
+        joints = tuple(self._values['joints'])
+        self._buffer.add_references(*self._graph.heard(topics.REFERENCE, joints))
+        states = self._buffer.add_states(*self._graph.heard(topics.JOINT_STATES, joints))
+        return [] if states is None else self._frames(self._camera, states)
+
+    def texts(self) -> dict[str, Any]:
+        """Layout, state and setup."""
+        return self._texts
+
+    async def act(self, action: str, value: Any) -> str:
+        """Do what a browser asks for; see source.Source."""
+        do = {
+            'law': self._set_law,
+            'gain': self._set_gain,
+            'motion': self._set_motion,
+            'preset': lambda _: self._set('controller', 'preset', 'paper'),
+            'emergency_stop': lambda _: self._asked(self._graph.emergency_stop),
+            'clear_fault': lambda _: self._asked(self._graph.clear_fault),
+            'reset': lambda _: self._asked(self._graph.reset),
+            'record': self._record,
+            'ghost': self._set_ghost,
+        }[action]
+        return await do(value)
+
+    def _check(self) -> None:
+        """See which nodes run, and what they are."""
+        if self._watched.changed():
+            self._prepare()
+        robot = self._robots[self._watched.namespace]
+        self._texts = {
+            **({'layout': readable_state.layout(self._camera)} if self._camera else {}),
+            'state': {
+                **readable_state.of_robot(robot, time.monotonic()),
+                'ghost': self._ghost.law if self._ghost else '',
+                'recording': self._recording.state(),
+                'trouble': self._trouble,
+            },
+            'setup': {
+                **readable_state.setup(
+                    self._watched.parameters, self._graph.descriptions, robot.laws
+                ),
+                'seen': 'plant' not in robot.nodes or differs(self._values or {}),
+            },
+        }
+
+    def _prepare(self) -> None:
+        """Make a camera for the robot that the nodes know, where it is a new one."""
+        parameters = self._watched.parameters
+        if 'controller' not in parameters:
+            return
+        try:
+            self._values = known_values(parameters, self._given)
+            seen = of_robot(self._values)
+            if seen != self._seen or self._watched.started:  # not where a motion goes on
+                self._layouts += 1
+                self._seen, joints = seen, self._values['joints']
+                self._camera = Camera(*nominal_of(self._values), joints, self._layouts)
+                self._buffer = MotionBuffer(len(joints), told_age(self._values))
+            self._trouble = ''
+        except ParallelRobotError as error:
+            self._seen, self._camera, self._trouble = (
+                {},
+                None,
+                f'the robot cannot be drawn: {error}',
+            )
+
+    def _frames(self, camera: Camera, states: States) -> list[bytes]:
+        if states.anew:
+            self._layouts += 1
+            camera.number = self._layouts
+            camera.begin()
+            self._texts = {**self._texts, 'layout': readable_state.layout(camera)}
+            self._origin, self._end = int(states.stamps[0]), int(states.stamps[0])
+        none = np.full_like(states.effort, np.nan)
+        ghost = none if self._ghost is None else self._haunt(self._ghost, states, none)
+        motion = Motion(
+            (states.stamps - self._origin) / NANOSECONDS,
+            states.position,
+            states.desired,
+            states.effort,
+            ghost,
+        )
+        seconds = (int(states.stamps[-1]) - self._end) / NANOSECONDS
+        self._end = int(states.stamps[-1])
+        return camera.frames(motion, seconds)
+
+    def _haunt(self, ghost: Ghost, states: States, none: Any) -> Any:
+        """Torques of the other law, NaN while there are no references."""
+        known = np.isfinite(states.references.position).all(axis=1)
+        if not known.all():
+            return none
+        velocity, effort = np.nan_to_num(states.velocity), np.nan_to_num(states.effort)
+        return ghost.answer(states.stamps, states.position, velocity, states.references, effort)
+
+    async def _asked(self, ask: Callable[..., None], *words: Any) -> str:
+        """Ask a node and wait for its answer, which comes while the graph is looked at.
+
+        Raises:
+            RefusedError: it refuses or does not answer.
+        """
+        answered: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
+
+        def tell(done: bool, text: str) -> None:
+            if not answered.done():
+                answered.set_result((done, text))
+
+        ask(*words, tell)
+        done, text = await answered
+        if not done:
+            raise RefusedError(text.removeprefix('refused: '))
+        return text
+
+    async def _set(self, node: str, key: str, value: Any) -> str:
+        return await self._asked(self._graph.set_parameter, node, key, value)
+
+    async def _set_law(self, value: Any) -> str:
+        return await self._set('controller', 'law', _name(value, 'law'))
+
+    async def _set_gain(self, value: Any) -> str:
+        key, wanted = _pair(value, 'gain')
+        controller = self._watched.parameters.get('controller', {})
+        laws = self._robots[self._watched.namespace].laws
+        if key not in controller or key.partition('.')[0] not in laws:
+            raise RefusedError(f'there is no gain {key!r}')
+        return await self._set('controller', key, meant(key, controller[key], wanted))
+
+    async def _set_motion(self, value: Any) -> str:
+        """Change the shape of the motion, or a parameter of it."""
+        key, wanted = _pair(value, 'parameter')
+        known = self._watched.parameters.get('trajectory', {})
+        told = self._graph.descriptions.get('trajectory', {})
+        if key not in readable_state.of_motion(known, told):
+            raise RefusedError(f'there is no parameter {key!r} of a motion')
+        return await self._set('trajectory', key, meant(key, known[key], wanted))
+
+    async def _record(self, value: Any) -> str:
+        if value is True:
+            known = self._watched.parameters.get('controller', {})
+            return self._recording.start(known, self._watched.namespace)
+        return await self._recording.stop()
+
+    async def _set_ghost(self, value: Any) -> str:
+        """Compute what another law would ask for, or no longer."""
+        law = _name(value, 'law')
+        if not law:
+            self._ghost = None
+            return 'off'
+        if self._values is None:
+            raise RefusedError('nothing is known of the robot yet')
+        values = self._values
+        if law not in available(values['custom_laws']):
+            raise RefusedError(f'the law {law!r} is not known here')
+        wanted = {**values, 'law': law}
+        process = await asyncio.create_subprocess_exec(
+            *command('parallel_robot.analysis.replay.ghost'),
+            stdin=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            preexec_fn=die_with_parent,
+        )
+        await process.communicate(json.dumps(wanted).encode())
+        configured = await asyncio.to_thread(configure_control, wanted)
+        self._ghost = await asyncio.to_thread(Ghost, configured, told_age(values))
+        return law
+
+
+def _pair(value: Any, what: str) -> tuple[str, Any]:
+    if not isinstance(value, dict) or set(value) != {'key', 'value'}:
+        raise RefusedError(f'a {what} is a key and a value')
+    return _name(value['key'], what), value['value']
+
+
+def _name(value: Any, what: str) -> str:
+    if not isinstance(value, str) or len(value) > LONGEST:
+        raise RefusedError(f'a {what} is a name')
+    return value

@@ -1,0 +1,200 @@
+"""The running graph as the page sees it: states, references, parameters; requests to its nodes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.parameter import parameter_value_to_python
+from std_srvs.srv import Trigger
+
+from parallel_robot.live.source import Description
+from parallel_robot.watch.graph import Tell
+from parallel_robot.watch.robots import Robots
+from parallel_robot.watch.ros_graph import ANSWER_TIMEOUT, RosGraph
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.configuration.parameter_file import is_configuration
+from parallel_robot_model.messages import cdr, topics
+from parallel_robot_model.messages.topics import Topic
+from parallel_robot_model.nodes.joint_reader import JointReader
+
+LONGEST = 2000  # messages of a topic that may wait: two seconds
+ROUNDS = 3  # of the executor in a look, for answers of the nodes
+ASKED = ('controller', 'trajectory')  # nodes whose parameters are wanted
+FIELDS = {
+    topics.JOINT_STATES: (('position',), ('velocity', 'effort')),
+    topics.REFERENCE: (('position', 'velocity', 'acceleration'), ()),
+}
+PARAMETER_EVENTS = 100  # that may wait
+
+
+class Heard(NamedTuple):
+    """Messages of joints: stamps [ns], shape (N,), and for each field its rows, shape (N, n)."""
+
+    stamps: NDArray[np.int64]
+    fields: tuple[Array, ...]
+
+
+class LiveGraph(RosGraph):
+    """Listens to one robot.
+
+    Attributes:
+        parameters: Parameters of the nodes that were asked, by node; empty while not known.
+        descriptions: What they say of their parameters, by node and name.
+    """
+
+    DEPTH = LONGEST
+    SERVICES: ClassVar[dict[str, Any]] = {
+        **RosGraph.SERVICES,
+        'plant/reset': Trigger,
+        'trajectory/set_parameters': SetParameters,
+        **{f'{node}/describe_parameters': DescribeParameters for node in ASKED},
+        **{f'{node}/list_parameters': ListParameters for node in ASKED},
+        **{f'{node}/get_parameters': GetParameters for node in ASKED},
+    }
+
+    def __init__(self, robots: Robots) -> None:
+        """Prepare; reports of the nodes go into `robots`."""
+        super().__init__(robots, 'parallel_robot.live')
+        self.parameters: dict[str, dict[str, Any]] = {}
+        self.descriptions: dict[str, dict[str, Description]] = {}
+        self._messages: dict[Topic, list[bytes]] = {topics.JOINT_STATES: [], topics.REFERENCE: []}
+        self._readers: dict[tuple[Topic, tuple[str, ...]], JointReader] = {}
+        self._waiting: dict[str, float] = {}  # nodes that were asked and have not answered: when
+
+    def __enter__(self) -> LiveGraph:
+        """Join the domain."""
+        super().__enter__()
+        self._node.create_subscription(
+            ParameterEvent, '/parameter_events', self._on_event, PARAMETER_EVENTS
+        )
+        return self
+
+    def takers(self) -> dict[Topic, Callable[[bytes], None]]:
+        """Topics of the robot that are read."""
+        kept = {topic: messages.append for topic, messages in self._messages.items()}
+        return {topics.STATUS: self._on_status, **kept}
+
+    def watch(self, namespace: str) -> None:
+        """Read one robot, by its namespace."""
+        self.forget()
+        super().watch(namespace)
+
+    def forget(self) -> None:
+        """Ask for all parameters anew."""
+        self.parameters, self.descriptions = {}, {}
+        self._waiting.clear()
+
+    def look(self) -> None:
+        """Take all that has come since the last look."""
+        super().look()
+        for messages in self._messages.values():
+            del messages[:-LONGEST]
+        for _ in range(ROUNDS):
+            self._executor.spin_once(timeout_sec=0.0)
+
+    def heard(self, topic: Topic, joints: tuple[str, ...]) -> Heard:
+        """Messages of states or references since the last call.
+
+        Args:
+            topic: JOINT_STATES or REFERENCE.
+            joints: Names of the joints, in order.
+        """
+        messages = self._messages[topic]
+        taken, messages[:] = messages[:], []
+        key = (topic, joints)
+        if key not in self._readers:
+            needed, optional = FIELDS[topic]
+            self._readers[key] = JointReader(
+                topic, joints, needed, Counter(), dict.fromkeys(optional, math.nan)
+            )
+        return _read_all(self._readers[key], taken, topic, len(joints))
+
+    def ask_parameters(self) -> None:
+        """Ask the nodes for their parameters, where they are not known."""
+        for node in ASKED:
+            now = time.monotonic()
+            asked = self._waiting.get(node, -math.inf)  # an answer can be lost as well
+            if node in self.parameters or now - asked < ANSWER_TIMEOUT:
+                continue
+            client = self._clients[f'{node}/list_parameters']
+            if client.service_is_ready():
+                self._waiting[node] = now
+                self._call(f'{node}/list_parameters', ListParameters.Request(), self._names(node))
+
+    def reset(self, tell: Tell) -> None:
+        """Put the robot of the plant back to its start."""
+        self.ask('plant/reset', Trigger.Request(), tell)
+
+    def _call(self, name: str, request: Any, take: Callable[[Any], None]) -> None:
+        future = self._clients[name].call_async(request)
+        future.add_done_callback(lambda done: take(done.result()))
+
+    def _names(self, node: str) -> Callable[[Any], None]:
+        def take(answer: Any) -> None:
+            names = list(answer.result.names)
+            request = GetParameters.Request(names=names)
+            self._call(f'{node}/get_parameters', request, lambda found: values(names, found))
+
+        def values(names: list[str], answer: Any) -> None:
+            found = map(_plain, answer.values)
+            self.parameters[node] = dict(zip(names, found, strict=False))
+            self._waiting.pop(node, None)
+            described = DescribeParameters.Request(names=names)
+            self._call(f'{node}/describe_parameters', described, self._described(node))
+
+        return take
+
+    def _described(self, node: str) -> Callable[[Any], None]:
+        def take(answer: Any) -> None:
+            self.descriptions[node] = {one.name: _description(one) for one in answer.descriptors}
+
+        return take
+
+    def _on_event(self, event: ParameterEvent) -> None:
+        space, _, node = event.node.rpartition('/')
+        if space != self._namespace or node not in ASKED:
+            return
+        if any(is_configuration(one.name) for one in event.new_parameters):  # it started anew
+            self.parameters.pop(node, None)
+            self._waiting.pop(node, None)
+        elif node in self.parameters:
+            changed = {one.name: _plain(one.value) for one in event.changed_parameters}
+            self.parameters[node] = {**self.parameters[node], **changed}
+
+
+def _read_all(reader: JointReader, messages: list[bytes], topic: Topic, joints: int) -> Heard:
+    """Read messages; those of one layout are read together."""
+    needed, optional = FIELDS[topic]
+    layout, names = reader.layout, [*needed, *optional]
+    if layout and messages and set(names) <= set(layout.dtype.names or ()):
+        length = len(layout.template)
+        records = layout.decode(b''.join(data[:length] for data in messages), len(messages))
+        if records is not None:
+            rows = tuple(records[name][:, reader.order] for name in names)
+            if all(np.isfinite(row).all() for row in rows):
+                return Heard(cdr.stamps_of(records), rows)
+    read = [found for found in map(reader.read, messages) if found is not None]
+    stamps = np.array([stamp for stamp, _ in read], dtype=np.int64)
+    columns = zip(*(vectors for _, vectors in read), strict=True) if read else [()] * len(names)
+    return Heard(stamps, tuple(np.array(column).reshape(-1, joints) for column in columns))
+
+
+def _description(told: Any) -> Description:
+    """What a node says of a parameter."""
+    ranges = [*told.floating_point_range, *told.integer_range]
+    low, high = (ranges[0].from_value, ranges[0].to_value) if ranges else (None, None)
+    return Description(told.description, low, high, told.read_only)
+
+
+def _plain(value: Any) -> Any:
+    """A parameter value as plain data."""
+    found = parameter_value_to_python(value)
+    return found if isinstance(found, (bool, int, float, str, type(None))) else list(found)

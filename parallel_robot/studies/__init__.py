@@ -1,0 +1,1 @@
+"""Studies: sweeps over uncertain robots, tuning, limits of any controller, identification."""

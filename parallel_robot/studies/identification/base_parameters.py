@@ -1,0 +1,113 @@
+"""Base parameters: the combinations of parameters on which the torques depend.
+
+Source:
+    Gautier (1991), Numerical calculation of the base inertial parameters of robots, J. Robotic
+    Systems 8(4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.robots.linear_model import LinearModel
+from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import RobotModel
+
+STATES = 200  # with which combinations are found
+NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """Base parameters beta = K p of a robot, then its friction.
+
+    Attributes:
+        names: Names of the base parameters of the inertia, e.g. ``a + 0.05333 mp``, then of the
+            friction.
+        units: Their units.
+        kept: Columns of the regressor that are independent.
+        K: Base parameters of the inertia by p, shape (B, P).
+        joints: Number of the actuated joints.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    kept: tuple[int, ...]
+    K: Array
+    joints: int
+
+    def of(self, inertia: Array, viscous: Array, coulomb: Array) -> Array:
+        """Base parameters with these values, shape (B + 2 n,)."""
+        return np.concatenate([self.K @ inertia, viscous, coulomb])
+
+    def scale(self, inertia: Array, viscous: Array, coulomb: Array) -> Array:
+        """Sizes to which errors are compared: sums of magnitudes, shape (B + 2 n,)."""
+        sizes = np.concatenate([np.abs(self.K) @ np.abs(inertia), viscous, coulomb])
+        return np.where(sizes > 0.0, sizes, 1.0)
+
+
+def find(robot: RobotModel, position: Array, guess: Array) -> BaseParameters:
+    """Find the base parameters at some joint positions, whatever velocity and acceleration are.
+
+    Args:
+        robot: The robot.
+        position: Joint positions in the order of a motion [rad], shape (N, n).
+        guess: Pose near the first one, shape (m,).
+
+    Raises:
+        InputError: the robot has no linear model.
+        KinematicsError: a position has no pose.
+    """
+    model = linear_model(robot)
+    rows = np.linspace(0, len(position) - 1, STATES).astype(int)
+    pose = poses_of(robot, position, guess)[rows]
+    rng = np.random.default_rng(1)
+    velocity, acceleration = rng.normal(size=(2, STATES, position.shape[1]))
+    Y = model.regressor(robot.parameters, pose, position[rows], velocity, acceleration)
+    Y = Y.reshape(-1, Y.shape[-1])
+    # A column without a new direction has a zero on the diagonal of R (no pivoting).
+    R = np.linalg.qr(Y / np.linalg.norm(Y, axis=0).clip(1e-300), mode='r')
+    pivots = np.abs(np.diag(R))
+    kept = np.flatnonzero(pivots > NOTHING * pivots.max())
+    K: Array = np.linalg.lstsq(Y[:, kept], Y, rcond=None)[0].astype(np.float64)
+    K[np.abs(K) < NOTHING] = 0.0
+    units = model.units(robot.parameters)
+    symbols = list(units)
+    names = [_sum(K[row], symbols, column) for row, column in enumerate(map(int, kept))]
+    n = position.shape[1]
+    friction = [f'{kind}{k}' for kind in ('viscous', 'coulomb') for k in range(1, n + 1)]
+    return BaseParameters(
+        (*names, *friction),
+        (*(units[symbols[column]] for column in kept), *['N m s/rad'] * n, *['N m'] * n),
+        tuple(map(int, kept)),
+        K,
+        n,
+    )
+
+
+def linear_model(robot: RobotModel) -> LinearModel:
+    """Linear model of a robot.
+
+    Raises:
+        InputError: it has none.
+    """
+    model: LinearModel | None = getattr(robot.module, 'linear_model', None)
+    if model is None:
+        raise InputError(
+            f'the robot {robot.name} cannot be identified: its module has no linear_model, '
+            'see docs/identification.md'
+        )
+    return model
+
+
+def _sum(factors: Array, symbols: list[str], own: int) -> str:
+    """A base parameter as a formula, e.g. ``Ip - 0.04 mp``."""
+    text = symbols[own]
+    for column, factor in enumerate(factors):
+        if column != own and factor:
+            text += f' {"+" if factor > 0.0 else "-"} {abs(factor):.4g} {symbols[column]}'
+    return text

@@ -1,0 +1,182 @@
+"""Coefficients of an exciting trajectory: those that show the worst combination best.
+
+The combination of parameters that a motion shows worst is that of the smallest singular value of
+the regressor, whose columns are multiplied by the sizes of the parameters: errors are relative.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot.bags.progress import tracked
+from parallel_robot.studies.identification import base_parameters
+from parallel_robot.studies.identification.base_parameters import BaseParameters
+from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.friction import FrictionParameters
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.trajectory import Reference
+
+SAMPLES = 300  # of a motion, for the search
+SHARE = 0.5  # of the largest speed and torque that a motion may take
+ROUNDS = 25  # halvings of the amplitude
+SHAPE = 'excitation'
+
+
+class Quality(NamedTuple):
+    """What a motion shows of the parameters.
+
+    Attributes:
+        weakest: rms torque by which the worst combination is seen, for a change of 100 % [N m].
+        condition: Condition number of the scaled regressor.
+    """
+
+    weakest: float
+    condition: float
+
+
+NOTHING = Quality(0.0, np.inf)
+
+
+@dataclass(frozen=True)
+class Design:
+    """An exciting trajectory.
+
+    Attributes:
+        parameters: The keys ``excitation.*`` that describe it.
+        quality: What it shows of the parameters.
+        before: What the coefficients show with which the search began; None if not feasible.
+    """
+
+    parameters: dict[str, Any]
+    quality: Quality
+    before: Quality | None
+
+
+class Search:
+    """What the search for good coefficients needs of a scenario."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Prepare it.
+
+        Raises:
+            InputError: a value is wrong, the motion is no excitation, or the robot has no linear
+                model.
+        """
+        shape = values['trajectory.shape']
+        if shape != SHAPE:
+            raise InputError(f'--design needs trajectory.shape {SHAPE}, not {shape}')
+        self.trajectory = copy.copy(trajectory_of(values))  # whose shape will vary
+        self.robot = self.trajectory.robot
+        self.model = base_parameters.linear_model(self.robot)
+        self.friction = group(values, FrictionParameters, 'friction')
+        limits = group(values, SafetyParameters, 'safety')
+        self.torque = SHARE * np.array(limits.torque_limit)
+        self.speed = SHARE * self.trajectory.parameters.max_joint_speed
+        self.start = self.trajectory.shape._replace(amplitude=1.0)
+        self.times = np.linspace(0.0, self.trajectory.span, SAMPLES)
+        self.base: BaseParameters | None = None
+
+    def reference(self, sine: Array, cosine: Array) -> Reference | None:
+        """Motion with some coefficients; None if the robot may not perform it."""
+        shape = self.start._replace(sine=np.array(sine), cosine=np.array(cosine))
+        self.trajectory.shape = shape
+        found = self.trajectory.sample(self.times)
+        robot = self.robot
+        if (found.out_of_reach >= 0).any():
+            return None
+        if robot.module.infeasible(robot.parameters, self.trajectory.limits, found):
+            return None
+        if (np.abs(found.velocity) > self.speed).any():
+            return None
+        torque = self.regressor(found) @ self.model.values(robot.parameters)
+        return None if (np.abs(torque) > self.torque).any() else found
+
+    def regressor(self, found: Reference) -> Array:
+        """Regressor of the inertia along a motion, shape (N, n, P)."""
+        return np.asarray(
+            self.model.regressor(
+                self.robot.parameters,
+                found.pose,
+                found.position,
+                found.velocity,
+                found.acceleration,
+            )
+        )
+
+    def quality(self, found: Reference) -> Quality:
+        """What a motion shows of the parameters."""
+        if self.base is None:
+            self.base = base_parameters.find(self.robot, found.position, found.pose[0])
+        Y = self.regressor(found)[..., list(self.base.kept)]
+        n = self.base.joints
+        viscous = found.velocity[:, :, np.newaxis] * np.eye(n)
+        Y = np.concatenate([Y, viscous, np.sign(viscous)], axis=-1).reshape(len(Y) * n, -1)
+        friction = self.friction
+        inertia = self.model.values(self.robot.parameters)
+        scale = self.base.scale(inertia, np.array(friction.viscous), np.array(friction.coulomb))
+        singular = np.linalg.svd(Y * scale, compute_uv=False) / np.sqrt(len(Y))
+        weakest = float(singular[-1])
+        return Quality(weakest, float(singular[0]) / weakest if weakest > 0.0 else np.inf)
+
+    def largest(self, coefficients: Array) -> tuple[Quality, Array]:
+        """Quality and coefficients at the largest amplitude that is feasible."""
+        low, high, best = 0.0, 1.0, NOTHING
+        half = len(coefficients) // 2
+        for _ in range(ROUNDS):
+            middle = 0.5 * (low + high)
+            found = self.reference(*np.split(middle * coefficients, [half]))
+            if found is None:
+                high = middle
+            else:
+                low, best = middle, self.quality(found)
+            if high - low < 0.02 * high:
+                break
+        return best, low * coefficients
+
+
+def design(values: Mapping[str, Any], trials: int, seed: int) -> Design:
+    """Search for coefficients, by an evolution strategy with one parent and one child.
+
+    Args:
+        values: A resolved configuration whose motion is an excitation; its coefficients are the
+            first parent.
+        trials: Number of children.
+        seed: Seed of the search.
+
+    Raises:
+        InputError: a value is wrong, or no motion about this centre is feasible.
+
+    Source:
+        Rechenberg (1973), Evolutionsstrategie: the step grows after a success and shrinks
+        otherwise, so that about one child in five succeeds.
+    """
+    search, rng = Search(values), np.random.default_rng(seed)
+    first = np.array([*search.start.sine, *search.start.cosine])
+    found = search.reference(*np.split(first, [len(first) // 2]))
+    before = None if found is None or not first.any() else search.quality(found)
+    size = 0.2  # of the coefficients, before the amplitude is made feasible
+    best, parent = search.largest(first if first.any() else size * rng.normal(size=len(first)))
+    step = 0.3  # of the largest coefficient
+    for _ in tracked(range(trials), trials, 'motions tried'):
+        spread = max(float(np.abs(parent).max()), 1e-6)
+        child = parent + step * spread * rng.normal(size=len(parent))
+        quality, child = search.largest(3.0 * child)
+        if quality.weakest > best.weakest:
+            best, parent, step = quality, child, step * 1.5
+        else:
+            step = max(step * 0.9, 0.01)
+    if not best.weakest > 0.0:
+        centre = list(search.start.center)
+        raise InputError(f'excitation.center {centre}: no motion about it is feasible')
+    parent = np.trunc(parent * 1e5) / 1e5  # towards zero: within the limits still
+    sine, cosine = (half.tolist() for half in np.split(parent, [len(parent) // 2]))
+    shape = search.start._asdict() | {'sine': sine, 'cosine': cosine}
+    return Design({**shape, 'center': list(map(float, shape['center']))}, best, before)

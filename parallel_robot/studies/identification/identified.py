@@ -1,0 +1,256 @@
+"""A robot identified from one run, and how well it predicts the torques of another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.studies.identification import (
+    base_parameters,
+    least_squares,
+    physical_robot,
+    regression_rows,
+    unexplained,
+)
+from parallel_robot.studies.identification.base_parameters import BaseParameters
+from parallel_robot.studies.identification.least_squares import Fit
+from parallel_robot.studies.identification.physical_robot import PhysicalRobot
+from parallel_robot.studies.identification.recording import Recording
+from parallel_robot.studies.identification.regression_rows import Rows
+from parallel_robot.studies.identification.unexplained import Unexplained
+from parallel_robot_control import configuration
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.registry import RobotModel
+
+LATEST = 0.02  # s, largest delay that is looked for
+COUNTS = 0.2  # of a period, a delay that is taken into account
+ITERATIONS = 5  # of the delay
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """The robot and friction of a bag's configuration.
+
+    Attributes:
+        robot: The robot.
+        friction: Friction of its joints.
+        guess: Pose near the first one, shape (m,).
+    """
+
+    robot: RobotModel
+    friction: FrictionParameters
+    guess: Array
+
+    @property
+    def inertia(self) -> Array:
+        """Parameters of the linear model, shape (P,)."""
+        model = base_parameters.linear_model(self.robot)
+        return np.asarray(model.values(self.robot.parameters))
+
+    @property
+    def both_frictions(self) -> tuple[Array, Array]:
+        """Viscous and Coulomb friction, each shape (n,)."""
+        return np.array(self.friction.viscous), np.array(self.friction.coulomb)
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How much older positions are than torques of the same stamp.
+
+    Attributes:
+        value: The estimate [s].
+        half_width: Half width of its 95 % interval [s].
+        counts: Whether it is so large that it is taken into account.
+    """
+
+    value: float
+    half_width: float
+    counts: bool
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was found of a robot.
+
+    Attributes:
+        nominal: Its nominal values.
+        base: Names of the base parameters.
+        before: Their nominal values, shape (B,).
+        scale: Their sizes, shape (B,).
+        fit: Their estimate.
+        robot: A physical robot that has them.
+        poor: Combinations that the motion hardly shows, with their relative standard errors.
+        rows: Rows of the regression.
+        delay: How much older positions are than torques of the same stamp.
+        period: Time between two states [s].
+    """
+
+    nominal: Nominal
+    base: BaseParameters
+    before: Array
+    scale: Array
+    fit: Fit
+    robot: PhysicalRobot
+    poor: list[tuple[str, float]]
+    rows: Rows
+    delay: Delay
+    period: float
+
+    @property
+    def left(self) -> Unexplained:
+        """What the fit leaves of the torques."""
+        return unexplained.unexplained(self.rows, self.fit)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Torques of a run, and how far off the predicted ones are.
+
+    Attributes:
+        rows: Rows of the run, with the measured torques.
+        torque: Predicted torques [N m], shape (T, n).
+        error: rms of their error per joint [N m], shape (n,).
+        nominal_error: The same of the nominal robot.
+        size: rms of the measured torques per joint [N m], shape (n,).
+    """
+
+    rows: Rows
+    torque: Array
+    error: Array
+    nominal_error: Array
+    size: Array
+
+
+def nominal_of(log: RunLog) -> Nominal:
+    """What a bag's configuration says of the robot.
+
+    Raises:
+        InputError: its robot cannot be built.
+    """
+    robot, guess = configuration.nominal_of(log.config)
+    return Nominal(robot, group(log.config, FrictionParameters, 'friction'), guess)
+
+
+def identify(nominal: Nominal, recording: Recording, cutoff: float) -> Identified:
+    """Identify a robot.
+
+    Args:
+        nominal: The nominal robot, of which the geometry is taken to be true.
+        recording: Its motion.
+        cutoff: Bandwidth of the regression [Hz].
+
+    Raises:
+        InputError: the robot has no linear model, or the cut-off frequency does not fit.
+        BagError: too little of the recording can be used, or a sample has no pose.
+    """
+    base_parameters.linear_model(nominal.robot)
+    base = regression_rows.base_of(recording, nominal.robot, nominal.guess)
+    values = (nominal.inertia, *nominal.both_frictions)
+    before, scale = base.of(*values), base.scale(*values)
+    rows, fit, delay = _fit(nominal, base, recording, cutoff, before, scale)
+    robot = physical_robot.nearest(nominal.robot, base, fit, scale, nominal.both_frictions)
+    poor = least_squares.poorly_determined(fit, base.names, scale)
+    return Identified(
+        nominal, base, before, scale, fit, robot, poor, rows, delay, recording.period
+    )
+
+
+def predict(found: Identified, recording: Recording, guess: Array, cutoff: float) -> Prediction:
+    """Predict the torques of a run by the physical robot.
+
+    Args:
+        found: The identified robot.
+        recording: The run, of the same robot.
+        guess: Pose near its first one, shape (m,).
+        cutoff: Bandwidth within which torques are compared [Hz].
+
+    Raises:
+        BagError: too little of the recording can be used, or a sample has no pose.
+    """
+    nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
+    late = found.delay.value if found.delay.counts else 0.0
+    return compare(found, _rows(nominal, found.base, recording, cutoff, late))
+
+
+def compare(found: Identified, rows: Rows) -> Prediction:
+    """Predict the torques of some rows, see :func:`predict`."""
+    torque, before = rows.Y @ found.robot.values, rows.Y @ found.before
+    error, nominal_error, size = (
+        least_squares.rms(values, rows.known)
+        for values in (rows.torque - torque, rows.torque - before, rows.torque)
+    )
+    return Prediction(rows, torque, error, nominal_error, size)
+
+
+def check_same_robot(first: RunLog, second: RunLog) -> None:
+    """Refuse a second run whose robot has another geometry or other joints.
+
+    Raises:
+        BagError: with the first key that differs.
+    """
+    model = base_parameters.linear_model(robot_of(first.config))
+    free = {f'robot.{key}' for key in model.free(robot_of(first.config).parameters)}
+    keys = ['robot_model', 'joints']
+    keys += [key for key in first.config if key.startswith('robot.') and key not in free]
+    for key in keys:
+        one, other = first.config[key], second.config.get(key)
+        if one != other:
+            raise BagError(
+                f'--validate needs a bag of the same robot: {key} is {other}, not {one}'
+            )
+
+
+def _rows(
+    nominal: Nominal, base: BaseParameters, recording: Recording, cutoff: float, late: float = 0.0
+) -> Rows:
+    smoothing = nominal.friction.smoothing
+    robot, guess = nominal.robot, nominal.guess
+    return regression_rows.rows(recording, robot, base, guess, smoothing, cutoff, late)
+
+
+def _fit(
+    nominal: Nominal,
+    base: BaseParameters,
+    recording: Recording,
+    cutoff: float,
+    before: Array,
+    scale: Array,
+) -> tuple[Rows, Fit, Delay]:
+    """Fit the base parameters, together with a delay of the positions if there is one.
+
+    A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
+    linearised in d again and again (Gauss-Newton).
+    """
+    period = recording.period
+    step = 0.1 * period
+    value = 0.0
+    for _ in range(ITERATIONS):
+        rows = _rows(nominal, base, recording, cutoff, value)
+        moved = _rows(nominal, base, recording, cutoff, value + step)
+        slope = (rows.torque - moved.torque) / step * period  # for a period of delay
+        both = replace(rows, Y=np.concatenate((rows.Y, slope[..., np.newaxis]), axis=2))
+        fit = least_squares.fit(both, np.append(before, 0.0), np.append(scale, 1.0))
+        change, half = (
+            period * float(each[-1]) for each in (fit.values, fit.interval * fit.standard_errors)
+        )
+        estimate = float(np.clip(value + change, -LATEST, LATEST))
+        if abs(change) < 0.01 * period:
+            break
+        value = estimate
+    delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
+    if not delay.counts:
+        rows = _rows(nominal, base, recording, cutoff)
+        return rows, least_squares.fit(rows, before, scale), delay
+    kept = replace(
+        fit,
+        values=fit.values[:-1],
+        covariance=fit.covariance[:-1, :-1],
+        interval=fit.interval[:-1],
+    )
+    return rows, kept, delay

@@ -1,0 +1,227 @@
+"""From recorded joints and torques to the rows of a linear regression, without phase errors.
+
+Positions are smoothed and differentiated by local polynomials (Savitzky-Golay), the same to both
+sides in time. Then one low-pass filter is applied to both sides of Y beta = tau, which are then
+decimated to its bandwidth, so that noise beyond it is lost and what is left is hardly correlated.
+
+Source:
+    Gautier (1997), Dynamic identification of robots with power model, ICRA: parallel decimation;
+    Swevers, Verdonck, De Schutter (2007), Dynamic model identification for industrial robots, IEEE
+    Control Systems 27(5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import firwin, savgol_filter
+
+from parallel_robot.studies.identification import base_parameters
+from parallel_robot.studies.identification.base_parameters import BaseParameters
+from parallel_robot.studies.identification.recording import STILL, Recording, stretches
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
+from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import RobotModel
+
+CUTOFF = 10.0  # Hz
+WINDOW = 0.4  # of 1 / cutoff, the window of the polynomials, which pass frequencies 4 times higher
+DEGREE = 4  # of the polynomials
+SUPPORT = 3.3  # of 1 / cutoff, the length of the low-pass filter
+SLOW = 0.02  # of its rms, the speed below which the sign of a joint's rate is in doubt
+DOUBT = 0.2  # share of such time above which a row says nothing of friction
+FEWEST = 4  # rows for each parameter
+ROUNDING = 1e-3  # relative, of the highest cut-off frequency: stamps are not exact
+RATIO = 10.0  # samples in a period of the cut-off frequency
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Y beta = tau at T times, filtered.
+
+    Attributes:
+        time: Times [s], shape (T,).
+        stretch: Number of the stretch without gaps, shape (T,).
+        Y: Regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is
+            not.
+        torque: Torques [N m], shape (T, n); zero where `known` is not.
+        known: Whether the torque of a joint can be explained: it does not stand still.
+    """
+
+    time: Array
+    stretch: NDArray[np.int64]
+    Y: Array
+    torque: Array
+    known: NDArray[np.bool_]
+
+    @property
+    def duration(self) -> float:
+        """Time that the rows represent [s]."""
+        if len(self.time) < 2:
+            return 0.0
+        return float(np.median(np.diff(self.time)) * len(self.time))
+
+
+def rows(
+    recording: Recording,
+    robot: RobotModel,
+    base: BaseParameters,
+    guess: Array,
+    smoothing: float,
+    cutoff: float = CUTOFF,
+    late: float = 0.0,
+) -> Rows:
+    """Make the rows of a recording.
+
+    Args:
+        recording: Joints and torques.
+        robot: The robot, of whose parameters the geometry alone counts.
+        base: Its base parameters.
+        guess: Pose near the first sample, shape (m,).
+        smoothing: Half width of the sign of Coulomb friction [rad/s].
+        cutoff: Bandwidth [Hz].
+        late: Age of the positions at their stamps, beyond that of the torques [s].
+
+    Raises:
+        InputError: the cut-off frequency does not fit the period.
+        BagError: too little of the recording can be used, or a sample has no pose.
+    """
+    period, highest = recording.period, highest_cutoff(recording)
+    if not 0.0 < cutoff <= (1.0 + ROUNDING) * highest:
+        raise InputError(
+            f'--cutoff must be positive and at most {highest:g} Hz for samples every '
+            f'{period:g} s, not {cutoff:g}'
+        )
+    slow = np.maximum(SLOW * recording.speed, STILL)
+    window = 2 * max(3, round(0.5 * WINDOW / cutoff / period)) + 1
+    taps = 2 * round(0.5 * SUPPORT / cutoff / period) + 1
+    found: list[Rows] = []
+    for part in stretches(recording, 2 * (window + taps)):
+        try:
+            smooth = _smoothed(recording, part, period, window, late)
+            pose = poses_of(robot, smooth.position, guess)
+        except KinematicsError as error:
+            raise BagError(str(error)) from None
+        guess = pose[-1]
+        Y = np.concatenate(
+            [_inertia(robot, base, pose, smooth), _friction(smooth, smoothing, period)], axis=-1
+        )
+        found.append(_filtered(smooth, Y, slow, len(found), taps, cutoff))
+    if not found:
+        raise BagError(_too_little(0.0, recording))
+    joined = Rows(
+        *(np.concatenate([getattr(one, name) for one in found]) for name in Rows.__annotations__)
+    )
+    if joined.known.sum() < FEWEST * joined.Y.shape[-1]:
+        raise BagError(_too_little(joined.duration, recording))
+    return joined
+
+
+def highest_cutoff(recording: Recording) -> float:
+    """Highest bandwidth for the rate of a recording [Hz]."""
+    return 1.0 / (RATIO * recording.period)
+
+
+def base_of(recording: Recording, robot: RobotModel, guess: Array) -> BaseParameters:
+    """Base parameters of a robot at the positions of a recording; `guess` as in :func:`rows`.
+
+    Raises:
+        BagError: a sample has no pose.
+    """
+    try:
+        return base_parameters.find(robot, recording.position[recording.usable], guess)
+    except KinematicsError as error:
+        raise BagError(str(error)) from None
+
+
+def _too_little(duration: float, recording: Recording) -> str:
+    whole = recording.time[-1] - recording.time[0]
+    why = ''.join(f'; {line}' for line in recording.left_out)
+    return f'too little motion to identify a robot: {duration:.3g} s of {whole:.3g} s{why}'
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """Motion of a stretch on a regular grid: time (N,), the others (N, n)."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+
+
+def _smoothed(
+    recording: Recording, part: slice, period: float, window: int, late: float
+) -> _Smooth:
+    """Joints with two derivatives, and the mean torque over one period about each sample.
+
+    The effort of a state acted before it, that of the next one after it: their mean belongs to
+    the state. In general it is the difference of the integral of the effort. A late position
+    belongs to the torque of the time at which it was measured.
+    """
+    stamps, effort = recording.time[part], recording.effort[part]
+    steps = np.diff(stamps)
+    time, position = stamps, recording.position[part]
+    if np.abs(steps - period).max() > 1e-3 * period:  # jitter, or a lost state
+        count = int((stamps[-1] - stamps[0]) / period) + 1
+        time = stamps[0] + period * np.arange(count)
+        position = CubicSpline(stamps, position)(time)
+    impulse = np.zeros_like(effort)
+    np.cumsum(effort[1:] * steps[:, np.newaxis], axis=0, out=impulse[1:])
+    torque = np.empty_like(position)
+    for joint, row in enumerate(impulse.T):
+        middle = time - late
+        after, before = (np.interp(middle + side * period, stamps, row) for side in (0.5, -0.5))
+        torque[:, joint] = (after - before) / period
+    inner = slice(window // 2 + 1, -(window // 2) - 1)
+    fits = (
+        savgol_filter(position, window, DEGREE, deriv, period, axis=0)[inner] for deriv in range(3)
+    )
+    smooth, velocity, acceleration = fits
+    return _Smooth(time[inner], smooth, velocity, acceleration, torque[inner])
+
+
+def _inertia(robot: RobotModel, base: BaseParameters, pose: Array, smooth: _Smooth) -> Array:
+    Y = base_parameters.linear_model(robot).regressor(
+        robot.parameters, pose, smooth.position, smooth.velocity, smooth.acceleration
+    )
+    return np.asarray(Y[..., list(base.kept)])
+
+
+def _friction(smooth: _Smooth, smoothing: float, period: float) -> Array:
+    """Columns of viscous and Coulomb friction, shape (N, n, 2 n).
+
+    The sign is its mean over one period, within which the rate may pass zero.
+    """
+    width = np.maximum(smoothing, 0.5 * period * np.abs(smooth.acceleration))
+    sign = np.clip(smooth.velocity / np.maximum(width, 1e-12), -1.0, 1.0)
+    own = np.eye(smooth.velocity.shape[1])
+    return np.concatenate([part[:, :, np.newaxis] * own for part in (smooth.velocity, sign)], 2)
+
+
+def _filtered(
+    smooth: _Smooth, Y: Array, slow: Array, number: int, taps: int, cutoff: float
+) -> Rows:
+    """Both sides through the low-pass filter, decimated."""
+    period = float(smooth.time[1] - smooth.time[0])
+    low_pass = firwin(taps, cutoff, fs=1.0 / period)
+    every = max(1, round(0.5 / cutoff / period))
+
+    def through(values: Array, shape: Array = low_pass) -> Array:
+        return np.asarray(sliding_window_view(values, taps, axis=0)[::every] @ shape)
+
+    share = np.abs(low_pass) / np.abs(low_pass).sum()
+    known = through((np.abs(smooth.velocity) < slow).astype(float), share) < DOUBT
+    time = smooth.time[taps // 2 : len(smooth.time) - taps // 2 : every]
+    return Rows(
+        time,
+        np.full(len(time), number),
+        through(Y) * known[..., np.newaxis],
+        through(smooth.torque) * known,
+        known,
+    )

@@ -1,0 +1,54 @@
+"""What a fit leaves of the torques: noise, or a motion that no inertias explain."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot.studies.identification import least_squares
+from parallel_robot.studies.identification.least_squares import Fit
+from parallel_robot.studies.identification.regression_rows import Rows
+from parallel_robot_model.common.arrays import Array
+
+ALIKE = 0.5  # correlation of neighbouring rows; noise that passed the low-pass filter has about 0
+SMALL = 1e-3  # of the torque; less is of no interest
+UNKNOWN = 'no set of inertias explains the motion with this geometry'
+MUCH = 0.2  # of the torque, of which noise is seldom so much
+
+
+class Unexplained(NamedTuple):
+    """What a fit leaves of the torques.
+
+    Attributes:
+        share: Of the torques, rms, shape (n,).
+        correlation: Of what is left in one row and the next, the median of the joints.
+    """
+
+    share: Array
+    correlation: float
+
+    @property
+    def doubt(self) -> str:
+        """That no inertias explain the motion, in one line; empty if what is left is noise."""
+        most, alike = float(self.share.max()), self.correlation > ALIKE
+        if not (most > MUCH or (alike and most > SMALL)):
+            return ''
+        what = ', and that is no noise' if alike else ''
+        return (
+            f'{UNKNOWN}: {100.0 * most:.2g} % of a torque is left{what}; the geometry, the robot, '
+            'the order of joints or efforts is another one, or something slow disturbs it'
+        )
+
+
+def unexplained(rows: Rows, fit: Fit) -> Unexplained:
+    """Find what a fit leaves of the torques of its rows."""
+    left = (rows.torque - rows.Y @ fit.values) * rows.known
+    size = least_squares.rms(rows.torque, rows.known)
+    pairs = rows.known[1:] & rows.known[:-1]
+    pairs &= (rows.stretch[1:] == rows.stretch[:-1])[:, np.newaxis]
+    one, other = left[1:] * pairs, left[:-1] * pairs
+    scale = np.sqrt((one**2).sum(axis=0) * (other**2).sum(axis=0))
+    alike = (one * other).sum(axis=0) / np.maximum(scale, 1e-300)
+    share = least_squares.rms(left, rows.known) / np.maximum(size, 1e-300)
+    return Unexplained(share, float(np.median(alike)))

@@ -1,0 +1,225 @@
+"""The price of calm: the least error of any controller with a given chattering.
+
+The linearised plant, held at a point of its motion, with a quadratic cost of error and
+chattering, is the problem of linear-quadratic-Gaussian control: in the steady state no causal
+controller, linear or not, has less of both.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot.analysis.metrics import SMOOTH
+from parallel_robot.studies.limit.linear_motion import LinearMotion
+from parallel_robot.studies.limit.prediction import Noise
+from parallel_robot_model.common.arrays import Array
+
+POINTS = 3  # of the second half of a motion
+WEIGHTS = np.logspace(4.0, -4.5, 18)  # of chattering against error, in units of the model's own
+REST = 1e-4  # weight of joints that the error does not see, relative
+STEPS, ENOUGH = 60, 1e-10  # doublings, and the relative change after which there are no more
+
+
+class Calm(NamedTuple):
+    """Least errors by chattering, from the calmest controller to the busiest.
+
+    Attributes:
+        chattering: As the metrics have it [N m], shape (W,).
+        error: Least root mean square error [m], or [rad] without a plane, shape (W,).
+    """
+
+    chattering: Array
+    error: Array
+
+    def at(self, chattering: float) -> float:
+        """Least error with at most some chattering [N m]; NaN where it is calmer than all."""
+        if not self.chattering[0] <= chattering:
+            return math.nan
+        near = np.log(np.maximum.accumulate(self.chattering))
+        return float(np.exp(np.interp(math.log(chattering), near, np.log(self.error))))
+
+
+class Point(NamedTuple):
+    """The plant with its disturbance and its last torques, held at a point of the motion.
+
+    Attributes:
+        transition: From a sample to the next, shape (N, N).
+        torque: What a torque adds to the next, shape (N, n).
+        error: What the error is computed from, shape (p, N).
+        rough: A signal with the mean square of the chattering, by state, shape (n, N).
+        now: And by the present torque.
+        rest: Joint positions, with the weight REST, shape (n, N).
+        late: Covariance of the prediction that the controller has, shape (N, N).
+        fresh: Covariance of what it learns in a sample, shape (N, N).
+        motor: Variance of the chattering that the motors themselves add [N^2 m^2].
+    """
+
+    transition: Array
+    torque: Array
+    error: Array
+    rough: Array
+    now: float
+    rest: Array
+    late: Array
+    fresh: Array
+    motor: float
+
+
+def price_of_calm(motion: LinearMotion, noise: Noise, period: float) -> Calm:
+    """Compute the least errors of controllers that are calm, some, or not at all.
+
+    Args:
+        motion: The linearised motion.
+        noise: What is not known.
+        period: Of the samples [s].
+
+    Raises:
+        numpy.linalg.LinAlgError: there is no steady state.
+    """
+    ends = len(motion.times) - 1
+    places = np.unique(np.linspace(ends // 2, ends, POINTS, endpoint=False).astype(int))
+    points = [point_of(motion, noise, period, place) for place in places]
+    unit = np.mean([_unit(each, period) for each in points])
+    squares = np.array([[variances(each, unit * w) for w in WEIGHTS] for each in points])
+    error, chattering = np.sqrt(np.mean(squares, axis=0)).T
+    return Calm(chattering, error)
+
+
+def point_of(motion: LinearMotion, noise: Noise, period: float, place: int) -> Point:
+    """The plant at a point of the motion, and what its controller knows."""
+    # 1. Plant and disturbance, whose sign does not matter, and the filter in its steady state.
+    A, B = motion.transition[place], motion.torque[place]
+    states, joints = B.shape
+    size = states + joints
+    F = np.block([[A, B], [np.zeros((joints, states)), noise.memory * np.eye(joints)]])
+    W = np.zeros((size, size))
+    W[:states, :states] = (B * noise.motor**2) @ B.T
+    W[states:, states:] = np.diag((1.0 - noise.memory**2) * noise.disturbance**2)
+    spread = np.concatenate((noise.position, noise.velocity))
+    used = np.isfinite(spread)
+    C = (
+        np.hstack((motion.measured[place][used], np.zeros((used.sum(), joints))))
+        / spread[used, np.newaxis]
+    )
+    late = doubled(F.T, C.T @ C, W)
+    late -= late @ C.T @ np.linalg.solve(C @ late @ C.T + np.eye(len(C)), C @ late)
+    for _ in range(noise.late):
+        late = F @ late @ F.T + W
+    fresh = F @ late @ F.T + W - late
+    # 2. The last torques, as many as the moving mean has but the present one.
+    shape = _shape(period)
+    count = len(shape) - 1
+    whole = size + count * joints
+    kept = np.eye(joints)
+    transition, torque = np.zeros((whole, whole)), np.zeros((whole, joints))
+    transition[:size, :size], torque[:states] = F, B
+    rough = np.zeros((joints, whole))
+    for back in range(count):
+        place_of = size + back * joints
+        rough[:, place_of : place_of + joints] = shape[back + 1] * kept
+        if back:
+            transition[place_of : place_of + joints, place_of - joints : place_of] = kept
+        else:
+            torque[place_of : place_of + joints] = kept
+    error, rest = np.zeros((len(motion.error[place]), whole)), np.zeros((joints, whole))
+    error[:, :states] = motion.error[place]
+    rest[:, :states] = motion.measured[place][:joints]
+    rest *= math.sqrt(REST) * np.linalg.norm(error) / np.linalg.norm(rest)
+    known = np.zeros((2, whole, whole))
+    known[:, :size, :size] = late, fresh
+    motor = float(np.mean(noise.motor**2)) * float(shape @ shape)
+    return Point(
+        transition, torque, error, rough, float(shape[0]), rest, known[0], known[1], motor
+    )
+
+
+def _shape(period: float) -> Array:
+    """What the chattering is of the present torque and of those before, shape (2 half + 1,).
+
+    The torque minus its moving mean is that of half a mean ago. Zeros outside the unit circle
+    are reflected into it, which changes no mean square, and keeps the numbers small.
+    """
+    half = max(0, round(0.5 * SMOOTH / period))
+    shape = np.full(2 * half + 1, -1.0 / (2 * half + 1))
+    shape[half] += 1.0
+    zeros = np.roots(shape)
+    outside = np.abs(zeros) > 1.0
+    gain = shape[0] * np.prod(np.abs(zeros[outside]))
+    zeros[outside] = 1.0 / zeros[outside].conj()
+    return np.asarray(gain * np.poly(zeros).real, np.float64)
+
+
+def variances(point: Point, weight: float) -> tuple[float, float]:
+    """Mean squares of error and chattering under the best controller for a weight.
+
+    Args:
+        point: The plant.
+        weight: Of the mean square chattering [m^2/(N m)^2].
+    """
+    joints = point.torque.shape[1]
+    K = feedback(point, weight)
+    Z = _covariance(point.transition - point.torque @ K, point.fresh)
+    told = point.rough - point.now * K
+    error = np.trace(point.error @ (Z + point.late) @ point.error.T)
+    return float(error), float(np.trace(told @ Z @ told.T)) / joints + point.motor
+
+
+def feedback(point: Point, weight: float) -> Array:
+    """Gain K of the torque -K x of the least |error|^2 + weight |chattering|^2, shape (n, N)."""
+    joints = point.torque.shape[1]
+    each = weight / joints
+    Q = point.error.T @ point.error + point.rest.T @ point.rest
+    # A torque u at a state x costs (rough x + now u)^2, with v = u + rough x / now: (now v)^2.
+    shift = point.rough / point.now
+    cost = each * point.now**2
+    A = point.transition - point.torque @ shift
+    X = doubled(A, point.torque @ point.torque.T / cost, Q)
+    inner = cost * np.eye(joints) + point.torque.T @ X @ point.torque
+    found: Array = np.linalg.solve(inner, point.torque.T @ X @ A) + shift
+    return found
+
+
+def doubled(A: Array, G: Array, H: Array) -> Array:
+    """Stabilising solution X of X = A^T X (I + G X)^-1 A + H, by doubling.
+
+    Source:
+        Chu, Fan, Lin, Wang (2004), Structure-preserving algorithms for periodic discrete-time
+        algebraic Riccati equations, Int. J. Control 77(8).
+
+    Raises:
+        numpy.linalg.LinAlgError: there is none.
+    """
+    one = np.eye(len(A))
+    for _ in range(STEPS):
+        inverse = np.linalg.inv(one + G @ H)
+        through = A @ inverse
+        more = A.T @ H @ inverse @ A
+        G = G + through @ G @ A.T
+        A = through @ A
+        H = H + 0.5 * (more + more.T)
+        if not np.isfinite(H).all():
+            break
+        if np.abs(more).max() <= ENOUGH * np.abs(H).max():
+            return H
+    raise np.linalg.LinAlgError('the linear model of the motion has no steady state')
+
+
+def _covariance(A: Array, W: Array) -> Array:
+    """Z of Z = A Z A^T + W, by doubling."""
+    for _ in range(STEPS):
+        more = A @ W @ A.T
+        W, A = W + more, A @ A
+        if np.abs(more).max() <= ENOUGH * np.abs(W).max():
+            return W
+    raise np.linalg.LinAlgError('the linear model of the motion has no steady state')
+
+
+def _unit(point: Point, period: float) -> float:
+    """Square of the error that a torque makes within SMOOTH [m^2/(N m)^2]: unit of the weights."""
+    moved = point.torque.copy()
+    for _ in range(round(SMOOTH / period)):
+        moved = point.transition @ moved + point.torque
+    return float(np.sum((point.error @ moved) ** 2)) / moved.shape[1]

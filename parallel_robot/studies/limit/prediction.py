@@ -1,0 +1,199 @@
+"""The least error of a controller that knows all but noise: Kalman filter and prediction.
+
+A torque acts from one sample to the next. What is known when it is asked for is the state measured
+some samples before; hence no controller has a smaller mean square error at the next
+sample than the prediction by the Kalman filter over the samples in between.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot.studies.limit.linear_motion import LinearMotion
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_sim.imperfections import Imperfections
+
+EVERY = 5  # samples from one prediction to the next
+EXACT = (1e-12, 1e-10)  # rad and rad/s, noise of what is measured exactly
+
+
+class Noise(NamedTuple):
+    """What a controller cannot know.
+
+    Attributes:
+        position: Standard deviation of the measured positions [rad], shape (n,).
+        velocity: That of the velocities [rad/s], shape (n,); inf where they tell nothing new.
+        disturbance: Standard deviation of the disturbance [N m], shape (n,).
+        memory: Share of the disturbance that is left after a period.
+        motor: Standard deviation of the noise of the motors [N m], shape (n,).
+        late: Samples from a measurement to the torque that is computed from it.
+    """
+
+    position: Array
+    velocity: Array
+    disturbance: Array
+    memory: float
+    motor: Array
+    late: int
+
+    def moves(self) -> bool:
+        """Whether anything unknown moves the robot; if not, its state at the start tells all."""
+        return bool(self.disturbance.any() or self.motor.any())
+
+
+def noise_of(imperfections: Imperfections, period: float, joints: int) -> Noise:
+    """The noise of a plant, in samples of a period [s].
+
+    A step of an encoder counts as noise of a twelfth of its square; jitter only makes states and
+    commands later, so it does not count.
+    """
+    sensor, actuator, load = imperfections.sensor, imperfections.actuator, imperfections.load
+    one = np.ones(joints)
+    position = np.hypot(sensor.position_noise, np.asarray(sensor.resolution) / math.sqrt(12.0))
+    differences = bool(sensor.differentiate)
+    left = math.exp(-2.0 * math.pi * load.bandwidth * period) if load.bandwidth > 0.0 else 0.0
+    return Noise(
+        np.maximum(position * one, EXACT[0]),
+        np.full(joints, np.inf)
+        if differences
+        else np.maximum(np.asarray(sensor.velocity_noise) * one, EXACT[1]),
+        np.asarray(load.noise) * one,
+        left,
+        np.asarray(actuator.noise) * one,
+        sum(math.floor(one.delay / period + 0.5) for one in (sensor, actuator)),
+    )
+
+
+def errors(motion: LinearMotion, noise: Noise, period: float) -> tuple[Array, Array]:
+    """The least root mean square error over the motion.
+
+    Args:
+        motion: The linearised motion.
+        noise: What is not known.
+        period: Of the samples [s].
+
+    Returns:
+        Times [s] and root mean square errors at them, each shape (T,).
+    """
+    count = round(motion.times[-1] / period)
+    nearest = np.round(np.arange(count + 1) * period / (motion.times[1] - motion.times[0]))
+    places = np.minimum(nearest.astype(np.int64), len(motion.times) - 1)
+    spread = np.concatenate((noise.position, noise.velocity))
+    used = np.isfinite(spread)
+    squares: Array = _squares(
+        motion._replace(measured=np.ascontiguousarray(motion.measured[:, used])),
+        noise._replace(position=spread[used]),
+        places,
+    )
+    ends = np.arange(len(squares)) * EVERY + noise.late + 1
+    return np.asarray(ends * period, np.float64), np.sqrt(squares)
+
+
+def least(motion: LinearMotion, noise: Noise, period: float) -> float:
+    """The least root mean square error over the second half of a motion, as metrics count it."""
+    times, found = errors(motion, noise, period)
+    steady = found[times >= 0.5 * motion.times[-1]]
+    return float(np.sqrt(np.mean(steady**2)))
+
+
+@kernel
+def _squares(motion: LinearMotion, noise: Noise, places: NDArray[np.int64]) -> Array:
+    """Least mean square errors, that of sample EVERY i + late + 1 in element i.
+
+    At first the state is known, the disturbance is not.
+
+    Args:
+        motion: The linearised motion; of the measurements only those that tell something.
+        noise: What is not known; `position` is the noise of these measurements.
+        places: Point of the motion that is nearest to each sample.
+    """
+    states, joints = motion.torque.shape[1:]
+    size, count = states + joints, len(places) - 1 - noise.late
+    left, fresh = noise.memory, (1.0 - noise.memory**2) * noise.disturbance**2
+    found = np.empty((count + EVERY - 1) // EVERY)
+    P = np.zeros((size, size))
+    for i in range(joints):
+        P[states + i, states + i] = noise.disturbance[i] ** 2
+    half, crossed = np.empty((states, size)), np.empty(size)
+    for k in range(count):
+        # 1. The measurements, one after another: they are independent.
+        output = motion.measured[places[k]]
+        for i in range(len(output)):
+            variance = noise.position[i] ** 2
+            for row in range(size):
+                crossed[row] = 0.0
+                for column in range(states):
+                    crossed[row] += P[row, column] * output[i, column]
+            for column in range(states):
+                variance += output[i, column] * crossed[column]
+            for row in range(size):
+                gain = crossed[row] / variance
+                for column in range(size):
+                    P[row, column] -= gain * crossed[column]
+        if k % EVERY == 0:
+            found[k // EVERY] = _ahead(motion, noise, P, places[k : k + noise.late + 2])
+        # 2. A sample later, from P to F P F^T + noise with F = [A B; 0 left].
+        A, B = motion.transition[places[k]], motion.torque[places[k]]
+        for row in range(states):
+            for column in range(size):
+                total = 0.0
+                for i in range(states):
+                    total += A[row, i] * P[i, column]
+                for i in range(joints):
+                    total += B[row, i] * P[states + i, column]
+                half[row, column] = total
+        for row in range(states):
+            for column in range(row + 1):
+                total = 0.0
+                for i in range(states):
+                    total += half[row, i] * A[column, i]
+                for i in range(joints):
+                    motor = noise.motor[i] ** 2 * B[row, i]
+                    total += (half[row, states + i] + motor) * B[column, i]
+                P[row, column] = P[column, row] = total
+            for i in range(joints):
+                P[row, states + i] = P[states + i, row] = left * half[row, states + i]
+        for row in range(joints):
+            for column in range(joints):
+                P[states + row, states + column] *= left**2
+            P[states + row, states + row] += fresh[row]
+    return found
+
+
+@inner
+def _ahead(motion: LinearMotion, noise: Noise, P: Array, places: NDArray[np.int64]) -> float:
+    """Mean square error at the last of some places from the covariance P at the first.
+
+    A row g of what the error is computed from goes back to the first place, by F^T; on its way
+    it meets the noise of each sample.
+    """
+    states, joints = motion.torque.shape[1:]
+    shown = motion.error[places[-1]]
+    fresh = (1.0 - noise.memory**2) * noise.disturbance**2
+    g, before = np.empty(states + joints), np.empty(states)
+    square = 0.0
+    for row in range(len(shown)):
+        g[:states] = shown[row]
+        g[states:] = 0.0
+        for k in range(len(places) - 2, -1, -1):
+            A, B = motion.transition[places[k]], motion.torque[places[k]]
+            before[:] = g[:states]
+            for i in range(joints):
+                pushed = 0.0
+                for j in range(states):
+                    pushed += before[j] * B[j, i]
+                square += (noise.motor[i] * pushed) ** 2 + fresh[i] * g[states + i] ** 2
+                g[states + i] = pushed + noise.memory * g[states + i]
+            for i in range(states):
+                g[i] = 0.0
+                for j in range(states):
+                    g[i] += before[j] * A[j, i]
+        for i in range(states + joints):
+            for j in range(states + joints):
+                square += g[i] * P[i, j] * g[j]
+    return square

@@ -1,0 +1,151 @@
+"""A directory of results: one process writes it, every file is complete or not there."""
+
+from __future__ import annotations
+
+import abc
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, ClassVar, TypeVar
+
+from parallel_robot_model.common.errors import InputError, RunError
+
+LOCK = 'lock'
+UNFINISHED = '.unfinished'  # suffix of a file that is being written
+Self = TypeVar('Self', bound='LockedDirectory')  # typing has it from Python 3.11 on
+
+
+class LockedDirectory(abc.ABC):
+    """A context manager that holds the lock of a directory with a manifest.
+
+    Attributes:
+        KIND: What it holds the results of.
+        MANIFEST: File that tells whose results these are.
+        FIRST: What else may be there before the manifest is.
+        FORMAT: Entry ``format`` of the manifest.
+        directory: The directory.
+        new: Whether it had no manifest when it was opened.
+    """
+
+    KIND: ClassVar[str]
+    MANIFEST: ClassVar[str]
+    FIRST: ClassVar[Collection[str]] = ()
+    FORMAT: ClassVar[str]
+
+    def __init__(self, directory: Path) -> None:
+        """Prepare to open `directory`."""
+        self.directory = directory
+        self.new = False
+        self._lock: IO[str] | None = None
+
+    def __enter__(self: Self) -> Self:
+        """Lock the directory and read it.
+
+        Raises:
+            InputError: it holds something else, is locked, or cannot be written.
+        """
+        try:
+            self._claim()
+            self._open()
+        except OSError as error:
+            self.__exit__(type(error), error, None)
+            raise InputError(f'cannot write to {self.directory}: {error.strerror}') from None
+        except BaseException as error:
+            self.__exit__(type(error), error, None)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Release the lock."""
+        if self._lock is not None:
+            self._lock.close()
+
+    @abc.abstractmethod
+    def _open(self) -> None:
+        """Read what is there, or write the first files; the directory is locked."""
+
+    @abc.abstractmethod
+    def _kept(self) -> str:
+        """How much is kept when no more can be written."""
+
+    @contextlib.contextmanager
+    def writing(self, path: Path) -> Iterator[IO[bytes]]:
+        """Write a file that is complete, or as it was.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        unfinished = path.with_name(path.name + UNFINISHED)
+        try:
+            with unfinished.open('wb') as stream:
+                yield stream
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(unfinished, path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+            raise self._full(path, error) from None
+
+    def _full(self, path: Path, error: OSError) -> RunError:
+        cause = error.strerror or error
+        kept = f'{self._kept()} are kept, the same command continues'
+        return RunError(f'cannot write {path}: {cause}; {kept}')
+
+    def _write_manifest(self, content: dict[str, Any]) -> None:
+        text = json.dumps({'format': self.FORMAT, **content}, indent=1)
+        with self.writing(self.directory / self.MANIFEST) as stream:
+            stream.write(text.encode())
+
+    @classmethod
+    def manifest(cls, directory: Path) -> dict[str, Any]:
+        """Content of the manifest in `directory`.
+
+        Raises:
+            InputError: there is none, or it is that of something else.
+        """
+        path = directory / cls.MANIFEST
+        try:
+            found: Any = json.loads(path.read_text())
+        except OSError as error:
+            what = f'{directory} is not the directory of a {cls.KIND}: {error.strerror}'
+            raise InputError(what) from None
+        except ValueError:
+            found = None
+        if not isinstance(found, dict) or found.get('format') != cls.FORMAT:
+            what = f'{path} is not that of a {cls.KIND} of this version; choose another --out'
+            raise InputError(what)
+        return found
+
+    def _claim(self) -> None:
+        """Make the directory, if need be, and lock it; remove files that a kill left unfinished.
+
+        Raises:
+            InputError: it holds something else, or is locked.
+        """
+        known = {self.MANIFEST, *self.FIRST}
+        manifest = self.directory / self.MANIFEST
+        if self.directory.exists() and not manifest.exists():
+            others = {path.name.removesuffix(UNFINISHED) for path in self.directory.iterdir()}
+            if others - {LOCK, *known}:
+                what = f'{self.directory} is not the directory of a {self.KIND}'
+                raise InputError(f'{what}; choose another --out')
+        self.directory.mkdir(parents=True, exist_ok=True)
+        self._lock = (self.directory / LOCK).open('w')
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(f'another {self.KIND} is writing to {self.directory}') from None
+        self.new = not manifest.exists()
+        for folder in (self.directory, *(self.directory / name for name in self.FIRST)):
+            for path in folder.glob(f'*{UNFINISHED}'):
+                path.unlink()

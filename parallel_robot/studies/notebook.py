@@ -1,0 +1,400 @@
+"""Metrics, pictures, bags and sweeps from Python, for scripts and notebooks."""
+
+from __future__ import annotations
+
+import html
+import io
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from parallel_robot.analysis import metrics as evaluation
+from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis.metrics import Metrics, Poses
+from parallel_robot.analysis.readable_metrics import (
+    METRICS,
+    NEVER,
+    defined,
+    early,
+    shown,
+    unsettled,
+    window,
+)
+from parallel_robot.analysis.report import figures, palette
+from parallel_robot.analysis.report.labels import law_label
+from parallel_robot.analysis.report.scale import AUTO
+from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.statuses import LIMIT_TEXT
+from parallel_robot.studies.sweep import study as studies
+from parallel_robot.studies.sweep import table
+from parallel_robot.studies.sweep.plan import plan
+from parallel_robot.studies.sweep.store import RUNS
+from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
+from parallel_robot.studies.sweep.sweep import sweep as run_sweep
+from parallel_robot.studies.sweep.workers import Processes
+from parallel_robot_control import law_titles
+from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_sim.motions import Motions, Moved, of_simulation
+from parallel_robot_sim.scenario_run import Run, simulate
+
+NARROWEST = 27  # characters of the names of metrics
+RESOLUTION = 70  # dots per inch of a picture in a notebook
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A run as metrics and figures take it; see figures.NamedMotion."""
+
+    scenario: str
+    law: str
+    joints: tuple[str, ...]
+    time: np.ndarray
+    position: np.ndarray
+    reference_position: np.ndarray
+    effort: np.ndarray
+
+
+class Picture:
+    """A figure that a notebook shows.
+
+    Attributes:
+        figure: The figure of matplotlib.
+    """
+
+    def __init__(self, figure: Any) -> None:
+        self.figure = figure
+
+    def save(self, path: str | Path) -> None:
+        """Write a PNG, PDF or SVG file, which must not exist.
+
+        Raises:
+            InputError: the suffix is of no picture format, or the file cannot be written.
+        """
+        try:
+            figures.save(self.figure, path)
+        except OSError as error:
+            raise InputError(f'cannot write {path}: {error.strerror}') from None
+
+    def __repr__(self) -> str:
+        return 'Picture'
+
+    def _repr_png_(self) -> bytes:
+        content = io.BytesIO()
+        self.figure.savefig(content, format='png', dpi=RESOLUTION)
+        return content.getvalue()
+
+
+def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
+    """Read a bag as a run.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        memory: What may be held of it [bytes].
+
+    Raises:
+        BagError: not a bag, or one that is not of a run or takes too much.
+    """
+    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    law_titles.learn(past.sources['custom_laws'])
+    try:
+        part = recorded_motions.of_bag(log, past)
+    except KinematicsError as error:
+        raise BagError(f'{bag}: {error}') from None
+    log = part.log
+    time = part.motions.best.time
+    ended = early(float(time[-1] - time[0]), float(log.config['duration']))
+    first = next((status for status in past.statuses if status.fault != NO_FAULT), None)
+    limits = {LIMIT_TEXT.get(code, code) for status in past.statuses for code in status.limits}
+    return Run(
+        log.scenario,
+        log.law,
+        log.joints,
+        log.config,
+        log.time,
+        log.position,
+        log.velocity,
+        log.reference_position,
+        log.reference_velocity,
+        log.effort,
+        part.pose,
+        part.poses.reference,
+        part.poses.planar,
+        first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
+        ', '.join(sorted(limits)),
+        (*log.warnings, *filter(None, [part.cut, ended]), *part.remarks, *part.doubts),
+        motions=part.motions,
+    )
+
+
+def save(run: Run, bag: str | Path) -> None:
+    """Write a simulated run as a bag, the one that ``parallel_robot simulate`` writes.
+
+    Args:
+        run: What ``simulate`` returned.
+        bag: Its directory, which must not exist.
+
+    Raises:
+        InputError: the run is not a simulation, or the directory exists or cannot be made.
+        RunError: the disk is full.
+    """
+    if run.simulation is None:
+        raise InputError('only a simulated run can be saved; this one is from a bag')
+    try:
+        simulation_bag.write(bag, run.values, run.simulation)
+    except OSError as error:
+        raise RunError(f'cannot write {bag}: {error.strerror}') from None
+
+
+class RunMetrics(Metrics):
+    """Metrics that are shown as a table; the attributes are those of Metrics, in SI units."""
+
+    __slots__ = ()
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        found = [(one, shown(one.value(self))) for one in defined(METRICS, self)]
+        return [(one.name, value, one.unit if value != NEVER else '') for one, value in found]
+
+    def __repr__(self) -> str:
+        """A line for each metric, with its unit."""
+        rows = self._rows()
+        width = max(NARROWEST, *(len(name) for name, _, _ in rows))
+        lines = [f'{name:<{width}}{value:>11} {unit}'.rstrip() for name, value, unit in rows]
+        return '\n'.join([*lines, *self._notes()])
+
+    def _notes(self) -> list[str]:
+        return [f'errors over {window(self)}', *unsettled(self)]
+
+    def _repr_html_(self) -> str:
+        """The same for a notebook."""
+        rows = (''.join(f'<td>{word}</td>' for word in row) for row in self._rows())
+        notes = '<br>'.join(map(html.escape, self._notes()))
+        return f'<table>{"".join(f"<tr>{row}</tr>" for row in rows)}</table>{notes}'
+
+
+def metrics(run: Run, *, start: float | None = None, stop: float | None = None) -> RunMetrics:
+    """Metrics of a run, in SI units; shown as a table in units that fit.
+
+    >>> from parallel_robot_sim import simulate
+    >>> found = metrics(simulate('paper_circle', law='smc', duration=2))
+    >>> round(found.torque.max_nm, 2)
+    8.24
+
+    Args:
+        run: The run.
+        start: Time from which on it is looked at [s]; all metrics are then of that part.
+        stop: Time up to which it is looked at [s], likewise.
+
+    Raises:
+        InputError: there is none of the run between `start` and `stop`.
+    """
+    return RunMetrics(*evaluation.figures(_motions(run), start, stop))
+
+
+def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
+    """Metrics of several runs as a pandas.DataFrame, one row each.
+
+    >>> from parallel_robot_sim import simulate
+    >>> laws = ('smc', 's_smc')
+    >>> found = compare(simulate('paper_circle', law=law, duration=2) for law in laws)
+    >>> found.torque_max_nm.round(2).to_dict()
+    {'smc': 8.24, 's_smc': 16.97}
+
+    Args:
+        runs: The runs, or name to run; without names the rows are named after the laws.
+
+    Returns:
+        Columns with units in their names, as those of a sweep; a bound that is never reached is
+        infinite, a metric that the robot does not have is NaN.
+
+    Raises:
+        InputError: something among them is not a run, or pandas is not installed.
+    """
+    named = _named('compare', runs)
+    rows = []
+    for run in named.values():
+        found = metrics(run)
+        values = {name: of(found) for name, of in table.METRICS.items()}
+        rows.append({'scenario': run.scenario, 'law': run.law, **values})
+    frame: Frame = pandas().DataFrame(rows, index=list(named))
+    return frame
+
+
+def grid(
+    scenario: str | Path,
+    law: str,
+    choices: Mapping[str, Iterable[Any]],
+    *,
+    duration: float | None = None,
+    **values: Any,
+) -> Frame:
+    """Run a law with every combination of some values.
+
+    >>> found = grid('paper_circle', 'smc', {'smc.z': [10, 25], 'smc.u': [0.2, 0.7]}, duration=2)
+    >>> found[['smc.z', 'smc.u', 'torque_max_nm']].round(2).values.tolist()
+    [[10.0, 0.2, 10.9], [10.0, 0.7, 4.38], [25.0, 0.2, 13.96], [25.0, 0.7, 10.16]]
+
+    Args:
+        scenario: Name or file of a scenario.
+        law: Control law.
+        choices: Key of the configuration to the values that it takes.
+        duration: Length of the motion [s], see ``simulate``.
+        values: Other keys and their values in all runs.
+
+    Returns:
+        A pandas.DataFrame with one row a combination, the last key changing fastest: the values,
+        ``status`` and ``reason`` and the metrics, as in the table of a sweep.
+
+    Raises:
+        InputError: a key or a value is wrong, or pandas is not installed.
+    """
+    frames = pandas()
+    for key, some in choices.items():
+        if isinstance(some, str) or not isinstance(some, Iterable):
+            raise InputError(f'{key} must have a list of values, not {some!r}')
+    rows = []
+    for combination in itertools.product(*choices.values()):
+        chosen = dict(zip(choices, combination, strict=True))
+        row = {**chosen, 'status': 'ok', 'reason': ''}
+        try:
+            run = simulate(scenario, law=law, duration=duration, **{**values, **chosen})
+        except RunError as error:
+            row |= {'status': 'failed', 'reason': str(error)}
+        else:
+            if run.fault is not None:
+                row |= {'status': 'fault', 'reason': f'{run.fault[1]} at t = {run.fault[0]:.3f} s'}
+            found = metrics(run)
+            row |= {name: of(found) for name, of in table.METRICS.items()}
+        rows.append(row)
+    columns = [*choices, 'status', 'reason', *table.METRICS]
+    frame: Frame = frames.DataFrame(rows, columns=columns)
+    return frame
+
+
+def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) -> Picture:
+    """Path, errors and torques as a picture, which a notebook shows.
+
+    Args:
+        runs: A run; or several, which are drawn over one another, or name to run.
+        scale: Of errors: 'linear'; 'log', their magnitude; 'auto', log where a curve would look
+            like zero.
+
+    Raises:
+        InputError: something among them is not a run, they are too many, or the scale is unknown.
+    """
+    if isinstance(runs, Run):
+        return Picture(figures.figure_of_run(*_drawn(runs), scale))
+    named = _named('plot', runs, law_label)
+    if not 1 <= len(named) <= len(palette.RUNS):
+        raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
+    drawn = {name: _drawn(run) for name, run in named.items()}
+    return Picture(figures.figure_of_runs(drawn, scale))
+
+
+def sweep(
+    study: str | Path | Mapping[str, Any],
+    out: str | Path,
+    *,
+    runs: int | None = None,
+    laws: Sequence[str] | None = None,
+    workers: int | None = None,
+    **values: Any,
+) -> Frame:
+    """Run a study on several cores, or what is left of it, as ``parallel_robot sweep`` does.
+
+    Args:
+        study: File of a study, name of one in ``config/studies``, or its keys and values.
+        out: Directory of the results; new, or that of the same sweep, which is continued.
+        runs: Runs of each law and scenario; default: the study's.
+        laws: In place of the study's; a name of one of these keeps its gains.
+        workers: Processes; default: one for each core.
+        values: Keys of the configuration and their values in all runs.
+
+    Returns:
+        The table of the runs, one row each, as a pandas.DataFrame; see docs/studies.md.
+
+    Raises:
+        InputError: something in the study or in the arguments is wrong.
+        RunError: workers cannot run it, or the disk is full; finished rows are kept.
+    """
+    frames = pandas()
+    if isinstance(study, Mapping):
+        text, name, folder = _as_yaml(study), 'study', None
+    elif isinstance(study, str | Path):
+        file = studies.file_of(str(study))
+        text, name, folder = studies.read(file), str(file), file.parent
+    else:
+        raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
+    asked = studies.parse(text, name, folder, laws).changed(runs, values)
+    given = default_workers() if workers is None else workers
+    count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
+    directory = Path(out)
+    run_sweep(plan(asked), asked.text, directory, Processes(count), count)
+    frame: Frame = frames.read_parquet(directory / RUNS)
+    return frame
+
+
+def _as_yaml(study: Mapping[str, Any]) -> str:
+    try:
+        return yaml.safe_dump(dict(study), sort_keys=False)
+    except yaml.YAMLError:
+        raise InputError('study must hold plain numbers, texts, lists and mappings') from None
+
+
+def _named(
+    caller: str,
+    runs: Iterable[Run] | Mapping[str, Run],
+    title: Callable[[str], str] = str,
+) -> dict[str, Run]:
+    """Runs by name; without names by their laws, with a number where there are several of one.
+
+    Raises:
+        InputError: something is not a run.
+    """
+    if isinstance(runs, Run) or not isinstance(runs, Iterable):
+        raise InputError(f'{caller} takes several runs: a list, or name to run')
+    members = list(runs.values()) if isinstance(runs, Mapping) else list(runs)
+    for run in members:
+        if not isinstance(run, Run):
+            raise InputError(f'{caller} takes runs, not {run!r}')
+    if isinstance(runs, Mapping):
+        return {str(name): run for name, run in runs.items()}
+    seen: Counter[str] = Counter()
+    named = {}
+    for run in members:
+        seen[run.law] += 1
+        number = '' if seen[run.law] == 1 else f' #{seen[run.law]}'
+        named[title(run.law) + number] = run
+    return named
+
+
+def _drawn(run: Run) -> tuple[_Drawn, Poses]:
+    """The best motion of a run, as figures take it, and its poses."""
+    *arrays, poses = _motions(run).best
+    return _Drawn(run.scenario, run.law, run.joints, *arrays), poses
+
+
+def _motions(run: Run) -> Motions:
+    """The motions of a run.
+
+    Raises:
+        InputError: it is not a run.
+    """
+    if not isinstance(run, Run):
+        raise InputError(f'a run is wanted, as of simulate or load, not {run!r}')
+    if run.simulation is not None:
+        return of_simulation(run.simulation)
+    if run.motions is not None:
+        return run.motions
+    poses = Poses(run.pose, run.pose_reference, run.planar)
+    return Motions(None, Moved(run.time, run.position, run.reference, run.torque, poses))

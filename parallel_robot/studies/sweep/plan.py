@@ -1,0 +1,307 @@
+"""The runs of a study, numbered: run `row` is the same whenever and wherever it is computed.
+
+Rows are counted sample by sample, so that more runs of a study only add rows. All laws of a
+scenario get the same samples and seeds: what differs between their runs of a sample is the law.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot.studies.sweep import uncertainty
+from parallel_robot.studies.sweep.study import Study, Variant
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.configuration.placed import Placed, locating, merged
+from parallel_robot_model.configuration.scenario_file import stem
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulation import samples_of
+from trajectory_gen.motion_length import with_duration
+
+MOST_DIMENSIONS = 21201  # of scipy's Sobol sequence
+SEED = 'seed'  # key of the plant's seed, where the configuration has one
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of a study.
+
+    Attributes:
+        row: Its number, from 0.
+        sample: Number of the sample of the uncertainty.
+        scenario: Name of the scenario, or the path of its file.
+        law: Name of the law in the study.
+        seed: Seed of whatever is random in the run.
+        overrides: What the run changes in the configuration of the scenario.
+        drawn: Uncertain values by column of the table.
+    """
+
+    row: int
+    sample: int
+    scenario: str
+    law: str
+    seed: int
+    overrides: Mapping[str, Any]
+    drawn: Mapping[str, float | str]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One law in one scenario.
+
+    Attributes:
+        scenario: Name of the scenario, or the path of its file.
+        variant: The law.
+        overrides: What all its runs change in the configuration.
+        nominal: The resolved configuration without uncertainty.
+    """
+
+    scenario: str
+    variant: Variant
+    overrides: Mapping[str, Any]
+    nominal: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study with the configurations of its laws and scenarios, checked.
+
+    Attributes:
+        study: The study.
+        cases: Every law in every scenario, the laws of a scenario one after another.
+    """
+
+    study: Study
+    cases: tuple[Case, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return self.study.runs * len(self.cases)
+
+    @property
+    def durations(self) -> list[float]:
+        """Lengths of the runs [s], each once, in order."""
+        return sorted({float(case.nominal['duration']) for case in self.cases})
+
+    def leader(self, case: int) -> int:
+        """Index of the first case with the scenario of a case."""
+        return case - case % len(self.study.laws)
+
+    def row(self, number: int) -> Row:
+        """A row by its number.
+
+        Raises:
+            InputError: the study does not have it.
+        """
+        top = self.count - 1
+        check('--row', int, Field('', '', 0, top), number)
+        sample, case = divmod(number, len(self.cases))
+        return self.rows(case, sample, 1)[0]
+
+    def rows(self, case: int, first: int, count: int) -> list[Row]:
+        """Rows of a case.
+
+        Args:
+            case: Index of the case.
+            first: Its first sample.
+            count: Number of samples.
+        """
+        of = self.cases[case]
+        points = sample(self.study, self.dimensions(of), first, count)
+        return [
+            self._row(of, (first + k) * len(self.cases) + case, first + k, points[k].tolist())
+            for k in range(count)
+        ]
+
+    def dimensions(self, case: Case) -> int:
+        """Number of the draws of a run."""
+        return sum(
+            uncertainty.dimensions(each, case.nominal[each.key])
+            for each in self.study.uncertainties
+        )
+
+    def columns(self) -> dict[str, bool]:
+        """Columns of the uncertain values, and whether they hold numbers."""
+        found: dict[str, bool] = {}
+        for case in self.cases:
+            for each in self.study.uncertainties:
+                nominal = case.nominal[each.key]
+                points = [0.5] * uncertainty.dimensions(each, nominal)
+                drawn = uncertainty.value(each, nominal, points)
+                names = uncertainty.columns(each, nominal, drawn)
+                found |= dict.fromkeys(names, uncertainty.is_numeric(each))
+        return found
+
+    def description(self) -> dict[str, str]:
+        """What the numbers of a row depend on, one entry for each part, without the runs."""
+        configurations = [
+            [stem(case.scenario), case.variant.name, case.nominal] for case in self.cases
+        ]
+        code = [
+            Path(path).read_text()
+            for key in config.CUSTOM
+            for path in self.study.fixed.get(key, ())
+        ]
+        parts = {
+            'scenarios': [stem(scenario) for scenario in self.study.scenarios],
+            'laws': [variant.name for variant in self.study.laws],
+            'seed': self.study.seed,
+            'method': sampling(self.study),
+            'uncertainty': [asdict(each) for each in self.study.uncertainties],
+            'configuration': [configurations, code],
+        }
+        texts = {key: json.dumps(part, sort_keys=True) for key, part in parts.items()}
+        long = texts['configuration'].encode()
+        return texts | {'configuration': hashlib.sha256(long).hexdigest()}
+
+    def _row(self, case: Case, number: int, sample: int, points: list[float]) -> Row:
+        overrides = dict(case.overrides)
+        drawn: dict[str, float | str] = {}
+        seed = seed_of(self.study, sample)
+        if SEED in case.nominal:
+            overrides[SEED] = seed
+        begin = 0
+        for each in self.study.uncertainties:
+            nominal = case.nominal[each.key]
+            end = begin + uncertainty.dimensions(each, nominal)
+            overrides[each.key] = uncertainty.value(each, nominal, points[begin:end])
+            drawn |= uncertainty.columns(each, nominal, overrides[each.key])
+            begin = end
+        return Row(number, sample, case.scenario, case.variant.name, seed, overrides, drawn)
+
+
+def plan(study: Study) -> Plan:
+    """Resolve the configurations of a study and check that its keys fit them.
+
+    Raises:
+        InputError: a scenario, a law or a key does not exist, a value is wrong, or a distribution
+            does not fit its parameter.
+    """
+    cases = tuple(
+        _case(study, scenario, variant) for scenario in study.scenarios for variant in study.laws
+    )
+    found = Plan(study, cases)
+    for case in cases:
+        if found.dimensions(case) > MOST_DIMENSIONS:
+            raise InputError(f'at most {MOST_DIMENSIONS} uncertain numbers can be sampled')
+        with locating(Placed({}, study.places)):
+            nominal = _as_drawn(study, case)
+        configuration = configure(nominal)
+        with locating(case.overrides):
+            samples_of(configuration)
+    for case in cases:
+        for each in study.uncertainties:
+            for value in uncertainty.extremes(each, case.nominal[each.key]):
+                _check(study, case, each.key, value)
+    return found
+
+
+def _check(study: Study, case: Case, key: str, value: Any) -> None:
+    """Refuse a value that an uncertain parameter cannot have."""
+    try:
+        configure(resolve(case.scenario, {**case.overrides, key: value}))
+    except InputError as error:
+        with locating(Placed({}, study.places)):
+            raise InputError(f'uncertainty: {error}', f'uncertainty.{key}') from None
+
+
+def sample(study: Study, dimensions: int, first: int, count: int) -> NDArray[np.float64]:
+    """Points of the unit cube at which the uncertainty is sampled.
+
+    Args:
+        study: The study.
+        dimensions: Dimensions of the cube.
+        first: Number of the first sample.
+        count: Number of samples.
+
+    Returns:
+        Shape (count, dimensions), in [0, 1).
+    """
+    found = np.empty((count, dimensions))
+    for scramble in range(study.scrambles):  # one sample of each in turn
+        begin, end = (
+            -(-(number - scramble) // study.scrambles) for number in (first, first + count)
+        )
+        if end > begin:
+            points = _sample(study.method, study.seed, scramble, dimensions, begin, end - begin)
+            found[begin * study.scrambles + scramble - first :: study.scrambles] = points
+    return found
+
+
+def sampling(study: Study) -> str:
+    """How the uncertainty is sampled, in words."""
+    return study.method + (f', {study.scrambles} scrambles' if study.scrambles > 1 else '')
+
+
+def seed_of(study: Study, sample: int) -> int:
+    """Seed of the runs of a sample."""
+    return int(_sequence(study.seed, sample, 1).generate_state(1)[0] >> 1)
+
+
+@functools.lru_cache(maxsize=8)  # the laws of a scenario ask for the same
+def _sample(
+    method: str, seed: int, scramble: int, dimensions: int, first: int, count: int
+) -> NDArray[np.float64]:
+    if method == 'random' or not dimensions:
+        return np.array(
+            [
+                np.random.default_rng(_sequence(seed, k)).random(dimensions)
+                for k in range(first, first + count)
+            ]
+        )
+    from scipy.stats import qmc  # slow to import
+
+    mixed = _sequence(seed, scramble) if scramble else _sequence(seed)
+    sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(mixed))
+    if first:
+        sequence.fast_forward(first)
+    with warnings.catch_warnings():  # about counts that are no power of 2
+        warnings.simplefilter('ignore', UserWarning)
+        return sequence.random(count)
+
+
+def _sequence(seed: int, *key: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed, spawn_key=key)
+
+
+def _case(study: Study, scenario: str, variant: Variant) -> Case:
+    """A law in a scenario; messages name the scenario where it matters."""
+    overrides = study.of_case(variant)
+    with locating(overrides):
+        overrides = with_duration(scenario, overrides)
+        nominal = resolve(scenario, overrides)
+    for each in study.uncertainties:
+        if each.key not in nominal:
+            try:
+                resolve(scenario, overrides | {each.key: 0.0})
+            except InputError as error:
+                text = f'uncertainty in {stem(scenario)}: {error}'
+                with locating(Placed({}, study.places)):
+                    raise InputError(text, f'uncertainty.{each.key}') from None
+    return Case(scenario, variant, overrides, nominal)
+
+
+def _as_drawn(study: Study, case: Case) -> dict[str, Any]:
+    """The configuration of a case with its uncertain numbers as a draw would give them."""
+    floats: dict[str, Any] = {}
+    for each in study.uncertainties:
+        nominal = case.nominal[each.key]
+        uncertainty.dimensions(each, nominal)
+        if each.distribution != 'choice':
+            listed = isinstance(nominal, list)
+            floats[each.key] = [*map(float, nominal)] if listed else float(nominal)
+    places = {key: place for key in floats if (place := study.places.get(f'uncertainty.{key}'))}
+    return resolve(case.scenario, merged((case.overrides, Placed(floats, places))))

@@ -1,0 +1,185 @@
+"""The results of a sweep, scenario by scenario, from its table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot.studies.sweep import statistics
+from parallel_robot.studies.sweep.plan import Plan
+from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
+from parallel_robot.studies.sweep.table import arrow
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.configuration.scenario_file import stem
+
+REASONS = 3  # most frequent reasons of failures to report
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column that is summarised; smaller is better.
+
+    Attributes:
+        column: Name of the column.
+        name: Name in tables.
+        unit: Unit in tables.
+        scale: Factor from the column to that unit.
+    """
+
+    column: str
+    name: str
+    unit: str
+    scale: float
+
+
+ERRORS = (  # the first that the scenario has is the one by which laws are compared
+    Quantity('xy_rms_m', 'end-effector error, rms', 'µm', 1e6),
+    Quantity('joint_rms_rad', 'joint error, rms', 'µrad', 1e6),
+)
+OTHERS = (
+    Quantity('torque_max_nm', 'torque, max', 'N m', 1.0),
+    Quantity('chattering_nm', 'torque, chattering', 'N m', 1.0),
+    Quantity('excess_chattering_nm', 'excess chattering', 'N m', 1.0),
+    Quantity('torque_rms_nm', 'torque, rms', 'N m', 1.0),
+    Quantity('energy_j', 'energy', 'J', 1.0),
+)
+
+
+RATIO = Quantity('', 'error / limit', '', 1.0)
+LIMITS = {'xy_rms_m': 'limit_um', 'joint_rms_rad': 'limit_urad'}  # error to its limit
+DELAY = 'delay_um'
+NEGLIGIBLE = 1e-3  # um or urad: what rounding leaves of no limit at all
+
+
+@dataclass(frozen=True)
+class Level:
+    """What errors are held against, e.g. the limit.
+
+    Attributes:
+        values: Of each sample that has it, in the unit of the error.
+        median: Their median.
+    """
+
+    values: Array
+    median: Estimate
+
+
+@dataclass(frozen=True)
+class LawResult:
+    """One law in one scenario.
+
+    Attributes:
+        runs: Number of runs by status.
+        reasons: The most frequent reasons why runs are not ok, with their numbers.
+        medians: Medians of the quantities, in their units.
+        drivers: What drives the error, see :func:`statistics.drivers`.
+        errors: The error of each run, in its unit; infinite for a run that is not ok.
+    """
+
+    runs: Mapping[str, int]
+    reasons: Mapping[str, int]
+    medians: tuple[Estimate, ...]
+    drivers: tuple[Driver, ...]
+    errors: Array
+
+
+@dataclass(frozen=True)
+class ScenarioResult:
+    """All laws in one scenario.
+
+    Attributes:
+        quantities: What is summarised; the first is the error.
+        laws: Law to its results, in the order of the study.
+        duels: The laws in pairs, by the error; those with the smaller medians first. Their p is
+            corrected over all pairs of the study.
+        levels: What the errors are held against, by name: 'limit', the least error of any law;
+            'v d', the distance that the reference travels while a state is late.
+    """
+
+    quantities: tuple[Quantity, ...]
+    laws: Mapping[str, LawResult]
+    duels: tuple[Duel, ...]
+    levels: Mapping[str, Level] = field(default_factory=dict)
+
+
+def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:
+    """Evaluate the table of a sweep.
+
+    Args:
+        runs: The file, with all rows.
+        plan: The plan of the sweep.
+
+    Returns:
+        Name of a scenario to its results.
+    """
+    found = {name: _scenario(runs, plan, name) for name in map(stem, plan.study.scenarios)}
+    adjusted = iter(statistics.corrected([d.p for each in found.values() for d in each.duels]))
+    return {
+        name: replace(each, duels=tuple(replace(d, p=next(adjusted)) for d in each.duels))
+        for name, each in found.items()
+    }
+
+
+def _median(values: Array, scramble: NDArray[np.int64]) -> Estimate:
+    if len(np.unique(scramble)) < 2:
+        return statistics.median(values)
+    return statistics.sectioned(values, scramble)
+
+
+def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
+    pa = arrow()
+    parameters = [name for name, numeric in plan.columns().items() if numeric]
+    numbers = [quantity.column for quantity in (*ERRORS, *OTHERS)] + parameters
+    numbers += [*LIMITS.values(), DELAY]
+    found = pa.parquet.read_table(
+        runs,
+        columns=['law', 'sample', 'status', 'reason', *numbers],
+        filters=[('scenario', '=', scenario)],
+        partitioning=None,
+    )
+    law, sample, status, reason = (
+        found[name].to_numpy() for name in ('law', 'sample', 'status', 'reason')
+    )
+    columns = {name: found[name].to_numpy() for name in numbers}  # NaN for null
+    planar = np.isfinite(columns[ERRORS[0].column]).any()
+    error = ERRORS[0] if planar else ERRORS[1]
+    scramble = sample % plan.study.scrambles
+    limits = columns[LIMITS[error.column]]
+    limited = limits > NEGLIGIBLE  # not where it is NaN
+    quantities = (error, *([RATIO] if limited.any() else []), *OTHERS)
+    results = {}
+    for variant in plan.study.laws:
+        mine = law == variant.name
+        good = status[mine] == 'ok'
+        scaled = [
+            np.where(good, quantity.scale * columns[quantity.column][mine], np.inf)
+            for quantity in (error, *OTHERS)
+        ]
+        medians = [_median(values, scramble[mine]) for values in scaled]
+        if limited.any():
+            some = limited[mine]
+            ratios = scaled[0][some] / limits[mine][some]
+            medians.insert(1, _median(ratios, scramble[mine][some]))
+        drawn = {name: columns[name][mine] for name in parameters}
+        drawn = {name: values for name, values in drawn.items() if np.isfinite(values).all()}
+        results[variant.name] = LawResult(
+            Counter(status[mine].tolist()),
+            dict(Counter(reason[mine][~good].tolist()).most_common(REASONS)),
+            tuple(medians),
+            tuple(statistics.drivers(drawn, scaled[0])),
+            scaled[0],
+        )
+    ranking = sorted(results, key=lambda name: results[name].medians[0].value)
+    errors = {name: results[name].errors for name in ranking}
+    first = law == plan.study.laws[0].name  # the same of all laws
+    levels = {}
+    for name, values in {'limit': limits, 'v d': columns[DELAY]}.items():
+        some = first & np.isfinite(values)
+        if (values[some] > NEGLIGIBLE).any():
+            levels[name] = Level(values[some], _median(values[some], scramble[some]))
+    return ScenarioResult(quantities, results, tuple(statistics.duels(errors)), levels)

@@ -1,0 +1,213 @@
+"""The results of a sweep as text, CSV, LaTeX and HTML."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import html
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from parallel_robot.analysis.readable_metrics import shown
+from parallel_robot.studies.sweep.plan import Plan, sampling
+from parallel_robot.studies.sweep.results import OTHERS, Quantity, ScenarioResult
+from parallel_robot.studies.sweep.statistics import Estimate
+from parallel_robot_control.laws import title as title_of
+
+Results = Mapping[str, ScenarioResult]
+STRONGEST = 5  # parameters that are shown as drivers of the error; CSV has all
+NOTE = 'Medians, probabilities and rank correlations with 95 % intervals; those of medians {0}.'
+FAILED = 'A run that failed or ended in a fault counts as worse than every number.'
+PAIRS = (
+    "{0} pairs, p of the sign test with Holm's correction over all of them, open from {1:g} on."
+)
+LEVEL = 0.05  # of p
+LATEX = {'_': r'\_', '%': r'\%', '&': r'\&', '#': r'\#', '$': r'\$', '{': r'\{', '}': r'\}'}
+LATEX |= {'\\': r'\textbackslash{}', '~': r'\textasciitilde{}', '^': r'\textasciicircum{}'}
+LATEX |= {'µ': r'$\mu$'}
+STYLE = (
+    'body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}'
+    'table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right}'
+    'td:first-child,th:first-child{text-align:left}tr{border-bottom:1px solid #ccc}img{width:100%}'
+)
+
+
+def text(plan: Plan, results: Results) -> str:
+    """The summary for a terminal."""
+    lines = [_head(plan), *_notes(plan, results)]
+    for scenario, result in results.items():
+        for title, table in _tables(result):
+            lines += ['', f'{scenario}: {title}', *_aligned(table)]
+        for law, found in result.laws.items():
+            lines += [f'  {law}, {count} runs: {why}' for why, count in found.reasons.items()]
+    return '\n'.join(lines) + '\n'
+
+
+def page(plan: Plan, results: Results, picture: bytes) -> str:
+    """The summary as one HTML file.
+
+    Args:
+        plan: The plan of the sweep.
+        results: Its results.
+        picture: Picture of the distributions, PNG.
+    """
+    notes = ' '.join(_notes(plan, results))
+    parts = [f'<p>{html.escape(_head(plan))}. {html.escape(notes)}</p>']
+    for scenario, result in results.items():
+        parts.append(f'<h2>{html.escape(scenario)}</h2>')
+        for title, (head, *rows) in _tables(result, title_of):
+            parts.append(f'<h3>{html.escape(title)}</h3><table>{_cells(head, "th")}')
+            parts += [_cells(row, 'td') for row in rows]
+            parts.append('</table>')
+        for law, found in result.laws.items():
+            for why, count in found.reasons.items():
+                parts.append(f'<p>{html.escape(f"{title_of(law)}, {count} runs: {why}")}</p>')
+    encoded = base64.b64encode(picture).decode()
+    parts.append(f'<img alt="Distributions of the error" src="data:image/png;base64,{encoded}">')
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Study</title>'
+        f'<style>{STYLE}</style></head><body><h1>Study</h1>\n'
+        + '\n'.join(parts)
+        + '</body></html>\n'
+    )
+
+
+def latex(results: Results) -> str:
+    """The tables of the laws, error and effort, two tabulars for each scenario."""
+    parts = []
+    for scenario, result in results.items():
+        for title, (head, *rows) in _tables(result, title_of)[:2]:
+            parts.append(f'% {scenario}: {title}')
+            parts.append(r'\begin{tabular}{l' + 'r' * (len(head) - 1) + '}')
+            parts.append(r'\hline' + '\n' + _latex_row(head) + '\n' + r'\hline')
+            parts += [_latex_row(row) for row in rows]
+            parts.append(r'\hline' + '\n' + r'\end{tabular}')
+    return '\n'.join(parts) + '\n'
+
+
+def table(results: Results) -> str:
+    """All numbers as comma-separated values, one number with its interval a row."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator='\n')
+    writer.writerow(['scenario', 'law', 'quantity', 'unit', 'value', 'low', 'high', 'runs'])
+    for scenario, result in results.items():
+        for name, level in result.levels.items():
+            row = [scenario, '', f'median of {name}', result.quantities[0].unit]
+            writer.writerow([*row, *_ends(level.median), len(level.values)])
+        for law, found in result.laws.items():
+            total = sum(found.runs.values())
+            for quantity, median in zip(result.quantities, found.medians, strict=True):
+                name = f'median of {quantity.name}'
+                writer.writerow([scenario, law, name, quantity.unit, *_ends(median), total])
+            for status, count in sorted(found.runs.items()):
+                writer.writerow([scenario, law, f'runs {status}', '', count, '', '', total])
+            for driver in found.drivers:
+                name = f'rank correlation of the error with {driver.parameter}'
+                writer.writerow([scenario, law, name, '', *_ends(driver.correlation), total])
+        for duel in result.duels:
+            total = sum(result.laws[duel.winner].runs.values())
+            name = f'probability of a smaller error than {duel.loser}'
+            writer.writerow([scenario, duel.winner, name, '', *_ends(duel.probability), total])
+            name = f'p of a smaller error than {duel.loser}, corrected by Holm'
+            writer.writerow([scenario, duel.winner, name, '', duel.p, '', '', total])
+    return stream.getvalue()
+
+
+def _head(plan: Plan) -> str:
+    study = plan.study
+    lengths = ' or '.join(f'{each:g}' for each in plan.durations)
+    return (
+        f'{study.runs} runs of each law and scenario, {lengths} s each, '
+        f'{len(study.uncertainties)} uncertain parameters ({sampling(study)}, seed {study.seed})'
+    )
+
+
+def _notes(plan: Plan, results: Results) -> list[str]:
+    """What the numbers mean."""
+    scrambles = plan.study.scrambles
+    how = 'are bootstrapped over the runs'
+    if scrambles > 1:
+        how = f'are t-intervals between {scrambles} independently scrambled Sobol sequences'
+    pairs = sum(len(result.duels) for result in results.values())
+    return [NOTE.format(how), FAILED, *([PAIRS.format(pairs, LEVEL)] if pairs else [])]
+
+
+def _tables(
+    result: ScenarioResult, written: Callable[[str], str] = str
+) -> list[tuple[str, list[list[str]]]]:
+    """Title and rows, the first with the headings, of each table of a scenario.
+
+    Args:
+        result: Results of the scenario.
+        written: Returns how a law is written.
+    """
+    accuracy = len(result.quantities) - len(OTHERS)
+    first = [['law', 'ok', *map(_heading, result.quantities[:accuracy])]]
+    efforts = [['law', *map(_heading, OTHERS)]]
+    drivers = [['law', 'parameter', 'correlation']]
+    for law, found in result.laws.items():
+        runs = f'{found.runs.get("ok", 0)}/{sum(found.runs.values())}'
+        medians = [*map(_with_interval, found.medians)]
+        first.append([written(law), runs, *medians[:accuracy]])
+        efforts.append([written(law), *medians[accuracy:]])
+        drivers += [
+            [written(law), driver.parameter, _with_interval(driver.correlation, 2)]
+            for driver in found.drivers[:STRONGEST]
+        ]
+    blank = [''] * (accuracy - 1)
+    first += [
+        [name, '', _with_interval(level.median), *blank] for name, level in result.levels.items()
+    ]
+    duels = [['winner', 'against', 'probability', 'p']]
+    duels += [
+        [
+            written(duel.winner),
+            written(duel.loser),
+            _with_interval(duel.probability, 3),
+            _p(duel.p),
+        ]
+        for duel in result.duels
+    ]
+    tables = [
+        ('medians', first),
+        ('medians of the effort', efforts),
+        ('who has the smaller error in the same sample', duels),
+        ('what the error goes with (rank correlation)', drivers),
+    ]
+    return [(title, rows) for title, rows in tables if len(rows) > 1]
+
+
+def _heading(quantity: Quantity) -> str:
+    return f'{quantity.name} [{quantity.unit}]' if quantity.unit else quantity.name
+
+
+def _with_interval(estimate: Estimate, digits: int | None = None) -> str:
+    def text(value: float) -> str:
+        if math.isinf(value):
+            return 'failed'
+        return shown(value) if digits is None else f'{value:.{digits}f}'
+
+    return f'{text(estimate.value)} [{text(estimate.low)}, {text(estimate.high)}]'
+
+
+def _p(value: float) -> str:
+    return f'{value:.1g}' if value < LEVEL else f'{value:.2f}, open'
+
+
+def _ends(estimate: Estimate) -> tuple[float, float, float]:
+    return estimate.value, estimate.low, estimate.high
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows as lines with columns of one width."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ['  ' + '  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _cells(row: Sequence[str], tag: str) -> str:
+    return '<tr>' + ''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in row) + '</tr>'
+
+
+def _latex_row(row: Sequence[str]) -> str:
+    return ' & '.join(''.join(LATEX.get(c, c) for c in cell) for cell in row) + r' \\'

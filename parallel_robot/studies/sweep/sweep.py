@@ -1,0 +1,122 @@
+"""A sweep: all rows of a plan, run once each, kept, and summarised."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.bags.printable_output import as_it_is
+from parallel_robot.studies.sweep import results, summary
+from parallel_robot.studies.sweep.plan import Plan, Row
+from parallel_robot.studies.sweep.store import RUNS, Store
+from parallel_robot.studies.sweep.table import schema, table
+from parallel_robot.studies.sweep.tasks import Task, tasks
+from parallel_robot.studies.sweep.workers import Workers, completed
+from parallel_robot_model.common.errors import InputError, RunError
+
+MOST_WORKERS = 1024
+FILES = ('summary.txt', 'summary.csv', 'summary.tex', 'summary.html')
+
+
+def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) -> str:
+    """Run what is left of a plan, and summarise it.
+
+    Args:
+        plan: The plan.
+        text: The file of its study, which is kept with the results.
+        directory: Where the results go; new, or that of the same sweep.
+        workers: Who runs it; they are started only if something is left.
+        count: Number of workers, by which the work is divided.
+
+    Returns:
+        The summary as text.
+
+    Raises:
+        InputError: the directory holds something else, or workers cannot be reached.
+        RunError: workers cannot run it, or the disk is full; finished rows are kept.
+    """
+    with Store(directory, plan, text) as store:
+        if not store.done.all():
+            _run(plan, store, workers, count)
+        store.finish()
+        return summarise(plan, directory)
+
+
+def _run(plan: Plan, store: Store, workers: Workers, count: int) -> None:
+    columns = schema(plan)
+    try:
+        with workers as started, progress(len(store.done), int(store.done.sum()), 'run') as bar:
+            for task, outcomes in completed(started, tasks(plan, store.done, count)):
+                rows = zip(_rows(plan, task), outcomes, strict=True)
+                store.add(table(columns, rows))
+                bar.update(len(outcomes))
+    except KeyboardInterrupt:
+        kept = f'{int(store.done.sum())} of {len(store.done)} rows are kept'
+        print(f'interrupted: {kept}, the same command continues', file=sys.stderr)
+        raise
+
+
+def _rows(plan: Plan, task: Task) -> list[Row]:
+    """The rows of a task: they are all of one case."""
+    samples = [number // len(plan.cases) for number in task.numbers]
+    case = task.numbers[0] % len(plan.cases)
+    rows = {row.row: row for row in plan.rows(case, samples[0], samples[-1] - samples[0] + 1)}
+    return [rows[number] for number in task.numbers]
+
+
+@contextlib.contextmanager
+def progress(total: int, done: int, unit: str) -> Iterator[Any]:
+    """A bar with an estimate of the time left, on a terminal.
+
+    Args:
+        total: What there is to do.
+        done: What of it was done before.
+        unit: What is counted.
+
+    Raises:
+        InputError: tqdm is not installed.
+    """
+    try:
+        from tqdm import tqdm  # optional
+    except ImportError:
+        raise InputError('tqdm is not installed; pip install tqdm') from None
+    stream = as_it_is(sys.stderr)
+    with tqdm(total=total, initial=done, unit=unit, file=stream, disable=None, leave=False) as bar:
+        yield bar
+
+
+def default_workers() -> int:
+    """One worker for each core that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def summarise(plan: Plan, directory: Path) -> str:
+    """Write the summary of a finished sweep; returns its text.
+
+    Raises:
+        RunError: it cannot be written.
+    """
+    from parallel_robot.studies.sweep import picture  # slow to import: workers start meanwhile
+
+    found = results.evaluate(directory / RUNS, plan)
+    pictures = picture.draw(found)
+    text = summary.text(plan, found)
+    page = summary.page(plan, found, pictures['png'])
+    contents = (text, summary.table(found), summary.latex(found), page)
+    files = {name: content.encode() for name, content in zip(FILES, contents, strict=True)}
+    files |= {f'distributions.{suffix}': content for suffix, content in pictures.items()}
+    for name, content in files.items():
+        unfinished = directory / f'{name}.unfinished'
+        try:
+            unfinished.write_bytes(content)
+            os.replace(unfinished, directory / name)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+            path = directory / name
+            raise RunError(f'cannot write {path}: {error.strerror}; all rows are kept') from None
+    return text

@@ -1,0 +1,121 @@
+"""The fronts of several tunings in one picture: error against effort, each law at its curve."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.analysis.report.labels import label, law_label
+from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
+from parallel_robot.studies.sweep.results import ERRORS, Quantity
+from parallel_robot.studies.tuning import picture
+from parallel_robot.studies.tuning.effort import MEASURES
+from parallel_robot.studies.tuning.store import Store
+from parallel_robot_control.laws import PAPER
+from parallel_robot_model.common.errors import InputError
+
+SIZE = (7.0, 4.8)  # inches; higher for more labels
+SAME = ('scenario', 'measure of effort', 'number of runs', 'uncertainty')  # to be comparable
+
+
+@dataclass(frozen=True)
+class Front:
+    """The front of a tuning.
+
+    Attributes:
+        directory: Its directory.
+        manifest: What its trials depend on.
+        error: Which metric its error is.
+        points: Effort and error of its points, by rising error, in their columns' units.
+        chosen: Index of the point that was taken.
+    """
+
+    directory: Path
+    manifest: dict[str, Any]
+    error: Quantity
+    points: tuple[tuple[float, float], ...]
+    chosen: int
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return str(self.manifest['law'])
+
+    @property
+    def effort(self) -> Quantity:
+        """Which metric its effort is."""
+        return MEASURES[self.manifest['measure of effort']]
+
+
+def read(directory: Path) -> Front:
+    """Read the front of a tuning.
+
+    Raises:
+        InputError: the directory has none.
+    """
+    manifest = Store.manifest(directory)
+    try:
+        with (directory / 'front.csv').open(newline='') as file:
+            rows = [*csv.DictReader(file)]
+    except OSError as missing:
+        what = f'{missing.filename}: {missing.strerror}'
+        raise InputError(f'no front in {directory}: {what}') from None
+    except ValueError:
+        rows = []
+    try:
+        effort = MEASURES[manifest['measure of effort']]
+        (error,) = (each for each in ERRORS if each.column in rows[0])
+        points = tuple((float(row[effort.column]), float(row[error.column])) for row in rows)
+        chosen = [row['chosen'] for row in rows].index('1')
+    except (KeyError, ValueError, IndexError, TypeError):
+        raise InputError(f'{directory / "front.csv"} is not the front of a tuning') from None
+    return Front(directory, manifest, error, points, chosen)
+
+
+def check(fronts: Sequence[Front]) -> None:
+    """Refuse fronts that cannot be compared.
+
+    Raises:
+        InputError: they differ in something else than the law and its search.
+    """
+    first = fronts[0]
+    for other in fronts[1:]:
+        for key in SAME:
+            if other.manifest.get(key) != first.manifest.get(key):
+                raise InputError(f'{first.directory} and {other.directory} differ in the {key}')
+
+
+def draw(fronts: Sequence[Front]) -> dict[str, bytes]:
+    """Draw the fronts; the gains that were taken are stars.
+
+    Returns:
+        Suffix to content.
+    """
+    height = max(SIZE[1], MARGIN + LINE * len(fronts))
+    figure, panel = picture.new((SIZE[0], height))
+    laws = [each.law for each in fronts]
+    ends = {}
+    for k, front in enumerate(fronts):
+        efforts = [front.effort.scale * effort for effort, _ in front.points]
+        errors = [front.error.scale * error for _, error in front.points]
+        dash = RUNS[(k + k // len(RUNS)) % len(RUNS)].dash
+        (line,) = panel.plot(
+            efforts,
+            errors,
+            color=RUNS[k % len(RUNS)].light,
+            linestyle=(0, dash) if dash else 'solid',
+            linewidth=2.2 if front.law in PAPER else 0.9,
+        )
+        panel.plot(efforts[front.chosen], errors[front.chosen], '*', color=line.get_color())
+        name = law_label(front.law)
+        if laws.count(front.law) > 1:
+            name = label(f'{name} ({front.directory.name})')
+        ends[k] = name, front.law in PAPER, line, (efforts[0], errors[0])
+    first = fronts[0]
+    picture.label(panel, str(first.manifest['scenario']), first.effort, first.error)
+    name_lines(panel, [*ends.values()], LINE / (height - MARGIN))
+    return picture.saved(figure)

@@ -1,0 +1,152 @@
+"""What a tuning leaves: front and trials as tables and pictures, the chosen gains as YAML."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.analysis.report.labels import law_label
+from parallel_robot.studies.tuning import picture
+from parallel_robot.studies.tuning.convergence import Verdict
+from parallel_robot.studies.tuning.store import Store
+from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.tune import Tuning
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.configuration.parameter_file import MARK
+from parallel_robot_model.configuration.yaml_file import text_of
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of a tuning.
+
+    Attributes:
+        trials: All trials; the first is that of the default gains.
+        points: The front.
+        chosen: The trial whose gains are taken.
+        why: Why it is taken.
+        verdict: Whether the search has converged.
+    """
+
+    trials: Sequence[Trial]
+    points: Sequence[Trial]
+    chosen: Trial
+    why: str
+    verdict: Verdict
+
+
+def write(tuning: Tuning, store: Store, fields: Mapping[str, Field], result: Result) -> list[Path]:
+    """Write the files.
+
+    Args:
+        tuning: The tuning.
+        store: Its directory.
+        fields: Unit and meaning of the gains.
+        result: What came of it.
+
+    Returns:
+        Their paths.
+
+    Raises:
+        RunError: one cannot be written.
+    """
+    law = tuning.space.law
+    head = heading(tuning, result)
+    gains = gains_lines(law, result.chosen.gains, fields)
+    ros = ['/**:', f'  {MARK}:', *(f'    {line}' for line in [f'law: {text_of(law)}', *gains])]
+    title = f'{law_label(law)}, {tuning.nominal["scenario"]}'
+    best = tuning.best(result.trials)
+    fronts = picture.front(title, result.trials, result.points, result.chosen, tuning)
+    curves = picture.convergence(title, result.trials, best, result.verdict, tuning)
+    contents = {
+        'front.csv': table(tuning, result).encode(),
+        **{f'front.{suffix}': content for suffix, content in fronts.items()},
+        'trials.csv': trials_table(tuning, result.trials, best).encode(),
+        **{f'convergence.{suffix}': content for suffix, content in curves.items()},
+        'tuned.yaml': '\n'.join([*head, *gains, '']).encode(),
+        'tuned_ros.yaml': '\n'.join([*head, *ros, '']).encode(),
+    }
+    for name, content in contents.items():
+        store.write(name, content)
+    return [store.directory / name for name in contents]
+
+
+def table(tuning: Tuning, result: Result) -> str:
+    """The front as CSV, by rising error."""
+    head = ['trial', 'chosen', *_columns(tuning), *result.chosen.gains]
+    rows = []
+    for each in result.points:
+        taken = int(each is result.chosen)
+        rows.append([each.number, taken, each.error, each.effort, *each.gains.values()])
+    return _csv(head, rows)
+
+
+def trials_table(tuning: Tuning, trials: Sequence[Trial], best: Sequence[float]) -> str:
+    """All trials as CSV, in their order, with the best figure so far."""
+    head = ['trial', 'best_so_far', *_columns(tuning), *trials[0].gains, 'infeasible']
+    rows = []
+    for each, so_far in zip(trials, best, strict=True):
+        figures = [value if math.isfinite(value) else '' for value in (each.error, each.effort)]
+        first = so_far if math.isfinite(so_far) else ''
+        rows.append([each.number, first, *figures, *each.gains.values(), each.reason])
+    return _csv(head, rows)
+
+
+def heading(tuning: Tuning, result: Result) -> list[str]:
+    """Comment lines: what was tuned, and what the chosen gains are worth."""
+    study = tuning.plan.study
+    names = ', '.join(each.key for each in study.uncertainties) or 'none'
+    runs = f'{study.runs} run{"s" if study.runs > 1 else ""} of {tuning.nominal["duration"]:g} s'
+    count = f'{result.chosen.number} of {len(result.trials)}'
+    lines = [
+        f'Gains of {tuning.space.law} for {tuning.nominal["scenario"]}, by parallel_robot tune.',
+        f'Trial {count}: {result.why}. Seed {tuning.seed}.',
+        f'{str(result.verdict).capitalize()}.',
+        f'Each trial: {runs}, seed {study.seed}; uncertain: {names}.',
+        f'tuned:   {figures(result.chosen, tuning)}',
+        f'default: {figures(result.trials[0], tuning)}',
+        f'Version {tuning.identity()["version of the suite"]}.',
+    ]
+    return [f'# {printable(line)}' for line in lines]
+
+
+def figures(trial: Trial, tuning: Tuning) -> str:
+    """Error and effort of a trial for people."""
+    if not trial.feasible:
+        return f'infeasible: {trial.reason}'
+    error = tuning.error
+    size = f'{error.scale * trial.error:.4g} {error.unit}'
+    return f'{error.name} {size}, {tuning.effort.shown(trial.effort)} (medians)'
+
+
+def gains_lines(law: str, gains: Mapping[str, Any], fields: Mapping[str, Field]) -> list[str]:
+    """Gains, and what was searched beside them, as lines of YAML with their units."""
+    lines, last = [], ''
+    for key, value in gains.items():
+        group, _, own = key.rpartition('.')
+        group = group or law
+        if group != last:
+            lines.append(f'{text_of(group)}:')
+        last = group
+        unit, meaning = fields[key].unit, fields[key].description
+        comment = f'{unit}, {meaning}' if unit else meaning
+        lines.append(f'  {text_of(own)}: {text_of(value)}  # {printable(comment)}')
+    return lines
+
+
+def _columns(tuning: Tuning) -> tuple[str, str]:
+    return tuning.error.column, tuning.effort.quantity.column
+
+
+def _csv(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator='\n')
+    writer.writerow(head)
+    writer.writerows(rows)
+    return stream.getvalue()

@@ -1,0 +1,1 @@
+"""What `top` and the page know of a running graph."""

@@ -1,0 +1,208 @@
+"""What is known of the running robots from the reports of their nodes."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot.watch.joint_angles import JointAngle
+from parallel_robot_model.common.printable import printable
+
+NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
+SILENT = 3.0  # s without a report, of one a second, after which a node seems to have stopped
+GONE = 10.0  # s without a report, after which it is no longer shown
+UNPAIRED = 400  # largest number of poses without a reference, and of references
+GAP = 10**8  # ns between two references, beyond which the path is not interpolated
+HISTORY = 120  # values of the end-effector error that are kept
+LONGEST = 2000  # characters of a value, e.g. the names of all laws
+OK, WARNING, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
+
+
+class Report(NamedTuple):
+    """The newest diagnostics of a node.
+
+    Attributes:
+        time: When they were heard [s].
+        level: 0 ok, 1 warning, 2 error.
+        text: The message.
+        values: Key to value.
+    """
+
+    time: float
+    level: int
+    text: str
+    values: dict[str, str]
+
+
+class EffectorError(NamedTuple):
+    """Distance of the end effector from its reference between two looks [m]."""
+
+    rms: float
+    largest: float
+
+
+class Point(NamedTuple):
+    """A position of the end effector [m] at a stamp [ns]."""
+
+    stamp: int
+    x: float
+    y: float
+
+
+class Robot:
+    """One robot: the nodes of one namespace.
+
+    Attributes:
+        nodes: Name of each node, without namespace, to its newest report.
+        law: The active law; empty while it is not known.
+        fault: Text of the fault, 'none', or empty.
+        limits: The limits that acted, 'none', or empty.
+        planar: Whether poses were ever heard: only robots that move in a plane publish them.
+        error: Error of the end effector between the last two looks; None when there were no poses.
+        history: Root mean squares of earlier looks [m], the newest last; NaN without poses.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any knowledge."""
+        self.nodes: dict[str, Report] = {}
+        self.law = self.fault = self.limits = ''
+        self.planar = False
+        self.error: EffectorError | None = None
+        self.history: deque[float] = deque(maxlen=HISTORY)
+        self._joints: tuple[JointAngle, ...] = ()
+        self._joints_heard = -math.inf  # s
+        self._poses: deque[Point] = deque(maxlen=UNPAIRED)
+        self._references: deque[Point] = deque(maxlen=UNPAIRED)
+
+    @property
+    def laws(self) -> list[str]:
+        """The laws that the controller has."""
+        laws = self.value('controller', 'laws')
+        return laws.split(', ') if laws else []
+
+    def joints(self, now: float) -> list[JointAngle]:
+        """The newest joints at a time [s]: those of the controller, or all without one."""
+        if now - self._joints_heard >= SILENT:
+            return []
+        known = {joint.name: joint for joint in self._joints}
+        own = [
+            known[name] for name in self.value('controller', 'joints').split(', ') if name in known
+        ]
+        return own or [*self._joints]
+
+    def value(self, node: str, *keys: str) -> str:
+        """Value of the first of some keys that a node reports; empty when it reports none."""
+        values = self.nodes[node].values if node in self.nodes else {}
+        return next((values[key] for key in keys if key in values), '')
+
+    def report(self, node: str, report: Report) -> None:
+        """Take the diagnostics of a node."""
+        self.nodes[node] = report
+        if node == 'controller':
+            fault = report.text.removeprefix('fault: ') if report.level == ERROR else 'none'
+            self.status({**report.values, 'fault': fault})
+
+    def status(self, values: Mapping[str, str]) -> None:
+        """Take the status of the controller."""
+        self.law, self.fault, self.limits = (
+            printable(values.get(key, '')) for key in ('law', 'fault', 'limits that acted')
+        )
+
+    def pose(self, stamp: int, x: float, y: float) -> None:
+        """Take the position of the end effector [m] at a stamp [ns]."""
+        self.planar = True
+        _append(self._poses, Point(stamp, x, y))
+
+    def pose_reference(self, stamp: int, x: float, y: float) -> None:
+        """Take the desired position of the end effector [m] at a stamp [ns]."""
+        _append(self._references, Point(stamp, x, y))
+
+    def take_joints(self, now: float, joints: tuple[JointAngle, ...]) -> None:
+        """Take the joints that a message tells; time in s."""
+        self._joints = tuple(joint._replace(name=printable(joint.name)) for joint in joints)
+        self._joints_heard = now
+
+    def look(self, now: float) -> None:
+        """Evaluate the poses since the last look and forget nodes that are gone; time in s."""
+        self.nodes = {name: one for name, one in self.nodes.items() if now - one.time < GONE}
+        if 'controller' not in self.nodes:
+            self.law = self.fault = self.limits = ''
+        errors = self._errors()
+        self.error = None
+        if errors.size:
+            self.error = EffectorError(math.sqrt((errors**2).mean()), float(errors.max()))
+        self.history.append(self.error.rms if self.error else math.nan)
+
+    def _errors(self) -> np.ndarray:
+        """Remove all poses up to the last reference; their distances from it [m], shape (N,).
+
+        When the nodes were started by hand, references have stamps of their own: the reference is
+        interpolated between two of them, with an error below a nanometre.
+        """
+        if not self._references:
+            return np.zeros(0)
+        start, end = self._references[0].stamp, self._references[-1].stamp
+        poses = [self._poses.popleft() for pose in [*self._poses] if pose.stamp <= end]
+        known, asked = (
+            np.array([(p.stamp - start, p.x, p.y) for p in points], float).reshape(-1, 3).T
+            for points in (self._references, poses)
+        )
+        newest = np.searchsorted(known[0], asked[0], side='right') - 1
+        later = np.minimum(newest + 1, len(known[0]) - 1)
+        used = (newest >= 0) & (known[0][later] - known[0][newest] <= GAP)
+        path = (np.interp(asked[0], known[0], row) for row in known[1:])
+        x, y = (row - desired for row, desired in zip(asked[1:], path, strict=True))
+        errors = np.hypot(x, y)
+        return errors[used & np.isfinite(errors)]
+
+
+def _append(points: deque[Point], point: Point) -> None:
+    """Append a point; one with an earlier stamp replaces all others."""
+    if points and point.stamp <= points[-1].stamp:
+        points.clear()
+    points.append(point)
+
+
+class Robots:
+    """All robots of a ROS domain."""
+
+    def __init__(self) -> None:
+        """Begin without robots."""
+        self._robots: dict[str, Robot] = {}
+
+    def __getitem__(self, namespace: str) -> Robot:
+        """The robot of a namespace, e.g. ``/left``; empty for none."""
+        return self._robots.setdefault(namespace, Robot())
+
+    def names(self) -> list[str]:
+        """Namespaces in which nodes run."""
+        return sorted(name for name, robot in self._robots.items() if robot.nodes)
+
+    def report(
+        self, now: float, status: str, node: str, level: int, text: str, values: Mapping[str, str]
+    ) -> None:
+        """Take one status of ``/diagnostics``; others than those of the suite are ignored.
+
+        Args:
+            now: Time [s].
+            status: Name of the status.
+            node: Full name of the node, its hardware_id.
+            level: 0 ok, 1 warning, 2 error.
+            text: Its message.
+            values: Its keys and values.
+        """
+        namespace, slash, name = node.rpartition('/')
+        if slash and status == f'{name}: loop':
+            shown = {printable(key): printable(value, LONGEST) for key, value in values.items()}
+            report = Report(now, level, printable(text), shown)
+            self[printable(namespace)].report(printable(name), report)
+
+    def look(self, now: float) -> None:
+        """Evaluate all robots; time in s."""
+        for robot in self._robots.values():
+            robot.look(now)
+        self._robots = {name: robot for name, robot in self._robots.items() if robot.nodes}

@@ -1,0 +1,1 @@
+"""Errors, units, arrays, texts that all others use."""

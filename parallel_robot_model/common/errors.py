@@ -1,0 +1,108 @@
+"""Errors of the suite: one base class, subclasses that carry the facts."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from signal import Signals
+
+from parallel_robot_model.common.printable import printable
+
+NEAR = 0.6  # similarity of names, from 0 to 1, from which one is suggested for the other
+FEW = 24  # names that a message lists
+DRIVEN_OUT = 'the robot was driven out of its workspace'  # prefix of the plant's alarm, too
+
+
+class ParallelRobotError(Exception):
+    """Base of every error that the suite raises on purpose; its text is one clear line."""
+
+
+class InputError(ParallelRobotError):
+    """A value from outside is wrong; the text names the value and what would be right.
+
+    Attributes:
+        key: Key of the parameter, or of the group of parameters, that is wrong; empty if it is
+            none. Whoever knows where it was set puts the place in front of the text.
+    """
+
+    def __init__(self, text: str = '', key: str = '') -> None:
+        self.key = key
+        super().__init__(text)
+
+
+class UnknownNameError(InputError):
+    """A name that does not exist.
+
+    Attributes:
+        kind: What the name should have been, e.g. ``'scenario'``.
+        name: The name as it was given.
+        choices: The names that exist.
+    """
+
+    def __init__(self, kind: str, name: str, choices: Iterable[str], key: str = '') -> None:
+        self.kind = kind
+        self.name = name
+        self.choices = sorted(choices)
+        name = printable(name)
+        alike = [choice for choice in self.choices if _letters(choice) == _letters(name)]
+        near = alike or difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
+        shown = ', '.join(self.choices) if len(self.choices) <= FEW else ''
+        hint = f'; did you mean {near[0]!r}?' if near else ''
+        super().__init__(
+            f'unknown {kind} {name!r}{hint}' + (f' (known: {shown})' if shown else ''), key
+        )
+
+
+def _letters(name: str) -> str:
+    """A name without what separates its words: smc.z and smc_z are the same but for that."""
+    return ''.join(filter(str.isalnum, name))
+
+
+class RobotError(InputError):
+    """A robot that cannot be built: a parameter is impossible."""
+
+
+class MotionError(InputError):
+    """A motion that the robot cannot perform.
+
+    Attributes:
+        time: When it fails first [s].
+        part: Which of the robot's parts fails, 1-based; None if it is the whole robot.
+    """
+
+    def __init__(self, reason: str, time: float, where: str, part: int | None = None) -> None:
+        self.time = time
+        self.part = part
+        where = where if part is None else f'{where} {part}'
+        super().__init__(f'motion refused at t = {time:.3f} s, {where}: {reason}')
+
+
+class KinematicsError(ParallelRobotError):
+    """A pose or a set of joint angles that has no trustworthy counterpart."""
+
+
+class BagError(InputError):
+    """A bag that cannot be written or read."""
+
+
+class RunError(ParallelRobotError):
+    """A run that did not reach its end."""
+
+
+class StoppedError(ParallelRobotError):
+    """A signal that asks a command to end.
+
+    Attributes:
+        signal: Its number.
+        exit_code: What shells expect of a program that it ends.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.signal, self.exit_code = number, 128 + number
+        super().__init__(f'stopped by {Signals(number).name}')
+
+
+def first_line(error: BaseException) -> str:
+    """Kind of an error raised by foreign code, and the first line of its text."""
+    text = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
+    return type(error).__name__ + (f': {printable(text)}' if text else '')

@@ -1,0 +1,44 @@
+"""The compiler: what kernels are made of. Its submodules are nobody else's business.
+
+Laws and robots
+    ``kernel`` compiles a function; ``inner`` one that only kernels call, ``inlined`` one that
+    becomes a part of its caller. ``vector`` makes a vector, a value of a fixed size that kernels
+    compute with as with a number; ``select``, ``every``, ``some`` and ``clip`` decide by element,
+    ``dot``, ``cross``, ``multiply`` and ``solve`` are linear algebra.
+Loops
+    ``read_row`` and ``write_row`` reach the rows of arrays, ``read_at`` and ``write_at`` memory by
+    its address, a ``Space``. ``FirstClass`` makes a kernel a value that other kernels take,
+    ``Boxed`` a tuple a constant that they take by its address, ``entry_point`` a kernel that is
+    called from Python without a look at its types.
+"""
+
+from parallel_robot_model.compiler.boxed import Boxed
+from parallel_robot_model.compiler.compile_error import reason
+from parallel_robot_model.compiler.function_value import FirstClass
+from parallel_robot_model.compiler.kernels import (
+    entry_point,
+    inlined,
+    inner,
+    kernel,
+    need_compiler,
+)
+from parallel_robot_model.compiler.linear_algebra import cross, dot, multiply, solve
+from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
+from parallel_robot_model.compiler.vector_rows import read_row, write_row
+from parallel_robot_model.compiler.vector_select import clip, every, select, some
+from parallel_robot_model.compiler.vector_types import (
+    INTERPRETED,
+    Vector,
+    VectorType,
+    as_arrays,
+    as_vectors,
+    shape_of,
+    vector,
+)
+
+__all__ = [
+    'INTERPRETED', 'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays',
+    'as_vectors', 'clip', 'cross', 'dot', 'entry_point', 'every', 'inlined',
+    'inner', 'kernel', 'multiply', 'need_compiler', 'read_at', 'read_row', 'reason', 'select',
+    'shape_of', 'solve', 'some', 'vector', 'write_at', 'write_row',
+]  # fmt: skip

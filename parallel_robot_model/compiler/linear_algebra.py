@@ -1,0 +1,145 @@
+"""Products of small vectors and matrices in kernels, summed in order: the same bits everywhere."""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler.kernels import kernel
+from parallel_robot_model.compiler.numba_parts import in_kernels
+from parallel_robot_model.compiler.vector_operators import elementwise, emit, pack
+from parallel_robot_model.compiler.vector_types import VectorType
+
+
+@kernel
+def dot(a: Array, b: Array) -> float:
+    """Scalar product of two vectors of shape (n,)."""
+    return np.sum(a * b)
+
+
+@kernel
+def cross(a: Array, b: Array) -> tuple[float, float, float]:
+    """Vector product of two vectors of shape (3,)."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@kernel
+def multiply(a: Array, x: Array) -> Array:
+    """Product of a matrix (n, n) and a vector (n,); both vectors of kernels, or both arrays."""
+    return _product(a, x)
+
+
+def _product(a: Any, x: Any) -> Any:
+    return a @ x
+
+
+@overload(_product, strict=False)
+def _product_of(a: Any, x: Any) -> Any:
+    if not isinstance(a, types.Array):
+        return lambda a, x: a @ x
+
+    def of_arrays(a: Any, x: Any) -> Any:
+        y = np.empty(len(x))
+        for i in range(len(x)):
+            total = 0.0
+            for j in range(len(x)):
+                total += a[i, j] * x[j]
+            y[i] = total
+        return y
+
+    return of_arrays
+
+
+@kernel
+def solve(a: Array, b: Array) -> Array:
+    """Solution x of a x = b by Cholesky, a = L D L^T; shapes (n, n) and (n,).
+
+    `a` is symmetric and positive definite; otherwise x may be not finite. Only its lower triangle
+    is read.
+    """
+    return _solution(a, b)
+
+
+def _solution(a: Any, b: Any) -> Any:
+    return _of_arrays(a, b).view(type(b))
+
+
+@overload(_solution, strict=False)
+def _solution_of(a: Any, b: Any) -> Any:
+    return _of_arrays if isinstance(a, types.Array) else lambda a, b: _of_vectors(a, b)
+
+
+def _of_arrays(a: Any, b: Any) -> Any:
+    n = len(b)
+    lower, diagonal, x = np.empty((n, n)), np.empty(n), np.empty(n)
+    for i in range(n):
+        total = a[i, i]
+        for j in range(i):
+            part = a[i, j]
+            for k in range(j):
+                part -= lower[i, k] * diagonal[k] * lower[j, k]
+            lower[i, j] = part / diagonal[j]
+            total -= lower[i, j] * part
+        diagonal[i] = total
+    for i in range(n):
+        x[i] = b[i]
+        for j in range(i):
+            x[i] -= lower[i, j] * x[j]
+    for i in range(n - 1, -1, -1):
+        x[i] /= diagonal[i]
+        for j in range(i + 1, n):
+            x[i] -= lower[j, i] * x[j]
+    return x
+
+
+def _of_vectors(a: Any, b: Any) -> Any:
+    """The same as _of_arrays; in kernels unrolled."""
+    return _of_arrays(a, b).view(type(b))
+
+
+@in_kernels(_of_vectors)
+def _unrolled(context: Any, a: Any, b: Any) -> Any:
+    n = b.count
+    element = elementwise(context, operator.mul, (a.element.element, b.element))
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        def apply(function: Any, x: Any, y: Any) -> Any:
+            return emit(context, builder, function, (element, element), (x, y))[1]
+
+        def minus(x: Any, y: Any, z: Any) -> Any:
+            """x - y z."""
+            return apply(operator.sub, x, apply(operator.mul, y, z))
+
+        rows = [builder.extract_value(values[0], i) for i in range(n)]
+        lower: dict[tuple[int, int], Any] = {}
+        diagonal: list[Any] = []
+        for i in range(n):
+            total = builder.extract_value(rows[i], i)
+            for j in range(i):
+                part = builder.extract_value(rows[i], j)
+                for k in range(j):
+                    left = apply(operator.mul, lower[i, k], diagonal[k])
+                    part = minus(part, left, lower[j, k])
+                lower[i, j] = apply(operator.truediv, part, diagonal[j])
+                total = minus(total, lower[i, j], part)
+            diagonal.append(total)
+        x = [builder.extract_value(values[1], i) for i in range(n)]
+        for i in range(n):
+            for j in range(i):
+                x[i] = minus(x[i], lower[i, j], x[j])
+        for i in reversed(range(n)):
+            x[i] = apply(operator.truediv, x[i], diagonal[i])
+            for j in range(i + 1, n):
+                x[i] = minus(x[i], lower[j, i], x[j])
+        return pack(context, builder, signature.return_type, x)
+
+    return VectorType(n, element)(a, b), generate

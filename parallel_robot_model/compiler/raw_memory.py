@@ -1,0 +1,84 @@
+"""Memory that kernels reach by its address, which a boxed tuple can hold; arrays it cannot."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+
+from parallel_robot_model.compiler.numba_parts import in_kernels
+from parallel_robot_model.compiler.vector_types import Vector, load, shape_of, store
+
+_DOUBLE = ir.DoubleType().as_pointer()
+
+
+class Space(int):
+    """Address of floats, which live as long as it does.
+
+    Attributes:
+        floats: The floats.
+    """
+
+    floats: np.ndarray
+
+    def __new__(cls, count: int) -> Space:
+        """Make room for `count` floats, all zero."""
+        return cls.within(np.zeros(count))
+
+    @classmethod
+    def within(cls, floats: np.ndarray) -> Space:
+        """Floats that exist, as a space of their own."""
+        made = super().__new__(cls, floats.ctypes.data)
+        made.floats = floats
+        return made
+
+
+def _place(context: Any, builder: Any, kind: Any, address: Any, index: Any) -> Any:
+    """Emit a pointer to a value of a type, with `index` others of it before."""
+    count = context.get_constant(types.intp, math.prod(shape_of(kind)[0]))
+    pointer = builder.inttoptr(address, _DOUBLE)
+    return builder.gep(pointer, [builder.mul(index, count)])
+
+
+def _floats(address: int, index: int, like: Any) -> Any:
+    """The floats of value `index` of the type of `like`."""
+    count = np.size(like)
+    there = (ctypes.c_double * count).from_address(int(address) + 8 * count * int(index))
+    return np.ctypeslib.as_array(there)
+
+
+def read_at(address: int, index: int, like: Any) -> Any:
+    """Value `index` of the type of `like`, a float or made of floats; nothing is checked."""
+    found = _floats(address, index, like)
+    return found.reshape(like.shape).copy().view(Vector) if np.ndim(like) else found[0]
+
+
+def write_at(address: int, index: int, value: Any) -> None:
+    """Write value `index`, a float or made of floats; nothing is checked."""
+    _floats(address, index, value)[:] = np.ravel(value)
+
+
+@in_kernels(read_at)
+def _read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
+    signature = like(types.intp, types.intp, like)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return load(context, builder, like, _place(context, builder, like, *values[:2]))
+
+    return signature, generate
+
+
+@in_kernels(write_at)
+def _write_at(context: Any, address: Any, index: Any, value: Any) -> Any:
+    signature = types.none(types.intp, types.intp, value)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        place = _place(context, builder, value, *values[:2])
+        store(context, builder, value, values[2], place)
+        return context.get_dummy_value()
+
+    return signature, generate

@@ -1,0 +1,276 @@
+"""Numba's type of vectors: how they are stored, and how they come from Python.
+
+A vector has a fixed number of elements; its size is a part of its type. A kernel takes and returns
+it as a value, as it does a float: nothing is allocated, nothing is shared. A vector of vectors is
+a matrix.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import NativeValue, box, models, register_model, typeof_impl, unbox
+
+from parallel_robot_model.compiler.numba_parts import cgutils
+
+INTERPRETED = bool(numba.config.DISABLE_JIT)  # kernels run as plain Python, for a debugger
+if INTERPRETED:
+    np.seterr(all='ignore')  # 1 / 0 is inf, and whole numbers wrap around, as in kernels
+
+
+class Vector(np.ndarray):
+    """A vector, shape (n,), or a matrix, shape (n, n), that kernels take as a value."""
+
+    if INTERPRETED:  # it computes as in kernels
+
+        def __array_ufunc__(
+            self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **named: Any
+        ) -> Any:
+            """A new vector, also where a name is bound anew (``+=``)."""
+            plain = tuple(
+                each.view(np.ndarray) if isinstance(each, Vector) else each for each in inputs
+            )
+            if method == '__call__' and ufunc is not np.matmul:
+                plain = aligned(plain)
+            found = getattr(ufunc, method)(*plain, **named)
+            return found.view(Vector) if isinstance(found, np.ndarray) else found
+
+        def __getitem__(self, index: Any) -> Any:
+            """An element; the index counts modulo the size."""
+            whole = (int, np.integer)
+            if isinstance(index, whole):
+                index %= len(self)
+            elif isinstance(index, tuple) and all(isinstance(each, whole) for each in index):
+                index = tuple(i % n for i, n in zip(index, self.shape, strict=True))
+            return super().__getitem__(index)
+
+
+def divisible(value: Any) -> Any:
+    """A value, or a tuple of them, with floats that Python can divide by zero, as kernels do."""
+    if isinstance(value, tuple):
+        parts = map(divisible, value)
+        return type(value)(*parts) if hasattr(value, '_fields') else tuple(parts)
+    return np.float64(value) if type(value) is float else value
+
+
+def aligned(values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Numbers and arrays such that their first axes go together: an element counts for a row."""
+    most = max(map(np.ndim, values))
+    return tuple(
+        each.reshape(each.shape + (1,) * (most - each.ndim)) if np.ndim(each) else each
+        for each in values
+    )
+
+
+class VectorType(types.Type):  # type: ignore[misc]
+    """Numba's type of a vector.
+
+    Attributes:
+        count: Number of its elements.
+        element: Type of an element: a scalar or a vector.
+    """
+
+    def __init__(self, count: int, element: Any) -> None:
+        self.count, self.element = count, element
+        super().__init__(f'Vector({count}, {element})')
+
+    @property
+    def key(self) -> Any:
+        """Its identity for Numba: size and element."""
+        return self.count, self.element
+
+
+@register_model(VectorType)
+class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: VectorType) -> None:
+        element = manager.lookup(kind.element).get_value_type()
+        super().__init__(manager, kind, ir.ArrayType(element, kind.count))
+
+
+_SCALARS = {
+    np.dtype(np.float64): types.float64,
+    np.dtype(np.int64): types.int64,
+    np.dtype(np.bool_): types.boolean,
+}
+
+
+@typeof_impl.register(Vector)
+def _type_of_vector(value: Vector, context: Any) -> Any:
+    return _vector_type(value.dtype, value.shape)
+
+
+@functools.cache
+def _vector_type(dtype: np.dtype[Any], shape: tuple[int, ...]) -> Any:
+    kind: Any = _SCALARS.get(dtype)  # None: Numba does not know the type
+    for count in reversed(shape):
+        kind = kind and VectorType(count, kind)
+    return kind
+
+
+@typeof_impl.register(tuple)
+def _type_of_tuple(value: tuple[Any, ...], context: Any) -> Any:
+    """Type of a tuple, as Numba makes it, but found again by its class and elements.
+
+    Numba makes a new one at every call, whose hash is that of the whole tree of its types.
+    """
+    kinds = [typeof_impl(each, context) for each in value]
+    if any(kind is None for kind in kinds):
+        return None
+    key = (type(value), *map(id, kinds))  # the type that is found keeps those of its elements
+    found = _TUPLES.get(key)
+    if found is None:
+        found = _TUPLES[key] = types.BaseTuple.from_types(kinds, type(value))
+    return found
+
+
+_TUPLES: dict[tuple[Any, ...], Any] = {}
+
+
+def holds_vectors(value: Any) -> bool:
+    """Whether a value is a vector, or a tuple with one anywhere in it."""
+    if isinstance(value, tuple):
+        return any(map(holds_vectors, value))
+    return isinstance(value, Vector)
+
+
+def shape_of(kind: Any) -> tuple[tuple[int, ...], Any]:
+    """Shape of a value of a type as an array; its scalar."""
+    if isinstance(kind, VectorType):
+        rest, scalar = shape_of(kind.element)
+        return (kind.count, *rest), scalar
+    return (), kind
+
+
+@unbox(VectorType)
+def _from_python(kind: Any, value: Any, c: Any) -> Any:
+    shape, scalar = shape_of(kind)
+    array_type = types.Array(scalar, len(shape), 'C')
+    native = c.unbox(array_type, value)
+    result = cgutils.alloca_once(c.builder, c.context.get_value_type(kind))
+    failed = cgutils.alloca_once_value(c.builder, native.is_error)
+    with c.builder.if_then(c.builder.not_(native.is_error), likely=True):
+        array = c.context.make_array(array_type)(c.context, c.builder, native.value)
+        with c.builder.if_else(_fits(c, array, shape), likely=True) as (fits, differs):
+            with fits:
+                c.builder.store(load(c.context, c.builder, kind, array.data), result)
+            with differs:
+                text = f'expected a contiguous array of shape {shape}'
+                c.pyapi.err_set_string('PyExc_TypeError', text)
+                c.builder.store(cgutils.true_bit, failed)
+        c.context.nrt.decref(c.builder, array_type, native.value)
+    return NativeValue(c.builder.load(result), is_error=c.builder.load(failed))
+
+
+def _fits(c: Any, array: Any, shape: tuple[int, ...]) -> Any:
+    """Emit whether an array has a shape and its elements are consecutive."""
+    lengths = cgutils.unpack_tuple(c.builder, array.shape, len(shape))
+    strides = cgutils.unpack_tuple(c.builder, array.strides, len(shape))
+    result, step = cgutils.true_bit, array.itemsize
+    for count, length, stride in reversed(list(zip(shape, lengths, strides, strict=True))):
+        size = c.context.get_constant(types.intp, count)
+        result = c.builder.and_(result, c.builder.icmp_signed('==', length, size))
+        if count > 1 and 0 not in shape:
+            result = c.builder.and_(result, c.builder.icmp_signed('==', stride, step))
+        step = c.builder.mul(step, size)
+    return result
+
+
+@box(VectorType)
+def _to_python(kind: Any, value: Any, c: Any) -> Any:
+    shape, scalar = shape_of(kind)
+    size = math.prod(shape) * (1 if scalar == types.boolean else 8)
+    space = cgutils.alloca_once(c.builder, ir.IntType(8), size=max(1, size))
+    store(c.context, c.builder, kind, value, space)
+    data = c.pyapi.bytes_from_string_and_size(space, c.context.get_constant(types.intp, size))
+    how = (shape, {types.float64: 'f8', types.int64: 'i8'}.get(scalar, '?'))
+    make = c.pyapi.unserialize(c.pyapi.serialize_object(_array))
+    words = c.pyapi.unserialize(c.pyapi.serialize_object(how))
+    result = c.pyapi.call_function_objargs(make, (data, words))
+    for each in (data, make, words):
+        c.pyapi.decref(each)
+    return result
+
+
+def _array(data: bytes, how: tuple[tuple[int, ...], str]) -> Any:
+    shape, dtype = how
+    return np.frombuffer(data, dtype).reshape(shape).copy().view(Vector)
+
+
+def load(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
+    """Emit the reading of a value of a type from the consecutive elements of an array."""
+    _, scalar = shape_of(kind)
+    if scalar == types.boolean:
+        return _bytes_to_bits(context, builder, kind, pointer)
+    to = context.get_value_type(kind).as_pointer()
+    return builder.load(builder.bitcast(pointer, to), align=1)
+
+
+def store(context: Any, builder: Any, kind: Any, value: Any, pointer: Any) -> None:
+    """Emit the writing of a value of a type to the consecutive elements of an array."""
+    _, scalar = shape_of(kind)
+    if scalar == types.boolean:
+        byte = ir.IntType(8)
+        target = builder.bitcast(pointer, byte.as_pointer())
+        for at, bit in enumerate(_scalars(builder, kind, value)):
+            slot = builder.gep(target, [ir.Constant(ir.IntType(64), at)])
+            builder.store(builder.zext(bit, byte) if bit.type.width < 8 else bit, slot)
+        return
+    to = context.get_value_type(kind).as_pointer()
+    builder.store(value, builder.bitcast(pointer, to), align=1)
+
+
+def _scalars(builder: Any, kind: Any, value: Any) -> list[Any]:
+    if isinstance(kind, VectorType):
+        parts = [builder.extract_value(value, i) for i in range(kind.count)]
+        return [each for part in parts for each in _scalars(builder, kind.element, part)]
+    return [value]
+
+
+def _bytes_to_bits(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
+    source = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+    counter = iter(range(1 << 30))
+
+    def read(part: Any) -> Any:
+        result = ir.Constant(context.get_value_type(part), ir.Undefined)
+        if isinstance(part, VectorType):
+            for i in range(part.count):
+                result = builder.insert_value(result, read(part.element), i)
+            return result
+        slot = builder.gep(source, [ir.Constant(ir.IntType(64), next(counter))])
+        return builder.trunc(builder.load(slot), ir.IntType(1))
+
+    return read(kind)
+
+
+def vector(values: Any) -> Any:
+    """A vector or matrix of numbers; also in kernels, from a tuple of scalars or of vectors."""
+    return np.array(values, dtype=np.float64, order='C').view(Vector)
+
+
+def as_vectors(values: Any) -> Any:
+    """Tuples of numbers and arrays with vectors in place of the arrays of floats."""
+    if isinstance(values, tuple):
+        parts = map(as_vectors, values)
+        return type(values)(*parts) if hasattr(values, '_fields') else tuple(parts)
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return vector(values)
+    return values
+
+
+def as_arrays(values: Any) -> Any:
+    """Tuples of numbers and vectors with arrays in place of the vectors."""
+    if isinstance(values, tuple):
+        parts = map(as_arrays, values)
+        return type(values)(*parts) if hasattr(values, '_fields') else tuple(parts)
+    return np.array(values) if type(values) is Vector else values
+
+
+def tuple_like(kind: Any, kinds: list[Any]) -> Any:
+    """Type of a tuple of the same class with other elements."""
+    return types.BaseTuple.from_types(kinds, getattr(kind, 'instance_class', None))

@@ -1,0 +1,1 @@
+"""Parameters: fields, files, places, the loop and its hazards."""

@@ -1,0 +1,272 @@
+"""Configuration: every number of the suite, from ``config/``, as one flat dotted dictionary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import hazards, points_file, scenario_file
+from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
+from parallel_robot_model.configuration.config_files import PACKAGE as PACKAGE
+from parallel_robot_model.configuration.config_files import Layer as Layer
+from parallel_robot_model.configuration.config_files import Shipped, label, shipped
+from parallel_robot_model.configuration.config_files import directory as directory
+from parallel_robot_model.configuration.config_files import flat as flat
+from parallel_robot_model.configuration.fields import plain
+from parallel_robot_model.configuration.parameter_file import CODE
+from parallel_robot_model.configuration.placed import Placed, locating, merged, places_of
+
+CUSTOM = CODE
+PRESET = 'paper'  # the gains in config/laws
+CUSTOM_DEFAULT = 'custom module'  # source of a default in a Python file of a user
+OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
+
+
+def scenarios() -> list[str]:
+    """Names of the shipped scenarios."""
+    return scenario_file.names(directory() / 'scenarios')
+
+
+def default(key: str) -> Any:
+    """Default of a key of ``defaults.yaml``."""
+    return shipped().defaults[1][key]
+
+
+Extend = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+
+
+def resolve(
+    scenario: str, overrides: Mapping[str, Any] | None = None, extend: Extend | None = None
+) -> dict[str, Any]:
+    """Merge defaults, a scenario and overrides.
+
+    Later wins: ``defaults.yaml``, ``laws/*.yaml``, the file of the robot in ``robots/``, the
+    defaults of custom modules, the scenario's ``base``, the scenario, `overrides`. A
+    ``true_robot`` key that is not set equals its ``robot`` key; ``preset`` says whether the gains
+    are those of the preset; the files of custom modules are absolute.
+
+    Args:
+        scenario: Name of a file in ``config/scenarios``, or the path of a YAML file, whose name
+            is that of the scenario.
+        overrides: Dotted key to value; NumPy's numbers and arrays are accepted, too.
+        extend: Returns the defaults of the custom modules that a configuration names. Gains of
+            custom laws and parameters of custom trajectories for which it has none are taken as
+            they are.
+
+    Returns:
+        Every key of the suite with its value, plain numbers, texts and lists.
+
+    Raises:
+        UnknownNameError: no such scenario or robot, or a key that the defaults do not have.
+        InputError: a file cannot be read, the preset is asked for together with other gains, or a
+            custom module cannot be loaded.
+    """
+    return resolve_with_sources(scenario, overrides, extend)[0]
+
+
+def resolve_with_sources(
+    scenario: str, overrides: Mapping[str, Any] | None = None, extend: Extend | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """A configuration as of :func:`resolve`, and where the value of each key comes from.
+
+    Returns:
+        Key to value, and key to source: a file of ``config/``, the path of another file,
+        OVERRIDE, or for what follows from other keys, what it follows from.
+    """
+    changed = points_file.filled(_plain(overrides or {}))
+    name, of_scenario = _scenario(scenario)
+    given = str(changed.pop('scenario', name))
+    if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
+        raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
+    files = shipped()
+    asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
+    for key in CUSTOM:
+        _check_paths(key, asked[key])
+    with locating(asked):
+        layers = [files.defaults, _robot(files, asked, extend)]
+    gains = _gains(files, asked, extend)
+    _check_names(asked, layers, gains)
+    laws, shapes = (_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
+    layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, extend(asked) if extend else {}))]
+    config = merged(values for _, values in layers)
+    known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
+    opaque = (laws | shapes) - _groups(layers)  # not loaded here
+    for source, values in (*of_scenario, (OVERRIDE, changed)):
+        for key in values:
+            if key not in known and key.partition('.')[0] not in opaque:
+                with locating(values):
+                    raise UnknownNameError('parameter', key, known, key)
+        layers.append((source, values))
+    layers.append((of_scenario[-1][0], {'scenario': name}))
+    config = merged(values for _, values in layers)
+    sources = {key: source for source, values in layers for key in values}
+    for key in CUSTOM:
+        config[key] = [_absolute(key, path) for path in config[key]]
+    with locating(config):
+        config[hazards.KEY] = hazards.texts(config[hazards.KEY])
+    for key in [key for key in config if key.startswith('robot.')]:
+        if f'true_{key}' not in config:
+            config[f'true_{key}'], sources[f'true_{key}'] = config[key], key
+    preset = merged(values for _, values in gains)
+    other = next((key for key, value in preset.items() if config[key] != value), None)
+    if other and changed.get('preset') == PRESET:
+        raise InputError(
+            f'preset is {PRESET}, but {other} is {config[other]!r}, not {preset[other]!r}'
+        )
+    config['preset'], sources['preset'] = 'custom' if other else PRESET, other or 'laws/*.yaml'
+    return config, sources
+
+
+def _check_names(asked: Mapping[str, Any], layers: Iterable[Layer], gains: list[Layer]) -> None:
+    """Refuse custom laws and trajectories whose groups exist already: they bear their names.
+
+    Raises:
+        InputError: there is already such a group.
+    """
+    taken = _groups(layers)
+    for key, others in (('custom_laws', gains), ('custom_trajectories', [])):
+        for name in (Path(path).stem for path in asked[key]):
+            if name in taken:
+                raise InputError(f'{key}: {name} is a group of parameters; rename the file')
+            taken.add(name)
+        taken |= _groups(others)
+
+
+def _groups(layers: Iterable[Layer]) -> set[str]:
+    return {key.partition('.')[0] for _, values in layers for key in values}
+
+
+def scenario_values(scenario: str) -> dict[str, Any]:
+    """What a scenario and its bases set, by key.
+
+    Raises:
+        UnknownNameError: no such scenario.
+        InputError: one of its files cannot be read.
+    """
+    return merged(values for _, values in _scenario(scenario)[1])
+
+
+def _scenario(scenario: str) -> tuple[str, list[Layer]]:
+    """Name of a scenario, and what its files set, the bases first; see `scenario_file`."""
+    name, files = scenario_file.layers(scenario, directory() / 'scenarios')
+    return name, [(label(path), values) for path, values in files]
+
+
+def changed(
+    values: Mapping[str, Any], changes: Mapping[str, Any], extend: Extend | None = None
+) -> dict[str, Any]:
+    """A resolved configuration with some keys changed.
+
+    Raises:
+        UnknownNameError: a key that it does not have.
+        InputError: a custom module cannot be loaded.
+    """
+    changes = points_file.filled(_plain(changes))
+    for key in CUSTOM & changes.keys():
+        _check_paths(key, changes[key])
+    gains = preset({**values, **changes}, extend)
+    found = extend({**values, **changes}) if extend else {}
+    shapes = _of(_names({**values, **changes}, 'custom_trajectories'), found)
+    known = gains | shapes | dict(values)
+    for key in changes:
+        if key not in known:
+            with locating(changes):
+                raise UnknownNameError('parameter', key, known, key)
+    found = merged((known, changes))
+    for key in CUSTOM:
+        found[key] = [_absolute(key, path) for path in found[key]]
+    with locating(found):
+        found[hazards.KEY] = hazards.texts(found[hazards.KEY])
+    same = all(found[key] == value for key, value in gains.items())
+    return found | {'preset': PRESET if same else 'custom'}
+
+
+def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str, Any]:
+    """Gains of all laws from the files: Table 2 for the laws of the paper.
+
+    Args:
+        values: Keys that name the robot and the custom modules.
+        extend: See :func:`resolve`.
+
+    Raises:
+        InputError: a custom module cannot be loaded, or has the name of one that exists.
+    """
+    return merged(gains for _, gains in _gains(shipped(), values, extend))
+
+
+def _gains(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
+    """Gains of all laws by their source; see :func:`preset`."""
+    laws = {*files.laws}
+    for path in values['custom_laws']:
+        name = Path(path).stem
+        if name in laws:
+            what = f'there is already a law {name}; rename the file'
+            raise InputError(f'custom_laws: {path}: {what}')
+        laws.add(name)
+    layers = [*files.laws.values()]
+    if extend:
+        layers.append((CUSTOM_DEFAULT, _of(laws, extend(values))))
+    source, own = files.robots.get(str(values['robot_model']), ('', {}))
+    if source:
+        layers.append((source, _of(laws, own)))
+    return layers
+
+
+def robot_models() -> list[str]:
+    """Names of the robots of the suite."""
+    return [*shipped().robots]
+
+
+def _robot(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> Layer:
+    """Defaults of the robot.
+
+    Raises:
+        UnknownNameError: no such robot.
+        InputError: a custom robot has the name of one that exists.
+    """
+    name = str(values['robot_model'])
+    custom = [Path(path).stem for path in values['custom_robots']]
+    taken = sorted({*custom} & {*files.robots})
+    if taken:
+        raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
+    if name in custom:
+        others = _names(values, 'custom_laws') | _names(values, 'custom_trajectories')
+        found = extend(values) if extend else {}
+        return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(others, found)}
+    if name not in files.robots:
+        raise UnknownNameError('robot_model', name, [*files.robots, *custom], 'robot_model')
+    return files.robots[name]
+
+
+def _names(values: Mapping[str, Any], key: str) -> set[str]:
+    """Names of the custom modules of a kind."""
+    return {Path(path).stem for path in values[key]}
+
+
+def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of some groups: gains of laws, parameters of shapes."""
+    return {key: value for key, value in values.items() if key.partition('.')[0] in groups}
+
+
+def _check_paths(key: str, paths: Any) -> None:
+    """Refuse what is not a list of texts.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+        raise InputError(f'{key} must be a list of texts, not {paths!r}')
+
+
+def _absolute(key: str, path: str) -> str:
+    """Absolute path of a custom module: nodes may have other current directories."""
+    try:
+        return str(Path(path).expanduser().resolve())
+    except (OSError, RuntimeError, ValueError):  # too long, home of an unknown user, not a text
+        raise InputError(f'{key}: {path} does not exist') from None
+
+
+def _plain(values: Mapping[str, Any]) -> Placed:
+    return Placed({key: plain(value) for key, value in values.items()}, places_of(values))

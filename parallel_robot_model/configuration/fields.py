@@ -1,0 +1,211 @@
+"""Typed groups of parameters: a NamedTuple whose annotations carry unit, meaning and range."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+import types
+from collections.abc import Mapping, Sequence
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    NewType,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import numpy as np
+
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.printable import apart
+
+Value = bool | int | float | str | list[int] | list[float] | list[str]
+Group = TypeVar('Group')  # a NamedTuple
+
+
+# One number for each actuated joint; in files, a single number applies to all of them.
+PerJoint = NewType('PerJoint', tuple[float, ...])
+
+
+class Field(NamedTuple):
+    """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``.
+
+    Attributes:
+        unit: Unit of the value.
+        description: Meaning in a few words.
+        low: Smallest value.
+        high: Largest value.
+    """
+
+    unit: str
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+
+
+class Parameter(NamedTuple):
+    """One parameter of a group: its key in the files, its type and its meaning."""
+
+    key: str
+    type: Any
+    field: Field
+
+
+def parameters(group: type) -> tuple[Parameter, ...]:
+    """List the parameters of a group; a trailing underscore (``lambda_``) is not in the key."""
+    return _parameters(group)
+
+
+@functools.cache
+def _parameters(group: Any) -> tuple[Parameter, ...]:
+    found = []
+    for name, hint in get_type_hints(group, include_extras=True).items():
+        if get_origin(hint) is not Annotated:
+            raise TypeError(f'{group.__name__}.{name} needs Annotated[type, Field(...)]')
+        kind, field = get_args(hint)
+        found.append(Parameter(name.rstrip('_'), kind, field))
+    return tuple(found)
+
+
+def defaults(group: type, prefix: str) -> dict[str, Any]:
+    """Defaults of a group by key, for a group that exists in code alone.
+
+    Raises:
+        InputError: a field has no default.
+    """
+    given = getattr(group, '_field_defaults', {})
+    values = {name.rstrip('_'): value for name, value in given.items()}
+    for parameter in parameters(group):
+        if parameter.key not in values:
+            raise InputError(f'{prefix}{parameter.key} has no default')
+    return {f'{prefix}{key}': plain(value) for key, value in values.items()}
+
+
+def build(
+    group: type[Group], values: Mapping[str, Any], prefix: str = '', joints: int | None = None
+) -> Group:
+    """Make a group of parameters from plain values, checked one by one.
+
+    Args:
+        group: The NamedTuple to make.
+        values: Key to value, without the prefix; exactly the keys of the group.
+        prefix: Prefix of the key in messages, e.g. ``'friction.'``.
+        joints: Number of the actuated joints, where the group has values per joint.
+
+    Returns:
+        The group; integers given for floats and NumPy's numbers are converted, lists and arrays
+        become tuples.
+
+    Raises:
+        UnknownNameError: a key that the group does not have.
+        InputError: a key is missing, or a value has the wrong type, is not finite or out of range.
+    """
+    known = parameters(group)
+    keys = [parameter.key for parameter in known]
+    for key in values:
+        if key not in keys:
+            known_keys = [prefix + each for each in keys]
+            raise UnknownNameError('parameter', prefix + key, known_keys, prefix + key)
+    missing = [prefix + key for key in keys if key not in values]
+    if missing:
+        raise InputError(f'parameter {missing[0]} is missing')
+    return group(*(check(prefix + p.key, p.type, p.field, values[p.key], joints) for p in known))
+
+
+@functools.cache
+def words(kind: Any) -> tuple[str, ...]:
+    """The words that a parameter takes in place of a number; none for most."""
+    parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else ()
+    return tuple(word for part in parts if get_origin(part) is Literal for word in get_args(part))
+
+
+def plain(value: Any) -> Any:
+    """A value as the files have it: numbers, texts and lists, nothing of NumPy, no paths."""
+    if isinstance(value, np.floating):  # lists would keep other precisions as NumPy's
+        return float(value)
+    if isinstance(value, (np.generic, np.ndarray)):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = None) -> Any:
+    """Return `value` as `kind`, or raise InputError with a line that names both."""
+    value = plain(value)
+    if kind is PerJoint:
+        if joints is not None:
+            return _check_per_joint(name, field, value, joints)
+        kind = tuple[float, ...]
+    if get_origin(kind) is tuple:
+        items = get_args(kind)
+        length = None if items[-1] is Ellipsis else len(items)
+        wanted = f'a list of {f"{length} " if length else ""}{_noun(items[0])}s'
+        if isinstance(value, str) or not isinstance(value, Sequence):
+            raise InputError(f'{name} must be {wanted}, not {value!r}', name)
+        if length is not None and len(value) != length:
+            raise InputError(f'{name} must be {wanted}, not {len(value)}', name)
+        return tuple(check(f'{name}[{i}]', items[0], field, item) for i, item in enumerate(value))
+    if get_origin(kind) is Literal:
+        if value is False and 'off' in get_args(kind):
+            return 'off'  # YAML reads an unquoted off as false
+        if value not in get_args(kind):
+            choices = map(str, get_args(kind))
+            raise UnknownNameError(f'value of {name}', str(value), choices, name)
+        return value
+    if words(kind):
+        if value in words(kind):
+            return value
+        if not isinstance(value, (int, float)) or isinstance(value, bool):
+            known = ', '.join(words(kind))
+            raise InputError(f'{name} must be a number or one of {known}, not {value!r}', name)
+        kind = float
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value) if abs(value) < 1e300 else math.inf
+    if type(value) is not kind:
+        raise InputError(f'{name} must be {_article(kind)}, not {value!r}', name)
+    if kind in (int, float):
+        _check_range(name, field, value)
+    return value
+
+
+def _check_per_joint(name: str, field: Field, value: Any, joints: int) -> PerJoint:
+    """One number for each joint; a single one applies to all of them."""
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return PerJoint((check(name, float, field, value),) * joints)
+    if len(value) != joints:
+        wanted = f'a number or a list of {joints} numbers, one for each joint'
+        raise InputError(f'{name} must be {wanted}, not {len(value)}', name)
+    return PerJoint(
+        tuple(check(f'{name}[{i}]', float, field, item) for i, item in enumerate(value))
+    )
+
+
+def _check_range(name: str, field: Field, value: float) -> None:
+    unit = f' {field.unit}' if field.unit else ''
+    if not abs(value) < 1e300:  # also NaN
+        raise InputError(f'{name} must be finite, not {value}', name)
+    if not field.low <= value <= field.high:
+        given, _ = apart(value, field.low if value < field.low else field.high, 6)
+        if field.high == math.inf:
+            wanted = f'at least {field.low:g}{unit}'
+        elif field.low == -math.inf:
+            wanted = f'at most {field.high:g}{unit}'
+        else:
+            wanted = f'from {field.low:g} to {field.high:g}{unit}'
+        raise InputError(f'{name} must be {wanted}, not {given}', name)
+
+
+def _noun(kind: Any) -> str:
+    names = {float: 'number', int: 'whole number', str: 'text', bool: 'true or false'}
+    return names[kind]
+
+
+def _article(kind: Any) -> str:
+    return _noun(kind) if kind in (str, bool) else f'a {_noun(kind)}'

@@ -1,0 +1,1 @@
+"""Topics, and the bytes of their messages."""

@@ -1,0 +1,117 @@
+"""Work of a node that must not hold up its loop, done in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.service import Service
+
+from parallel_robot_model.processes import realtime
+
+SWITCH = 1e-4  # s, after which a thread that runs Python gives way to one that waits; usually 5e-3
+LOOK = 0.1  # s, between two looks whether the loop has ended
+
+
+class Background:
+    """One thread that does what it is given, in order, and one for the rest of services.
+
+    The loop takes its turn at any time, within :data:`SWITCH`. Before :meth:`start`, the caller
+    does all at once.
+    """
+
+    def __init__(self, node: Node, survive: Callable[[Exception], None]) -> None:
+        """Prepare.
+
+        Args:
+            node: The node, for the executor of its loop.
+            survive: Called with what a work raises.
+        """
+        self._node, self._survive = node, survive
+        self._pool: ThreadPoolExecutor | None = None
+        self._rest = ThreadPoolExecutor(1, 'rest', realtime.give_way)  # starts when it is needed
+        self._thread = 0  # identity of the thread
+        self._closed = threading.Event()
+
+    def start(self) -> None:
+        """From now on, do the work in the thread; its priority is just below the caller's."""
+        self._pool = ThreadPoolExecutor(1, 'background', self._begin)
+
+    def do(self, work: Callable[[], object]) -> None:
+        """Do something soon, outside the loop; nothing after :meth:`close`."""
+        if self._pool is None:
+            self._guarded(work)
+        elif not self._closed.is_set():
+            self._pool.submit(self._guarded, work)
+
+    def in_loop(self, work: Callable[[], object]) -> None:
+        """Do something between two callbacks of the loop, and wait until it is done."""
+        if not self.is_current():
+            work()
+            return
+        done = threading.Event()
+
+        def act() -> None:
+            try:
+                work()
+            finally:
+                done.set()
+
+        self._node.executor.create_task(self._guarded, act)
+        while not (done.wait(LOOK) or self._closed.is_set()):
+            pass
+
+    def answer(self, service: Service) -> None:
+        """Let a service be answered from here, not by its executor when the callback ends."""
+        callback, send = service.callback, service.send_response
+
+        def send_later(question: Any, header: Any) -> None:
+            self.do(lambda: send(callback(*question), header))
+
+        service.callback = lambda request, response: (request, response)
+        service.send_response = send_later
+
+    def finish(self, service: Service, work: Callable[[Any], None]) -> None:
+        """Do the rest of a service's work outside the loop, at once, whatever else is to be done.
+
+        Args:
+            service: The service.
+            work: Is given each answer before it is sent.
+        """
+        send = service.send_response
+
+        def rest(response: Any, header: Any) -> None:
+            work(response)
+            send(response, header)
+
+        def send_later(response: Any, header: Any) -> None:
+            if not self._closed.is_set():
+                self._rest.submit(self._guarded, partial(rest, response, header))
+
+        service.send_response = send_later
+
+    def is_current(self) -> bool:
+        """Whether the caller is the thread."""
+        return threading.get_ident() == self._thread
+
+    def close(self) -> None:
+        """Finish what has begun, and do nothing more."""
+        self._closed.set()
+        for pool in (self._rest, self._pool):
+            if pool is not None:
+                pool.shutdown(cancel_futures=True)
+
+    def _begin(self) -> None:
+        realtime.give_way()
+        self._thread = threading.get_ident()
+
+    def _guarded(self, work: Callable[[], object]) -> None:
+        try:
+            work()
+        except Exception as error:
+            if not self._closed.is_set():  # else its publisher or service is gone
+                self._survive(error)

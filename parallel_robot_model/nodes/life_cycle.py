@@ -1,0 +1,156 @@
+"""The life of a node's process: command line, start, executor, signals, end."""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import inspect
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
+from rclpy.logging import LoggingSeverity
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from parallel_robot_model.common.errors import InputError, ParallelRobotError
+from parallel_robot_model.nodes import arguments, middleware
+from parallel_robot_model.nodes.background import SWITCH
+from parallel_robot_model.nodes.suite_node import SuiteNode
+from parallel_robot_model.processes import discovery, realtime
+from parallel_robot_model.processes.ending_signals import ending_signals
+
+END_TIMEOUT = 8.0  # s, for the end of a node; then it is forced, with a traceback
+STOP_LATENCY = 0.1  # s, longest time from a signal, or the parent's end, to that of the executor
+
+
+def run_node(
+    make: Callable[..., SuiteNode], add_arguments: arguments.AddArguments | None = None
+) -> int:
+    """Run a node until it finishes, until a signal ends it, or if asked, until its parent ends.
+
+    Args:
+        make: Its class.
+        add_arguments: Declares command-line arguments of the node; `make` gets them by name.
+
+    Returns:
+        0; 1 when the node failed; 2 when a parameter or an argument is wrong, which is reported
+        in one line.
+    """
+    parent = os.getppid()
+    stop: list[int] = []  # signals; setting an Event in a handler can deadlock with itself
+    node: SuiteNode | None = None
+
+    def on_signal(number: int, _: Any) -> None:
+        stop.append(number)
+        if node is None:  # perhaps for half a minute: the compiler cannot be interrupted cleanly
+            os._exit(0)  # nothing has begun yet
+        node.end_time()
+
+    for number in ending_signals():
+        signal.signal(number, on_signal)
+    log_to_ros()
+    sys.setswitchinterval(SWITCH)
+    try:
+        given = arguments.read(make, sys.argv, add_arguments)
+        transport_choice = middleware.asked(sys.argv)
+        with middleware.explained(), middleware.transport(transport_choice) as transport:
+            _initialise()
+            node = make(**given)
+        middleware.check(node.loop.middleware, transport_choice)
+    except ParallelRobotError as error:
+        print(f'parallel_robot: {error}', file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = EventsExecutor() if node.loop.executor == 'events' else SingleThreadedExecutor()
+    try:
+        executor.add_node(node)
+        prepare_to_log()
+        if text := discovery.doubt():
+            node.get_logger().warning(text)
+        gc.collect()
+        gc.freeze()  # little is allocated from here on: collections stay short
+        wants_priority = node.loop.realtime == 'auto' and not node.loop.lockstep
+        granted = realtime.acquire(node.priority if wants_priority else 0)
+        node.show_granted(realtime=granted, middleware=transport)
+        node.begin()
+        while node.exit_code is None and not stop and rclpy.ok():
+            _spin(executor, node)
+            if node.loop.end_with_parent and os.getppid() != parent:
+                node.get_logger().info('the process that started this node has ended')
+                node.end_time()
+                break
+    except ParallelRobotError as error:
+        node.fail(error)
+    finally:
+        _end(executor, node)
+    return node.exit_code or 0
+
+
+def _initialise() -> None:
+    """Start rclpy without its signal handlers.
+
+    Raises:
+        InputError: the ROS arguments of the command line are wrong.
+    """
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # base of every error that rcl raises about its arguments
+        if type(error) is RCLError:  # about the environment
+            raise
+        raise InputError(str(error).splitlines()[0]) from None
+
+
+def _spin(executor: Executor, node: SuiteNode) -> None:
+    """Execute what arrives within STOP_LATENCY."""
+    try:
+        # A new future each time: SingleThreadedExecutor leaves a callback in it.
+        executor.spin_until_future_complete(Future(), timeout_sec=STOP_LATENCY)
+    except ParallelRobotError:
+        raise
+    except Exception as error:  # raised by rclpy itself, at something that came over the wire
+        node.survive(error)
+
+
+def _end(executor: Executor, node: SuiteNode) -> None:
+    """Close a node and rclpy; after END_TIMEOUT the process ends in any case."""
+    node.close()
+    faulthandler.dump_traceback_later(END_TIMEOUT, exit=True)
+    executor.remove_node(node)
+    node.destroy_node()
+    rclpy.try_shutdown()
+    for number in ending_signals():
+        # Python takes its handlers back as it exits: a second Ctrl-C would end that with an error.
+        signal.signal(number, signal.SIG_IGN)
+    faulthandler.cancel_dump_traceback_later()
+
+
+def log_to_ros() -> None:
+    """Let ROS log the records of the modules that know nothing of ROS."""
+    logger = logging.getLogger('parallel_robot')
+    logger.setLevel(logging.INFO)
+    logger.addHandler(_ToRos())
+
+
+class _ToRos(logging.Handler):
+    """Hands log records of Python over to ROS."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log a record with its own level; levels in between count as the next lower one."""
+        severity = LoggingSeverity(min(max(record.levelno // 10, 1), 5) * 10)
+        rclpy.logging.get_logger(record.name).log(record.getMessage(), severity)
+
+
+def prepare_to_log() -> None:
+    """Do now what the first log line would do: 20 ms, which a loop of 1 kHz cannot spare.
+
+    rclpy asks `inspect` for the caller of each line, which at first goes through all modules.
+    """
+    inspect.stack()

@@ -1,0 +1,1 @@
+"""Processes, priorities, code of users, and which code this is."""

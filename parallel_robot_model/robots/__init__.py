@@ -1,0 +1,1 @@
+"""Robots: parameters, kinematics, singularities, dynamics."""

@@ -1,0 +1,63 @@
+"""From a configuration to its robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.groups import Declared, group
+from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.robots.contract import Robot
+from parallel_robot_model.robots.disturbance import DisturbanceParameters
+from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.registry import (
+    RobotModel,
+    custom_robots,
+    default_values,
+    module_of,
+    robot_with,
+    robots,
+)
+
+LOADS = (('friction', FrictionParameters), ('disturbance', DisturbanceParameters))
+
+
+def declared(robot: Robot) -> Declared:
+    """Groups of the robots, nominal and true, and of the loads of their joints."""
+    yield 'robot', robot.Parameters
+    yield 'true_robot', robot.Parameters
+    yield from LOADS
+
+
+def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
+    """The robot of a resolved configuration; `prefix` ``true_robot`` is that of the plant.
+
+    Raises:
+        InputError: a parameter is wrong, or the number of joints differs from that of their names.
+    """
+    loop = loop_of(values)
+    with locating(values):
+        return robot_with(loop, group(values, module_of(loop).Parameters, prefix), prefix)
+
+
+def is_known(values: Mapping[str, Any]) -> bool:
+    """Whether the robot is one of the suite, or the configuration names its file."""
+    return values['robot_model'] in robots(values['custom_robots'])
+
+
+def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults by key of the custom robot of a configuration, if it has one."""
+    name = str(values['robot_model'])
+    robot = custom_robots(values['custom_robots']).get(name)
+    return {} if robot is None else default_values(name, robot)
+
+
+def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """A configuration with the defaults of a custom robot; see :func:`config.resolve`.
+
+    Gains of custom laws and parameters of custom trajectories are left as they are: their files
+    are not loaded.
+    """
+    return config.resolve(scenario, overrides, robot_defaults)

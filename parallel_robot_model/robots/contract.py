@@ -1,0 +1,217 @@
+"""What a robot provides to the rest of the suite: the interface between machine and suite.
+
+A robot is a module, or a package, with the attributes of :class:`Robot`. Its kernels take its
+``constants`` and vectors (see :mod:`parallel_robot_model.compiler`), whose size is known when
+they are compiled; n is the number of its actuated joints, m that of the coordinates of its pose.
+Of all this, the laws see only the :class:`Model`.
+
+The plant integrates coordinates that the robot chooses: minimal ones, in which its equations
+of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import kernel, multiply
+from parallel_robot_model.robots.feasibility import Infeasible
+from parallel_robot_model.robots.joint_load import JointLoad
+
+FOUND = 0  # no fault: there is a pose, and no margin is violated
+REACHED = -1  # no part of the robot is out of reach
+
+
+class Model(NamedTuple):
+    """Equations of motion in the actuated joints at one state: M thdd + Q thd + gravity = tau.
+
+    Attributes:
+        M: Inertia matrix [kg m^2], shape (n, n).
+        Q: Coriolis and centrifugal matrix [kg m^2/s], shape (n, n); Mdot - 2 Q is skew-symmetric.
+        gravity: Torque that holds the robot against gravity [N m], shape (n,).
+    """
+
+    M: Array
+    Q: Array
+    gravity: Array
+
+
+@kernel
+def inverse_dynamics(model: Model, acceleration: Array, velocity: Array) -> Array:
+    """Torque for an acceleration at a velocity: M a + Q v + gravity [N m], shape (n,)."""
+    return multiply(model.M, acceleration) + multiply(model.Q, velocity) + model.gravity
+
+
+@kernel
+def no_model(like: Model) -> Model:
+    """The placeholder for a model in a fault: zeros."""
+    return Model(np.zeros_like(like.M), np.zeros_like(like.Q), np.zeros_like(like.gravity))
+
+
+class PoseMotion(NamedTuple):
+    """Pose with two derivatives at one time, each shape (m,)."""
+
+    pose: Array
+    rate: Array
+    acceleration: Array
+
+
+class JointMotion(NamedTuple):
+    """Joints with two derivatives at one time.
+
+    Attributes:
+        position: Actuated joints [rad], shape (n,); NaN where the robot does not reach.
+        velocity: Their rates [rad/s], shape (n,).
+        acceleration: Their accelerations [rad/s^2], shape (n,).
+        passive: Other angles of the posture, for checks and pictures, shape (p,).
+        out_of_reach: 0-based index of the first part that does not reach, else REACHED.
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    passive: Array
+    out_of_reach: int
+
+
+class Location(NamedTuple):
+    """Pose by the forward kinematics, shape (m,), and FOUND or the fault if there is no pose."""
+
+    pose: Array
+    fault: int
+
+
+class Estimate(NamedTuple):
+    """What the controller knows of the robot from its joints.
+
+    Attributes:
+        fault: FOUND or a key of the robot's FAULTS: no pose fits, or a margin is violated.
+        pose: Pose, shape (m,); the guess if none was found.
+        model: Equations of motion; zero in a fault.
+    """
+
+    fault: int
+    pose: Array
+    model: Model
+
+
+class Measurement(NamedTuple):
+    """Joints and pose of the true robot at one state.
+
+    Attributes:
+        position: Actuated joints [rad], shape (n,).
+        velocity: Their rates [rad/s], shape (n,).
+        passive_position: Passive joints [rad], shape (p,).
+        passive_velocity: Their rates [rad/s], shape (p,).
+        pose: Pose, shape (m,).
+    """
+
+    position: Array
+    velocity: Array
+    passive_position: Array
+    passive_velocity: Array
+    pose: Array
+
+
+class Fault(NamedTuple):
+    """A fault of a robot: a code for bags, which never changes, and a text for people."""
+
+    key: str
+    text: str
+
+
+class Coordinate(NamedTuple):
+    """A coordinate of the pose: its name and its unit."""
+
+    name: str
+    unit: str
+
+
+class Robot(Protocol):
+    """A robot module.
+
+    It may have ``constants(parameters)``: what its kernels take in place of the parameters, i.e.
+    all that follows from these alone; ``NO_POSE``: those of its FAULTS at which `estimate` has no
+    trustworthy pose, without it all of them, or none where the pose does not depend on the guess;
+    ``pose_with(parameters, position, passive)``: the pose at all measured joints, shape (m,), NaN
+    where they contradict each other.
+
+    Attributes:
+        Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.
+        SafetyMargins: NamedTuple of the parameters ``safety.*`` that only this robot has:
+            limits beyond which there is a fault.
+        MotionLimits: NamedTuple of the parameters ``trajectory.*`` that only this robot has:
+            limits of a reference motion.
+        FAULTS: Faults of this robot by number, 1 to 9.
+        PARTS: Names of what one joint moves and of the whole, e.g. ``('leg', 'platform')``.
+        PLANAR: Whether its pose begins with x and y [m] in a plane and perhaps the angle phi
+            [rad], so that it can be shown and its error is a distance.
+    """
+
+    Parameters: Any
+    SafetyMargins: Any
+    MotionLimits: Any
+    FAULTS: dict[int, Fault]
+    PARTS: tuple[str, str]
+    PLANAR: bool
+
+    def validate(self, parameters: Any, name: str = 'robot', /) -> Any:
+        """Return the parameters if such a robot can be built; else raise RobotError."""
+
+    def joints(self, parameters: Any, /) -> int:
+        """Number of the actuated joints, n."""
+
+    def coordinates(self, parameters: Any, /) -> tuple[Coordinate, ...]:
+        """Coordinates of the pose."""
+
+    def start(self, parameters: Any, pose: Array, /) -> Array:
+        """Coordinates of the plant at a pose; raises InputError where it is out of reach."""
+
+    def joint_motion(self, parameters: Any, motion: PoseMotion, /) -> JointMotion:
+        """Kernel: joints with two derivatives at a pose with two derivatives."""
+
+    def locate(self, parameters: Any, position: Array, guess: Array, /) -> Location:
+        """Kernel: pose at joint positions, near a guess."""
+
+    def estimate(
+        self,
+        parameters: Any,
+        margins: Any,
+        position: Array,
+        velocity: Array,
+        guess: Array,
+        /,
+    ) -> Estimate:
+        """Kernel: pose, margins and model at a joint state; `guess` is a pose near it."""
+
+    def acceleration(
+        self,
+        parameters: Any,
+        load: JointLoad,
+        coordinates: Array,
+        rate: Array,
+        torque: Array,
+        time: float,
+        /,
+    ) -> Array:
+        """Kernel: second derivative of the plant's coordinates under motor torques [N m]."""
+
+    def measure(self, parameters: Any, coordinates: Array, rate: Array, /) -> Measurement:
+        """Kernel: joints and pose at coordinates of the plant."""
+
+    def infeasible(self, parameters: Any, limits: Any, reference: Any, /) -> list[Infeasible]:
+        """Samples of a reference that MotionLimits forbid or that are out of reach."""
+
+    def segments(self, parameters: Any, pose: Array, position: Array, /) -> dict[str, Array]:
+        """Straight lines of a picture by the name of their part.
+
+        Args:
+            parameters: The robot.
+            pose: Pose, shape (..., m).
+            position: Actuated joints, shape (..., n).
+
+        Returns:
+            Ends of the lines [m], shape (..., lines, 2, 2); empty for a robot without a picture.
+        """

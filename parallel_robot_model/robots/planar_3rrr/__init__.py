@@ -1,0 +1,62 @@
+"""The 3-RRR planar parallel robot of Doan, Le and Vo (2019); the attributes of a robot.
+
+Its pose is (x, y, phi) [m, m, rad], which is also what its plant integrates: minimal coordinates,
+in which everything has a closed form and the loops stay closed to round-off.
+"""
+
+from parallel_robot_model.robots.contract import Coordinate
+from parallel_robot_model.robots.planar_3rrr import linear_model, tree
+from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots.planar_3rrr.dynamics import acceleration
+from parallel_robot_model.robots.planar_3rrr.estimate import estimate, locate
+from parallel_robot_model.robots.planar_3rrr.margins import (
+    FAULTS,
+    NO_POSE,
+    MotionLimits,
+    SafetyMargins,
+    infeasible,
+)
+from parallel_robot_model.robots.planar_3rrr.motion import joint_motion, measure, start
+from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters as Parameters
+from parallel_robot_model.robots.planar_3rrr.parameters import validate
+from parallel_robot_model.robots.planar_3rrr.passive import pose_with
+from parallel_robot_model.robots.planar_3rrr.skeleton import segments
+
+PARTS = ('leg', 'platform')
+PLANAR = True
+
+
+def joints(parameters: Parameters) -> int:
+    """Three, one for each leg."""
+    return 3
+
+
+def coordinates(parameters: Parameters) -> tuple[Coordinate, ...]:
+    """Position and angle of the platform."""
+    return Coordinate('x', 'm'), Coordinate('y', 'm'), Coordinate('phi', 'rad')
+
+
+__all__ = [
+    'FAULTS',
+    'NO_POSE',
+    'PARTS',
+    'PLANAR',
+    'MotionLimits',
+    'Parameters',
+    'SafetyMargins',
+    'acceleration',
+    'constants',
+    'coordinates',
+    'estimate',
+    'infeasible',
+    'joint_motion',
+    'joints',
+    'linear_model',
+    'locate',
+    'measure',
+    'pose_with',
+    'segments',
+    'start',
+    'tree',
+    'validate',
+]

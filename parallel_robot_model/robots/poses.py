@@ -1,0 +1,54 @@
+"""Poses of a robot from its joints, sample by sample."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.robots.contract import FOUND
+from parallel_robot_model.robots.registry import RobotModel
+
+
+def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
+    """Forward kinematics of a series of samples, each with the previous pose as its guess.
+
+    Args:
+        robot: The robot.
+        position: Actuated joints [rad], shape (N, n).
+        guess: A pose near the first one, shape (m,).
+
+    Returns:
+        Poses, shape (N, m).
+
+    Raises:
+        KinematicsError: no pose fits.
+    """
+    joints = np.ascontiguousarray(position, dtype=np.float64)
+    row, start = vector(np.zeros(joints.shape[1])), vector(guess)
+    locate = robot.kernel('locate', row, start)
+    poses, failed, fault = _poses(locate, robot.constants, joints, row, start)
+    if fault != FOUND:
+        raise KinematicsError(
+            f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {failed}, '
+            f'joints at {np.round(joints[failed], 4).tolist()} rad)'
+        )
+    return poses
+
+
+@kernel
+def _poses(
+    locate: Any, robot: Any, position: Array, row: Array, guess: Array
+) -> tuple[Array, int, int]:
+    """Poses, and the first sample without a pose with its fault."""
+    poses = np.empty((len(position), len(guess)))
+    for k in range(len(position)):
+        found = locate(robot, read_row(position, k, row), guess)
+        if found.fault != FOUND:
+            return poses, k, found.fault
+        write_row(poses, k, found.pose)
+        guess = found.pose
+    return poses, -1, FOUND

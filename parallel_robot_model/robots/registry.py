@@ -1,0 +1,233 @@
+"""The robots by name. A new one is one module and one line here, and one file in config/robots."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Mapping, Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from numba import types
+
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.compiler import (
+    INTERPRETED,
+    Boxed,
+    FirstClass,
+    VectorType,
+    reason,
+    shape_of,
+)
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import Field, check, defaults
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.processes import custom_module
+from parallel_robot_model.processes.trial_process import LIMIT, step
+from parallel_robot_model.processes.tuple_classes import distinguish
+from parallel_robot_model.robots import axes, planar_3rrr, serial_2r
+from parallel_robot_model.robots.contract import (
+    Estimate,
+    JointMotion,
+    Location,
+    Measurement,
+    Robot,
+)
+
+ROBOTS: dict[str, Robot] = {
+    'planar_3rrr': planar_3rrr,
+    'axes': axes,
+    'serial_2r': serial_2r,
+}
+KERNELS: dict[str, type] = {  # and what they return
+    'joint_motion': JointMotion,
+    'locate': Location,
+    'estimate': Estimate,
+    'acceleration': VectorType,
+    'measure': Measurement,
+}
+OF_JOINTS = ('position', 'velocity', 'acceleration', 'M', 'Q', 'gravity')  # what has their size
+SEE = ' (docs/robots.md, vectors)'
+GROUPS = ('Parameters', 'SafetyMargins', 'MotionLimits')
+NEEDED = tuple(name for name in [*Robot.__annotations__, *vars(Robot)] if name[0] != '_')
+
+
+class RobotModel(NamedTuple):
+    """A robot with its parameters.
+
+    Attributes:
+        name: Key of ROBOTS, or the name of a custom robot.
+        module: Its module.
+        parameters: Its parameters.
+    """
+
+    name: str
+    module: Robot
+    parameters: Any
+
+    @property
+    def constants(self) -> Any:
+        """What its kernels take, boxed: the constants of its module, or else the parameters."""
+        return _constants(self)
+
+    @property
+    def pose_size(self) -> int:
+        """Number of the coordinates of its pose, m."""
+        return len(self.module.coordinates(self.parameters))
+
+    def pose_of(self, key: str, numbers: Any) -> tuple[float, ...]:
+        """A pose of the robot, by the parameter in which it stands.
+
+        Raises:
+            InputError: it is none.
+        """
+        pose: tuple[float, ...] = check(key, tuple[float, ...], Field('', ''), numbers)
+        if len(pose) != self.pose_size:
+            names = ', '.join(axis.name for axis in self.module.coordinates(self.parameters))
+            raise InputError(f'{key} must be [{names}], not {list(pose)}', key)
+        return pose
+
+    def kernel(self, name: str, *example: Any) -> FirstClass:
+        """A kernel of the robot as a value.
+
+        Args:
+            name: Key of KERNELS.
+            example: Its arguments after the constants, for their types.
+
+        Raises:
+            InputError: the kernel of a custom robot does not compile or returns something else.
+        """
+        function: Any = getattr(self.module, name)
+        if not hasattr(function, 'py_func'):
+            raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
+        try:
+            value = FirstClass(function, self.constants, *example)
+        except Exception as error:  # Numba has many
+            cause = reason(error, function.py_func)
+            see = SEE if 'Vector(' in cause else ''
+            raise InputError(f'{self.name}: {name} does not compile: {cause}{see}') from error
+        if INTERPRETED:  # the types are those of the values
+            return value
+        returned = value.signature().return_type
+        if getattr(returned, 'instance_class', type(returned)) is not KERNELS[name]:
+            raise InputError(f'{self.name}: {name} must return {_named(name)}')
+        sizes = dict.fromkeys(OF_JOINTS, self.module.joints(self.parameters))
+        sizes |= {'pose': self.pose_size}
+        if name == 'acceleration':
+            sizes = {name: len(example[1])}  # that of the coordinates
+        wrong = _wrong(name, returned, sizes)
+        if wrong:
+            raise InputError(f'{self.name}: {name} returns {wrong}{SEE}')
+        return value
+
+
+def _named(kernel: str) -> str:
+    kind = KERNELS[kernel]
+    return f'a vector{SEE}' if kind is VectorType else kind.__name__
+
+
+def _wrong(name: str, kind: Any, sizes: Mapping[str, int]) -> str:
+    """What is wrong in a result of a kernel: arrays, or vectors of wrong sizes."""
+    if isinstance(kind, types.BaseTuple):
+        fields = zip(getattr(kind, 'fields', ()), kind.types, strict=False)
+        return next(filter(None, (_wrong(*field, sizes) for field in fields)), '')
+    if isinstance(kind, types.Array):
+        return f'{name} as an array, not as a vector'
+    shape, _ = shape_of(kind)
+    if name in sizes and set(shape) != {sizes[name]}:
+        return f'{name} of shape {shape}, not of size {sizes[name]}'
+    return ''
+
+
+@functools.lru_cache(maxsize=64)
+def _constants(robot: RobotModel) -> Boxed:
+    values = _unboxed(robot)
+    distinguish(type(values))
+    return Boxed(values)
+
+
+def _unboxed(robot: RobotModel) -> Any:
+    made = getattr(robot.module, 'constants', None)  # optional in the contract
+    with custom_module.blaming(robot.name):
+        return made(robot.parameters) if made else robot.parameters
+
+
+def robots(paths: Sequence[str]) -> dict[str, Robot]:
+    """The robots of the suite and custom ones, by name.
+
+    Args:
+        paths: Files of the custom robots.
+
+    Raises:
+        InputError: a file cannot be imported or is not a robot.
+    """
+    return ROBOTS | custom_robots(paths)
+
+
+def custom_robots(paths: Sequence[str]) -> dict[str, Any]:
+    """Custom robots by name, see :func:`robots`."""
+    return dict(
+        custom_module.load(path, 'custom_robots', NEEDED, GROUPS, rehearse) for path in paths
+    )
+
+
+def module_of(loop: LoopParameters) -> Robot:
+    """Module of the robot that moves in a loop.
+
+    Raises:
+        UnknownNameError: no such robot.
+        InputError: a custom robot cannot be loaded.
+    """
+    found, name = robots(loop.custom_robots), loop.robot_model
+    if name not in found:
+        raise UnknownNameError('robot_model', name, found, 'robot_model')
+    return found[name]
+
+
+def robot_with(loop: LoopParameters, parameters: Any, prefix: str = 'robot') -> RobotModel:
+    """The robot of a loop with its parameters.
+
+    Args:
+        loop: It names the robot and its joints.
+        parameters: Group of the robot's module.
+        prefix: That of the parameters, for messages.
+
+    Raises:
+        InputError: a parameter is wrong, or the number of joints differs from that of their names.
+    """
+    module, names = module_of(loop), loop.joints
+    with custom_module.blaming(loop.robot_model):
+        robot = module.validate(parameters, prefix)
+        count = module.joints(robot)
+        module.coordinates(robot)
+    if count != len(names):
+        what = f'joints must be {count} names, one for each joint, not {list(names)}'
+        raise InputError(what, 'joints')
+    return RobotModel(loop.robot_model, module, robot)
+
+
+def rehearse(module: ModuleType) -> None:
+    """Call what a robot has in Python; what it raises is reported where it is called again."""
+    found: Any = module
+    with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
+        parameters = group(default_values('it', found), found.Parameters, 'robot')
+        robot = RobotModel('it', found, found.validate(parameters, 'robot'))
+        found.joints(robot.parameters), robot.pose_size
+        _unboxed(robot)  # to box them takes the compiler, whose time is not the file's
+
+
+def default_values(name: str, robot: Any) -> dict[str, Any]:
+    """Defaults by key of a custom robot.
+
+    It has them in its ``DEFAULTS``, flat or in groups, as the files in config/robots; those of
+    its parameters may stand in ``Parameters`` instead.
+    """
+    given = getattr(robot, 'DEFAULTS', {})
+    if not isinstance(given, Mapping):
+        raise InputError(f'{name}: DEFAULTS must be a dictionary, not {given!r}')
+    given = config.flat(given)
+    known = getattr(robot.Parameters, '_field_defaults', {})
+    if len(known) == len(robot.Parameters._fields):
+        given = defaults(robot.Parameters, 'robot.') | given
+    return given
