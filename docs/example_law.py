@@ -4,10 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import inverse_dynamics
+from parallel_robot.law import ControlOutput, Field, inverse_dynamics, kernel
 
 
 class Gains(NamedTuple):

@@ -2,12 +2,16 @@
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_control.antiwindup import unless_saturated
-from parallel_robot_control.contract import ControlOutput
-from parallel_robot_control.integral import Integral, advanced, zero_integral
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import inverse_dynamics
+from parallel_robot.law import (
+    ControlOutput,
+    Field,
+    Integral,
+    advanced,
+    inverse_dynamics,
+    kernel,
+    unless_saturated,
+    zero_integral,
+)
 
 TITLE = 'computed torque + I'  # in pictures and reports
 
@@ -18,20 +22,16 @@ class Gains(NamedTuple):
     Kd: Annotated[float, Field('1/s', 'gain of its rate', 0.0)] = 60.0
 
 
-class Memory(NamedTuple):
-    error: Integral  # its value and its rate, each a number for each joint
-
-
 def initial_memory(joints):
-    return Memory(zero_integral(joints))
+    return zero_integral(joints)  # its value and its rate, each a number for each joint
 
 
 @kernel
 def update(gains, model, reference, feedback, memory, dt):
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
-    integral = advanced(memory.error, dt)  # to this sample, with the rate of the last one
+    integral = advanced(memory, dt)  # to this sample, with the rate of the last one
     correction = gains.Kd * e_dot + gains.Kp * e + gains.Ki * integral
     torque = inverse_dynamics(model, reference.acceleration + correction, feedback.velocity)
     rate = unless_saturated(e, feedback.excess)  # it does not wind up
-    return ControlOutput(torque, e, e, Memory(Integral(integral, rate)))
+    return ControlOutput(torque, e, e, Integral(integral, rate))

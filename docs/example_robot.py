@@ -4,22 +4,25 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.errors import RobotError
-from parallel_robot_model.compiler import every, kernel, select, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import (
+from parallel_robot.robot import (
     FOUND,
     REACHED,
     Coordinate,
     Estimate,
     Fault,
+    Field,
     JointMotion,
     Location,
     Measurement,
     Model,
+    RobotError,
+    every,
+    first_sample,
+    kernel,
+    net_torque,
+    select,
+    vector,
 )
-from parallel_robot_model.robots.feasibility import first_sample
-from parallel_robot_model.robots.joint_load import net_torque
 
 PARTS = ('axis', 'table')
 PLANAR = True

@@ -4,10 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.time_law import quintic
+from parallel_robot.trajectory import Field, PoseMotion, kernel, quintic
 
 
 class Parameters(NamedTuple):

@@ -155,8 +155,8 @@ def simulate(
 ) -> Run:
     """Run the closed loop without ROS, as ``parallel_robot simulate`` does.
 
-    >>> from parallel_robot_sim import simulate
-    >>> run = simulate('paper_circle', law='smc', duration=2, **{'smc.z': 25})
+    >>> import parallel_robot as pr
+    >>> run = pr.simulate('paper_circle', law='smc', duration=2, **{'smc.z': 25})
     >>> run.error.shape
     (2001, 3)
     >>> print(run.fault)

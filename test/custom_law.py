@@ -5,9 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.compiler import kernel
+from parallel_robot.law import ControlOutput, Field, kernel
 
 
 class Gains(NamedTuple):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from assembly import simulate
 
+from parallel_robot import simulate as run_scenario
 from parallel_robot_control.estimator import (
     FILTER,
     LEVANT,
@@ -14,7 +15,6 @@ from parallel_robot_control.estimator import (
 )
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.configuration.groups import group
-from parallel_robot_sim import simulate as run_scenario
 
 H = 1e-3  # s
 T = np.arange(2001) * H

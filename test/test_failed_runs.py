@@ -5,11 +5,11 @@ import re
 
 import pytest
 
+from parallel_robot import simulate
 from parallel_robot.bags import history, run_log
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
-from parallel_robot_sim import simulate
 
 PUSHED = ['--duration', '1.5', '--set', 'disturbance.constant=[80,-80,50]']  # off its workspace
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from parallel_robot import simulate
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, MotionError
 from parallel_robot_model.configuration import config
-from parallel_robot_sim import simulate
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import fastest
 from trajectory_gen.configuration import trajectory_of

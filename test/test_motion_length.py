@@ -4,12 +4,12 @@ import json
 
 import pytest
 
+from parallel_robot import simulate
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.notebook import metrics
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_sim import simulate
 from trajectory_gen.configuration import resolve, trajectory_of
 from trajectory_gen.motion_length import with_duration
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-import parallel_robot_sim
+import parallel_robot
+from parallel_robot import Run, simulate
 from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import run_log, simulation_bag
@@ -20,7 +21,7 @@ from parallel_robot.cli import command_line
 from parallel_robot.studies import notebook
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration.loop import DURATION
-from parallel_robot_sim import Run, scenario_run, simulate
+from parallel_robot_sim import scenario_run
 
 ROOT = Path(__file__).parents[1]
 STUDY = {
@@ -45,7 +46,7 @@ def messages(bag):
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-@pytest.mark.parametrize('module', [parallel_robot_sim, scenario_run, notebook])
+@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook])
 def test_the_examples_of_the_docstrings_do_what_they_say(module):
     found = doctest.testmod(module)
     assert found.attempted > 0
@@ -269,20 +270,17 @@ def test_a_study_of_keys_and_values_is_swept(tmp_path):
 
 def test_the_compiler_is_imported_only_when_it_is_needed():
     code = (
-        'import sys, parallel_robot_sim; assert "numba" not in sys.modules; '
-        'assert {"Run", "simulate"} <= set(dir(parallel_robot_sim)); '
-        'from parallel_robot_sim import simulate; assert "numba" in sys.modules'
+        'import sys, parallel_robot; assert not {"numba", "numpy"} & sys.modules.keys(); '
+        'assert {"Run", "simulate", "load"} <= set(dir(parallel_robot)); '
+        'from parallel_robot import simulate; assert "numba" in sys.modules'
     )
     subprocess.run([sys.executable, '-c', code], check=True, cwd=ROOT)
 
 
-def test_older_ways_in_stay():
-    from parallel_robot_sim.simulation import simulate as older
-
-    assert older is not simulate
-    assert Run is scenario_run.Run
+def test_what_is_offered_is_there():
+    assert all(callable(getattr(parallel_robot, name)) for name in parallel_robot.__all__)
     with pytest.raises(AttributeError, match='nothing'):
-        _ = parallel_robot_sim.nothing
+        _ = parallel_robot.nothing
 
 
 def test_nothing_warns(run):
@@ -301,7 +299,7 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     exec('\n'.join(code[:2]), names)
     assert names['run'].error.shape == (12001, 3)
     assert (tmp_path / 'run.pdf').is_file()
-    assert names['load']('runs/smc').law == 'smc'
+    assert names['pr'].load('runs/smc').law == 'smc'
     exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), names)
     assert list(names['runs'].law) == ['smc', 's_fotsmc']
     with pytest.raises(InputError, match=re.escape(code[3].splitlines()[1].partition(': ')[2])):

@@ -1,5 +1,6 @@
 """Changes of law and gains while a run was recorded: told, with figures for each stretch."""
 
+from parallel_robot import simulate
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import stretches
@@ -8,7 +9,6 @@ from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands.analyze import of_stretches
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_sim import simulate
 from parallel_robot_sim.motions import of_simulation
 
 START = 10 * NANOSECONDS

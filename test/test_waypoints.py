@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
+from parallel_robot import simulate
 from parallel_robot.bags import run_log
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config, parameter_file
-from parallel_robot_sim import simulate
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.waypoints import Parameters, motion, prepare

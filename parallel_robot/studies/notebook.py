@@ -185,8 +185,8 @@ class RunMetrics(Metrics):
 def metrics(run: Run, *, start: float | None = None, stop: float | None = None) -> RunMetrics:
     """Metrics of a run, in SI units; shown as a table in units that fit.
 
-    >>> from parallel_robot_sim import simulate
-    >>> found = metrics(simulate('paper_circle', law='smc', duration=2))
+    >>> import parallel_robot as pr
+    >>> found = pr.metrics(pr.simulate('paper_circle', law='smc', duration=2))
     >>> round(found.torque.max_nm, 2)
     8.24
 
@@ -204,9 +204,9 @@ def metrics(run: Run, *, start: float | None = None, stop: float | None = None) 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
     """Metrics of several runs as a pandas.DataFrame, one row each.
 
-    >>> from parallel_robot_sim import simulate
+    >>> import parallel_robot as pr
     >>> laws = ('smc', 's_smc')
-    >>> found = compare(simulate('paper_circle', law=law, duration=2) for law in laws)
+    >>> found = pr.compare(pr.simulate('paper_circle', law=law, duration=2) for law in laws)
     >>> found.torque_max_nm.round(2).to_dict()
     {'smc': 8.24, 's_smc': 16.97}
 
@@ -240,7 +240,9 @@ def grid(
 ) -> Frame:
     """Run a law with every combination of some values.
 
-    >>> found = grid('paper_circle', 'smc', {'smc.z': [10, 25], 'smc.u': [0.2, 0.7]}, duration=2)
+    >>> import parallel_robot as pr
+    >>> gains = {'smc.z': [10, 25], 'smc.u': [0.2, 0.7]}
+    >>> found = pr.grid('paper_circle', 'smc', gains, duration=2)
     >>> found[['smc.z', 'smc.u', 'torque_max_nm']].round(2).values.tolist()
     [[10.0, 0.2, 10.9], [10.0, 0.7, 4.38], [25.0, 0.2, 13.96], [25.0, 0.7, 10.16]]
 

@@ -1,0 +1,55 @@
+"""What the file of a law of your own imports: these names stay. See docs/custom_law.md."""
+
+from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
+from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.coupling import coupling, synchronisation_error
+from parallel_robot_control.integral import Integral, advanced, zero_integral
+from parallel_robot_control.switching_functions import saturate, sig
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import (
+    clip,
+    cross,
+    dot,
+    every,
+    inlined,
+    inner,
+    kernel,
+    multiply,
+    select,
+    solve,
+    some,
+    vector,
+)
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import Model, inverse_dynamics
+
+__all__ = [
+    'ControlOutput',
+    'Feedback',
+    'Field',
+    'InputError',
+    'Integral',
+    'JointReference',
+    'Model',
+    'advanced',
+    'clip',
+    'coupling',
+    'cross',
+    'dot',
+    'every',
+    'inlined',
+    'inner',
+    'inverse_dynamics',
+    'kernel',
+    'multiply',
+    'saturate',
+    'select',
+    'sig',
+    'solve',
+    'some',
+    'synchronisation_error',
+    'unless_any_saturated',
+    'unless_saturated',
+    'vector',
+    'zero_integral',
+]

@@ -1,0 +1,61 @@
+"""What the file of a robot of your own imports: these names stay. See docs/robots.md."""
+
+from parallel_robot_model.common.errors import RobotError
+from parallel_robot_model.compiler import (
+    clip,
+    cross,
+    dot,
+    every,
+    inlined,
+    inner,
+    kernel,
+    multiply,
+    select,
+    solve,
+    some,
+    vector,
+)
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import (
+    FOUND,
+    REACHED,
+    Coordinate,
+    Estimate,
+    Fault,
+    JointMotion,
+    Location,
+    Measurement,
+    Model,
+    PoseMotion,
+)
+from parallel_robot_model.robots.feasibility import first_sample
+from parallel_robot_model.robots.joint_load import net_torque
+
+__all__ = [
+    'FOUND',
+    'REACHED',
+    'Coordinate',
+    'Estimate',
+    'Fault',
+    'Field',
+    'JointMotion',
+    'Location',
+    'Measurement',
+    'Model',
+    'PoseMotion',
+    'RobotError',
+    'clip',
+    'cross',
+    'dot',
+    'every',
+    'first_sample',
+    'inlined',
+    'inner',
+    'kernel',
+    'multiply',
+    'net_torque',
+    'select',
+    'solve',
+    'some',
+    'vector',
+]

@@ -1,0 +1,35 @@
+"""What the file of a trajectory of your own imports: these names stay.
+
+See docs/custom_trajectory.md.
+"""
+
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import (
+    clip,
+    every,
+    inlined,
+    inner,
+    kernel,
+    select,
+    some,
+    vector,
+)
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.robots.contract import PoseMotion
+from trajectory_gen.time_law import quintic, trapezoid
+
+__all__ = [
+    'Field',
+    'InputError',
+    'PoseMotion',
+    'clip',
+    'every',
+    'inlined',
+    'inner',
+    'kernel',
+    'quintic',
+    'select',
+    'some',
+    'trapezoid',
+    'vector',
+]
