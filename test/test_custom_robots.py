@@ -1,5 +1,7 @@
 """A robot from a file of the user's: it runs everywhere, and a wrong one costs one line."""
 
+import hashlib
+import json
 import shutil
 from pathlib import Path
 
@@ -9,11 +11,16 @@ from test_rerun import by_hand
 from untried import detach, forget
 from vectors import OnVectors
 
+from parallel_robot.analysis import table
+from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import history, run_log
+from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli.command_line import main
+from parallel_robot.studies.notebook import load, metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND
+from parallel_robot_sim import simulate
 
 pytest_plugins = ['warm_trials']
 pytestmark = [
@@ -28,7 +35,8 @@ WORDS = [
     '--set', 'robot_model=example_robot',
 ]  # fmt: skip
 
-POSE = ['--set', 'plant.initial_pose=[0.231, 0.2]', '--set', 'circle.center=[0.2, 0.2]']
+MOVED = {'plant.initial_pose': [0.231, 0.2], 'circle.center': [0.2, 0.2]}
+POSE = [word for key, value in MOVED.items() for word in ('--set', f'{key}={value}')]
 
 
 def test_its_defaults_stand_beneath_the_scenario():
@@ -53,6 +61,68 @@ def test_the_paper_s_law_tracks_a_circle_with_it(bag):
     assert np.abs(error[0]).max() == pytest.approx(1e-3)  # it starts beside the circle
     assert np.abs(error[2000:]).max() < 5e-5
     assert np.hypot(*(radius * log.reference_position - 0.2).T) == pytest.approx(0.03)
+
+
+CODES = [['--trust'], ['--set', f'custom_robots=[{EXAMPLE}]']]
+
+
+@pytest.mark.parametrize('words', CODES)
+def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
+    run = simulate('paper_circle', law='s_fotsmc', **CHANGES, **MOVED)
+    expected = metrics(run)
+    assert expected.steady.xy_rms_m > 0.0
+    assert main(['analyze', str(bag), *words, '--json', str(tmp_path / 'found.json')]) == 0
+    found = json.loads((tmp_path / 'found.json').read_text())
+    assert found['steady'] == pytest.approx(expected.steady._asdict(), rel=1e-12)
+    code = RobotCode(True) if words == CODES[0] else RobotCode(files=(str(EXAMPLE),))
+    again = load(bag, trust=code.trust, custom_robots=code.files)
+    assert metrics(again) == expected and np.array_equal(again.pose, run.pose)
+    assert 'platform_error_m' in again.to_frame() and 'not known' not in repr(again)
+    ((report,),) = read_runs([bag], code=code).values()
+    assert report.metrics == expected and report.poses.planar
+    columns, warnings = table.read(bag, code=code)
+    assert np.array_equal(columns['platform_x_m'], run.pose[:, 0]) and not warnings
+    words = [str(bag), '--rate', '1', '--out', str(tmp_path / 'robot.gif'), *words]
+    assert main(['video', *words]) == 0
+
+
+def test_without_its_file_a_bag_has_no_pose(bag, tmp_path, capsys):
+    assert main(['analyze', str(bag), '--figure', str(tmp_path / 'run.png')]) == 0
+    out, err = capsys.readouterr()
+    assert 'seen joint error' in out and 'end-effector' not in out and err == ''
+    assert main(['report', str(bag), '--out', str(tmp_path / 'report')]) == 0
+    for text in (out, (tmp_path / 'report' / 'report.html').read_text()):
+        assert 'example_robot is not known' in text and '--trust runs its file' in text
+    run = load(bag)
+    assert np.isnan(run.pose).all() and not run.planar and '--trust' in repr(run)
+    assert run.error.any() and not any('pose' in column for column in run.to_frame())
+    columns, (warning,) = table.read(bag)
+    assert not any('pose' in column or 'platform' in column for column in columns)
+    assert 'example_robot is not known' in warning
+    capsys.readouterr()
+    for words in (
+        ['video', str(bag), '--out', str(tmp_path / 'robot.gif')],
+        ['export', str(bag), '--foxglove', str(tmp_path / 'viewed')],
+    ):
+        assert main(words) == 2
+        err = capsys.readouterr().err
+        assert err.count('\n') == 1 and '--set custom_robots=[FILE]' in err
+
+
+def test_a_robot_whose_digest_is_noted_is_known(bag, tmp_path, monkeypatch):
+    noted = tmp_path / 'parallel_robot' / 'trusted_laws'
+    noted.parent.mkdir()
+    noted.write_text(hashlib.sha256(EXAMPLE.read_bytes()).hexdigest())
+    assert not load(bag).planar
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    assert load(bag).planar
+
+
+def test_a_file_that_is_not_its_own_is_refused(bag, tmp_path, capsys):
+    other = Path(shutil.copy(EXAMPLE, tmp_path / 'other.py'))
+    assert main(['analyze', str(bag), '--set', f'custom_robots=[{other}]']) == 2
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1 and 'custom_robots has no file example_robot.py' in err
 
 
 def test_the_model_of_the_controller_is_that_of_the_plant():

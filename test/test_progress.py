@@ -69,16 +69,17 @@ def test_nothing_to_do_and_more_than_expected(terminal):
 
 
 def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
-    def read(bag, _):
+    past = SimpleNamespace(sources={'custom_laws': {}})
+
+    def read(bag, *_):
         if bag.name == 'third':
             raise BagError('broken')
-        return SimpleNamespace(
+        log = SimpleNamespace(
             scenario='line', law='smc', joints=('a',), config={'robot_model': 'one'}
         )
+        return log, past
 
-    monkeypatch.setattr(runs.run_log, 'read', read)
-    past = SimpleNamespace(sources={'custom_laws': {}})
-    monkeypatch.setattr(runs.history, 'read', lambda *_: past)
+    monkeypatch.setattr(runs.recorded_robot, 'read', read)
     with pytest.raises(BagError, match='broken'):
         runs.read_runs(['first', 'second', 'third'])
     assert '2 of 3 bags read' in terminal.getvalue()

@@ -177,7 +177,7 @@ class Motion(Protocol):
 def poses(log: RunLog, true: bool = False) -> Poses:
     """Poses of the measured and of the desired joints; the latter by the nominal robot.
 
-    Of a robot that is not known here, joints stand in place of poses.
+    Those of a robot that is not known here are NaN, as many numbers as it has joints.
 
     Args:
         log: The run.
@@ -188,7 +188,8 @@ def poses(log: RunLog, true: bool = False) -> Poses:
         KinematicsError: a sample has no pose in the assembly mode of the scenario.
     """
     if not is_known(log.config):
-        return Poses(log.position, log.reference_position, planar=False)
+        nowhere = np.full_like(log.position, np.nan)
+        return Poses(nowhere, nowhere, planar=False)
     nominal, guess = nominal_of(log.config)
     actual = robot_of(log.config, 'true_robot') if true else nominal
     return poses_of(nominal, actual, guess, log.reference_position, log.position)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.analysis import metrics
+from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
@@ -15,7 +16,7 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import REFERENCE
-from parallel_robot_model.robots.configuration import is_known, robot_of
+from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim import plant_again
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along
@@ -114,7 +115,10 @@ def _of_bag(log: RunLog, past: History) -> Recorded:
     """The motions of a bag, without the ideal torque."""
     part, poses, cut = metrics.with_poses(log)
     seen = Moved(part.time, part.position, part.reference_position, part.effort, poses)
-    if not (is_known(log.config) and of_plant(past)):
+    unknown = recorded_robot.unknown(log.config)
+    if unknown:
+        return Recorded(part, poses, Motions(None, seen), cut, unknown)
+    if not of_plant(past):
         return Recorded(part, poses, Motions(None, seen), cut, UNKNOWN)
     hidden, saturated = untrue(log.config), tuple(saturation(log.config, part.effort))
     if not hidden:

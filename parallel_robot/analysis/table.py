@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,9 +10,10 @@ import numpy as np
 
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.metrics import Poses
-from parallel_robot.bags import command_states, history, run_log, telemetry
+from parallel_robot.bags import command_states, recorded_robot, telemetry
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.data_frames import Frame, pandas
@@ -33,18 +34,19 @@ class Table(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def read(bag: Path, memory: int = MEMORY) -> Table:
-    """Read a bag, see :func:`run_log.read`.
+def read(bag: Path, memory: int = MEMORY, code: RobotCode = NONE) -> Table:
+    """Read a bag, see :func:`recorded_robot.read`.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: Memory that reading it may take [bytes].
+        code: What may run to know its robot.
 
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    log = run_log.read(bag, memory)
-    poses, warnings = _poses(log, history.read(bag, memory))
+    log, past = recorded_robot.read(bag, memory, code)
+    poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
     found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
     if found is not None:
@@ -90,14 +92,20 @@ def columns(
     )
 
 
-def to_frame(bag: Path) -> Frame:
+def to_frame(bag: Path, *, trust: bool = False, custom_robots: Sequence[str | Path] = ()) -> Frame:
     """A bag as a pandas DataFrame, see :func:`read`.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        trust: Whether the code of its robot may run, where the bag holds it: with all your rights.
+        custom_robots: Files of robots of yours, which take the place of that in the bag.
 
     Raises:
         InputError: pandas is not installed.
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    frame: Frame = pandas().DataFrame(read(bag).columns)
+    code = recorded_robot.chosen(trust, custom_robots)
+    frame: Frame = pandas().DataFrame(read(bag, code=code).columns)
     return frame
 
 
@@ -107,6 +115,9 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
     Those of a robot that moves in a plane are of its platform and hold its error. They are true
     where the plant is known; what is seen stands beside them where it is something else.
     """
+    unknown = recorded_robot.unknown(log.config)
+    if unknown:
+        return {}, (unknown,)
     try:
         robot = robot_of(log.config)
     except ParallelRobotError as error:

@@ -29,7 +29,7 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures, palette
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.scale import AUTO
-from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags import recorded_robot, simulation_bag
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.statuses import LIMIT_TEXT
 from parallel_robot.studies.sweep import study as studies
@@ -95,17 +95,28 @@ class Picture:
         return content.getvalue()
 
 
-def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
+def load(
+    bag: str | Path,
+    *,
+    memory: int = MEMORY,
+    trust: bool = False,
+    custom_robots: Sequence[str | Path] = (),
+) -> Run:
     """Read a bag as a run.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
+        trust: Whether the code of its robot may run, where the bag holds it: with all your rights.
+        custom_robots: Files of robots of yours, which take the place of that in the bag.
 
     Raises:
-        BagError: not a bag, or one that is not of a run or takes too much.
+        BagError: not a bag, or one that is not of a run or takes too much; or its robot is in
+            neither bag nor files.
+        InputError: a file is not a robot.
     """
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    code = recorded_robot.chosen(trust, custom_robots)
+    log, past = recorded_robot.read(bag, memory, code)
     law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)

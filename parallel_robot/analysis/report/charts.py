@@ -94,7 +94,7 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
     Those of the path and of its errors are left out for a robot that does not move in a plane.
     """
     errors = [_joint_errors(runs), _coupling_errors(runs)]
-    if not runs[0].poses.planar:
+    if not all(run.poses.planar for run in runs):
         return [*(_marked(chart, runs) for chart in errors), _torques(runs)]
     errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
     return [_path(runs), *(_marked(chart, runs) for chart in errors), _torques(runs)]

@@ -14,11 +14,12 @@ from parallel_robot.analysis.readable_metrics import early, unsettled
 from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.bags import history, run_log, stretches, telemetry
+from parallel_robot.bags import recorded_robot, run_log, stretches, telemetry
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.message_arrays import physical
 from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
@@ -71,12 +72,15 @@ class Run(NamedTuple):
     marks: tuple[float, ...] = ()
 
 
-def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
+def read_runs(
+    bags: Sequence[str | Path], memory: int = MEMORY, code: RobotCode = NONE
+) -> dict[str, list[Run]]:
     """Read bags.
 
     Args:
         bags: Directories of the bags, or one file of each.
         memory: Memory that reading each may take [bytes].
+        code: What may run to know their robots.
 
     Returns:
         Scenario to its runs, in the order of `bags`; runs of one scenario with several robots
@@ -90,8 +94,7 @@ def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, lis
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
     logs: dict[tuple[str, str], list[tuple[Path, run_log.RunLog, History]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
-        log = run_log.read(bag, memory)
-        past = history.read(bag, memory)
+        log, past = recorded_robot.read(bag, memory, code)
         law_titles.learn(past.sources['custom_laws'])
         logs.setdefault((label(log.scenario), _robot(log)), []).append((bag, log, past))
     scenarios = [scenario for scenario, _ in logs]

@@ -10,7 +10,8 @@ import numpy as np
 from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.animation import box
 from parallel_robot.analysis.report.runs import Run
-from parallel_robot_model.common.errors import InputError
+from parallel_robot.bags import recorded_robot
+from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.robots.configuration import robot_of
 
 MOST = 4  # runs side by side
@@ -78,8 +79,12 @@ def scene(run: Run, times: np.ndarray, magnified: float) -> Scene:
         magnified: By how much its errors are magnified.
 
     Raises:
-        InputError: its robot does not move in a plane.
+        BagError: its robot is not known here.
+        InputError: it does not move in a plane.
     """
+    unknown = recorded_robot.unknown(run.log.config)
+    if unknown:
+        raise BagError(f'{run.bag}: {unknown}')
     if not run.poses.planar:
         raise InputError(f'{run.bag}: its robot does not move in a plane; there is no video of it')
     rows = np.clip(np.searchsorted(run.log.time, times), 0, len(run.log.time) - 1)

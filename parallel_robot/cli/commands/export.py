@@ -14,11 +14,13 @@ import numpy as np
 
 from parallel_robot.analysis import recorded_motions, table
 from parallel_robot.analysis.frames import Frames
-from parallel_robot.bags import history, new_files, run_log
+from parallel_robot.bags import new_files, recorded_robot
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.bags.recovery import recover
-from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
+from parallel_robot_model.common.errors import BagError, InputError, UnknownNameError
 from parallel_robot_sim.motions import differs
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
@@ -42,18 +44,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='copy of the bag, with description, frames (tf) and paths of the robot for Foxglove, '
         'Lichtblick and RViz; must not exist',
     )
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    bag, memory, code = arguments.bag, arguments.max_memory, robot_code(arguments)
     if arguments.foxglove:
-        return _copy(arguments.bag, arguments.foxglove, arguments.max_memory)
+        return _copy(bag, arguments.foxglove, memory, code)
     out: Path = arguments.out
     if out.suffix not in FORMATS:
         raise UnknownNameError('table format', out.suffix, FORMATS)
     new_files.check(out, '--out')
-    found, warnings = table.read(arguments.bag, arguments.max_memory)
+    found, warnings = table.read(bag, memory, code)
     for warning in warnings:
         print(f'warning: {warning}', file=sys.stderr)
     content = io.BytesIO()
@@ -63,12 +67,15 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _copy(bag: Path, out: Path, memory: int) -> int:
+def _copy(bag: Path, out: Path, memory: int, code: RobotCode) -> int:
     """Write a bag with all that viewers need to draw the robot."""
-    log = run_log.read(bag, memory)
+    log, past = recorded_robot.read(bag, memory, code)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    seen = not recorded_motions.of_plant(history.read(bag, memory)) or differs(log.config)
+    unknown = recorded_robot.unknown(log.config)
+    if unknown:
+        raise BagError(f'{bag}: {unknown}')
+    seen = not recorded_motions.of_plant(past) or differs(log.config)
     frames = Frames(log, seen)
     recover(bag, out, memory, frames.write)
     print(f'bag     {out}, with {frames.count} frames of the robot{", seen" if seen else ""}')

@@ -15,6 +15,7 @@ from parallel_robot.analysis.report.scale import AUTO, add_scale_argument
 from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.progress import tracked
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 from parallel_robot_model.common.errors import InputError
 
 PAGE = 'report.html'
@@ -29,13 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out', type=Path, required=True, metavar='DIR', help='of the report; must not exist'
     )
     add_scale_argument(parser)
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     new_files.check_directory(arguments.out)
-    groups = read_runs(arguments.bags, arguments.max_memory)
+    groups = read_runs(arguments.bags, arguments.max_memory, robot_code(arguments))
     try:
         figures = write(groups, arguments.out, arguments.scale)
     except OSError as error:

@@ -13,6 +13,7 @@ from parallel_robot.analysis.video.scene import MOST, frame_times, magnification
 from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.progress import tracked
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.options import number
 
@@ -44,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='X',
         help='errors of the path, the same for all bags; default: as much as they fill the view',
     )
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
@@ -58,7 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
         _check('--magnify', arguments.magnify, 1.0, 1e9)
     if len(arguments.bags) > MOST:
         raise InputError(f'a video takes up to {MOST} bags, not {len(arguments.bags)}')
-    groups = read_runs(arguments.bags, arguments.max_memory)
+    groups = read_runs(arguments.bags, arguments.max_memory, robot_code(arguments))
     runs = list(itertools.chain(*groups.values()))
     times = frame_times(runs, arguments.rate, arguments.speed, files.MOST[out.suffix])
     magnified = arguments.magnify or magnification(runs)

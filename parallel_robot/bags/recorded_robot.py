@@ -1,0 +1,97 @@
+"""The robot of a bag: one that is not of the suite is known by its file."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from parallel_robot.bags import history, run_log
+from parallel_robot.bags.history import History
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.trust import custom_files
+from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.configuration import is_known, robot_defaults
+
+KEY = 'custom_robots'
+UNKNOWN = (
+    'the robot {0} is not known here: no pose, and errors are those seen; --trust runs its file '
+    'in the bag, --set custom_robots=[FILE] one of yours (in Python trust=True, '
+    "custom_robots=['FILE'])"
+)
+
+
+class RobotCode(NamedTuple):
+    """What may run to know the robot of a bag.
+
+    Attributes:
+        trust: Whether its file in the bag may.
+        files: Files of the user's, which come first.
+    """
+
+    trust: bool = False
+    files: tuple[str, ...] = ()
+
+
+NONE = RobotCode()
+
+
+def chosen(trust: bool, custom_robots: Sequence[str | Path]) -> RobotCode:
+    """What may run, by the arguments of a function for Python.
+
+    Raises:
+        InputError: `custom_robots` is a single file.
+    """
+    if isinstance(custom_robots, str | Path):
+        raise InputError(f'{KEY} must be a list of files, not {custom_robots!r}')
+    return RobotCode(trust, tuple(map(str, custom_robots)))
+
+
+def read(bag: str | Path, memory: int = MEMORY, code: RobotCode = NONE) -> tuple[RunLog, History]:
+    """Read a bag of a run, with a configuration that knows its robot, where its code may run.
+
+    Neither laws nor trajectories of the bag run.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        memory: What may be held of it [bytes].
+        code: What may run.
+
+    Raises:
+        BagError: not a bag of a run, it takes too much, or its robot is in neither bag nor files.
+        InputError: a file is not a robot.
+    """
+    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    values = log.config | {KEY: config.code_files(KEY, list(code.files))}
+    name = values['robot_model']
+    if not is_known(values):
+        values[KEY] = values[KEY] + _of_bag(Path(bag), past, log.config, code.trust)
+        if not is_known(values) and code.trust:
+            raise BagError(f'{bag} does not hold the robot {name}; --set {KEY}=[FILE] gives it')
+        if not is_known(values) and code.files:
+            raise BagError(f'{bag} is of the robot {name}, but {KEY} has no file {name}.py')
+    return log._replace(config=robot_defaults(values) | values), past
+
+
+def unknown(values: Mapping[str, Any]) -> str:
+    """What a robot that is not known lacks, and what helps; empty where it is known."""
+    return '' if is_known(values) else UNKNOWN.format(values['robot_model'])
+
+
+def _of_bag(bag: Path, past: History, values: Mapping[str, Any], trust: bool) -> list[str]:
+    """The file of the robot of a bag, there until this process ends; none if it may not run."""
+    directory = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    try:
+        return custom_files(bag, {KEY: past.sources.get(KEY, {})}, values, Path(directory), trust)[
+            KEY
+        ]
+    except BagError:
+        if trust:
+            raise
+        return []
