@@ -11,6 +11,7 @@ from test_rerun import by_hand
 from untried import detach, forget
 from vectors import OnVectors
 
+from parallel_robot import simulate
 from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import history, run_log
@@ -20,7 +21,6 @@ from parallel_robot.studies.notebook import load, metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND
-from parallel_robot_sim import simulate
 
 pytest_plugins = ['warm_trials']
 pytestmark = [
