@@ -14,7 +14,7 @@ from vectors import OnVectors
 from parallel_robot import simulate
 from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.notebook import load, metrics
@@ -54,7 +54,7 @@ def bag(tmp_path_factory):
 
 
 def test_the_paper_s_law_tracks_a_circle_with_it(bag):
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     radius = 0.02
     error = radius * (log.reference_position - log.position)
     assert log.joints == ('motor_x', 'motor_y') and len(log.time) == 3001
@@ -79,7 +79,7 @@ def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
     assert metrics(again) == expected and np.array_equal(again.pose, run.pose)
     assert 'platform_error_m' in again.to_frame() and 'not known' not in repr(again)
     ((report,),) = read_runs([bag], code=code).values()
-    assert report.metrics == expected and report.poses.planar
+    assert report.metrics == expected and report.motion.poses.planar
     columns, warnings = table.read(bag, code=code)
     assert np.array_equal(columns['platform_x_m'], run.pose[:, 0]) and not warnings
     words = [str(bag), '--rate', '1', '--out', str(tmp_path / 'robot.gif'), *words]
@@ -320,15 +320,17 @@ def gone(recorded, tmp_path, monkeypatch, capsys):
 
 def test_it_comes_from_the_bag(gone, capsys):
     bag, _ = gone
-    assert history.read(bag).sources['custom_robots'] == {'example_robot': EXAMPLE.read_bytes()}
+    assert recording.read(bag).history.sources['custom_robots'] == {
+        'example_robot': EXAMPLE.read_bytes()
+    }
     again = bag.with_name('again')
     assert main(['rerun', str(bag), '--trust', '--out', str(again)]) == 0
     assert main(['replay', str(bag), '--trust']) == 0
     out, err = capsys.readouterr()
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of example_robot, which the bag holds' in err
-    assert history.read(again).sources == history.read(bag).sources
-    assert run_log.read(again).config['robot.tool'] == 3.0
+    assert recording.read(again).history.sources == recording.read(bag).history.sources
+    assert recording.read(again).log.config['robot.tool'] == 3.0
 
 
 def test_it_comes_from_the_bag_as_its_scenario_does(tmp_path, monkeypatch, capsys):
@@ -343,7 +345,7 @@ def test_it_comes_from_the_bag_as_its_scenario_does(tmp_path, monkeypatch, capsy
     scenario.unlink()
     assert main(['rerun', str(bag), '--trust']) == 0
     assert 'identical: 382 messages' in capsys.readouterr().out
-    log = run_log.read(tmp_path / 'bag_rerun')
+    log = recording.read(tmp_path / 'bag_rerun').log
     assert (log.scenario, log.config['robot_model']) == ('mine', 'example_robot')
     assert (log.config['robot.tool'], log.config['true_robot.tool']) == (3.0, 3.0)
 
@@ -384,12 +386,12 @@ def test_a_robot_that_did_not_run_needs_no_consent(tmp_path, capsys):
 def test_a_bag_recorded_by_hand_holds_the_robot_of_its_controller(gone, tmp_path, capsys):
     bag, robot = gone
     robot.write_text(EXAMPLE.read_text())
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     parameters = log.config | {'custom_robots': [str(robot)]}
     nodes = dict.fromkeys(('trajectory', 'plant', 'controller'), parameters)
     assert by_hand(tmp_path / 'hand', bag, **nodes) == []
     robot.write_text('raise SystemExit("the file that the bag names is not run")')
-    again = run_log.read(tmp_path / 'hand')
+    again = recording.read(tmp_path / 'hand').log
     assert again.config['robot.tool'] == 3.0 and again.joints == ('motor_x', 'motor_y')
     assert main(['replay', str(tmp_path / 'hand'), '--trust']) == 0
     assert 'identical: 101 commands' in capsys.readouterr().out
@@ -418,7 +420,7 @@ def test_a_file_that_a_bag_only_names_is_not_loaded(
 
 def test_a_file_that_a_controller_named_is_not_loaded(gone, tmp_path, monkeypatch, capsys):
     bag, robot = gone
-    controller = run_log.read(bag).config | {'custom_robots': [str(robot)]}
+    controller = recording.read(bag).log.config | {'custom_robots': [str(robot)]}
     lines = by_hand(tmp_path / 'hand', bag, plant=controller, controller=controller)
     assert lines == [f'the robot file {robot} is not on this machine']
     robot.write_text('open("ran", "w")\n' + EXAMPLE.read_text())

@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
@@ -211,7 +211,7 @@ def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
     for topic, count in ((topics.JOINT_STATES, 201), (topics.COMMANDS, 201)):
         peer.until(lambda: newest.get('/recorder', {}).get(topic.name) == str(count))  # noqa: B023
     assert recorder.end(signal.SIGINT) == 0, recorder.stderr
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert len(log.stamps) == 201
     assert np.array_equal(log.command[:200], simulated(log.config).run.command[:200])
 

@@ -16,7 +16,7 @@ import parallel_robot
 from parallel_robot import Run, simulate
 from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.bags import recording, simulation_bag
 from parallel_robot.cli import command_line
 from parallel_robot.studies import notebook
 from parallel_robot_model.common.errors import BagError, InputError
@@ -56,7 +56,7 @@ def test_the_examples_of_the_docstrings_do_what_they_say(module):
 def test_a_run_is_the_simulation_of_the_command_line(run, tmp_path):
     words = ['paper_circle', '--law', 'smc', '--duration', '1', '--set', 'smc.z=25']
     assert command_line.main(['simulate', *words, '--out', str(tmp_path / 'bag')]) == 0
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     for ours, theirs in (
         (run.time, log.time),
         (run.position, log.position),

@@ -10,7 +10,7 @@ import numpy as np
 
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.metrics import Poses
-from parallel_robot.bags import command_states, recorded_robot, telemetry
+from parallel_robot.bags import command_states, recorded_robot
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
@@ -45,11 +45,11 @@ def read(bag: Path, memory: int = MEMORY, code: RobotCode = NONE) -> Table:
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    log, past = recorded_robot.read(bag, memory, code)
+    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,))
     poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
-    found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
-    if found is not None:
+    if SLIDING_VARIABLE in extra:
+        found = extra[SLIDING_VARIABLE]
         row = command_states.by_state(log.stamps, found.stamps)
         sliding[row >= 0] = found.numbers['position'][row[row >= 0]]
     return Table(columns(log, poses, sliding), log.warnings + warnings)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import atexit
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.trust import custom_files
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
+from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.robots.configuration import is_known, robot_defaults
 
 KEY = 'custom_robots'
@@ -52,7 +53,12 @@ def chosen(trust: bool, custom_robots: Sequence[str | Path]) -> RobotCode:
     return RobotCode(trust, tuple(map(str, custom_robots)))
 
 
-def read(bag: str | Path, memory: int = MEMORY, code: RobotCode = NONE) -> tuple[RunLog, History]:
+def read(
+    bag: str | Path,
+    memory: int = MEMORY,
+    code: RobotCode = NONE,
+    topics: Collection[Topic] = (),
+) -> Recording:
     """Read a bag of a run, with a configuration that knows its robot, where its code may run.
 
     Neither laws nor trajectories of the bag run.
@@ -61,12 +67,14 @@ def read(bag: str | Path, memory: int = MEMORY, code: RobotCode = NONE) -> tuple
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
         code: What may run.
+        topics: What else is wanted, see :func:`recording.read`.
 
     Raises:
         BagError: not a bag of a run, it takes too much, or its robot is in neither bag nor files.
         InputError: a file is not a robot.
     """
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    found = recording.read(bag, topics, memory)
+    log, past, _ = found
     values = log.config | {KEY: config.code_files(KEY, list(code.files))}
     name = values['robot_model']
     if not is_known(values):
@@ -75,7 +83,7 @@ def read(bag: str | Path, memory: int = MEMORY, code: RobotCode = NONE) -> tuple
             raise BagError(f'{bag} does not hold the robot {name}; --set {KEY}=[FILE] gives it')
         if not is_known(values) and code.files:
             raise BagError(f'{bag} is of the robot {name}, but {KEY} has no file {name}.py')
-    return log._replace(config=robot_defaults(values) | values), past
+    return found._replace(log=log._replace(config=robot_defaults(values) | values))
 
 
 def unknown(values: Mapping[str, Any]) -> str:

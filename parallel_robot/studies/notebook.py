@@ -7,16 +7,14 @@ import io
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from parallel_robot.analysis import metrics as evaluation
 from parallel_robot.analysis import recorded_motions
-from parallel_robot.analysis.metrics import Metrics, Poses
+from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import (
     METRICS,
     NEVER,
@@ -45,24 +43,11 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_sim.motions import Motions, Moved, of_simulation
+from parallel_robot_sim.motions import Motions, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
 
 NARROWEST = 27  # characters of the names of metrics
 RESOLUTION = 70  # dots per inch of a picture in a notebook
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """A run as metrics and figures take it; see figures.NamedMotion."""
-
-    scenario: str
-    law: str
-    joints: tuple[str, ...]
-    time: np.ndarray
-    position: np.ndarray
-    reference_position: np.ndarray
-    effort: np.ndarray
 
 
 class Picture:
@@ -116,7 +101,7 @@ def load(
         InputError: a file is not a robot.
     """
     code = recorded_robot.chosen(trust, custom_robots)
-    log, past = recorded_robot.read(bag, memory, code)
+    log, past, _ = recorded_robot.read(bag, memory, code)
     law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
@@ -306,11 +291,11 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
         InputError: something among them is not a run, they are too many, or the scale is unknown.
     """
     if isinstance(runs, Run):
-        return Picture(figures.figure_of_run(*_drawn(runs), scale))
+        return Picture(figures.figure_of_run(runs, _motions(runs).best, scale))
     named = _named('plot', runs, law_label)
     if not 1 <= len(named) <= len(palette.RUNS):
         raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
-    drawn = {name: _drawn(run) for name, run in named.items()}
+    drawn = {name: (run, _motions(run).best) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
 
 
@@ -391,12 +376,6 @@ def _named(
     return named
 
 
-def _drawn(run: Run) -> tuple[_Drawn, Poses]:
-    """The best motion of a run, as figures take it, and its poses."""
-    *arrays, poses = _motions(run).best
-    return _Drawn(run.scenario, run.law, run.joints, *arrays), poses
-
-
 def _motions(run: Run) -> Motions:
     """The motions of a run.
 
@@ -407,7 +386,5 @@ def _motions(run: Run) -> Motions:
         raise InputError(f'a run is wanted, as of simulate or load, not {run!r}')
     if run.simulation is not None:
         return of_simulation(run.simulation)
-    if run.motions is not None:
-        return run.motions
-    poses = Poses(run.pose, run.pose_reference, run.planar)
-    return Motions(None, Moved(run.time, run.position, run.reference, run.torque, poses))
+    assert run.motions is not None  # it is from a bag
+    return run.motions

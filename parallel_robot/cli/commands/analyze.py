@@ -65,7 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
         figures.check_format(figure)
         new_files.check(figure, '--figure')
     memory = arguments.max_memory
-    log, past = recorded_robot.read(arguments.bag, memory, robot_code(arguments))
+    log, past, _ = recorded_robot.read(arguments.bag, memory, robot_code(arguments))
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     timed = timing.evaluate(log, past)
@@ -90,8 +90,8 @@ def execute(arguments: argparse.Namespace) -> int:
                 written.enter_context(new_files.written(arguments.json, as_json(result)))
             if not kept:
                 marks = [one.begin for one in parts[1:]]
-                drawn, poses = part.shown._replace(law=result['law']), part.motions.best.poses
-                figures.draw_run(drawn, poses, figure, arguments.scale, marks)
+                drawn, motion = log._replace(law=result['law']), part.motions.best
+                figures.draw_run(drawn, motion, figure, arguments.scale, marks)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):

@@ -69,7 +69,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _copy(bag: Path, out: Path, memory: int, code: RobotCode) -> int:
     """Write a bag with all that viewers need to draw the robot."""
-    log, past = recorded_robot.read(bag, memory, code)
+    log, past, _ = recorded_robot.read(bag, memory, code)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     unknown = recorded_robot.unknown(log.config)

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files, run_log
+from parallel_robot.bags import new_files, recording
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.cli.commands import simulate
 from parallel_robot.studies.identification import (
     design,
     identified,
+    measured_motion,
     readable,
-    recording,
     rest,
     robot_file,
     unexplained,
@@ -111,7 +111,7 @@ def _rest(arguments: argparse.Namespace) -> int:
     _refuse(
         arguments, ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
     )
-    still = rest.of(run_log.read(arguments.bag, arguments.max_memory))
+    still = rest.of(recording.read(arguments.bag, memory=arguments.max_memory).log)
     if still is None:
         raise BagError(f'{arguments.bag}: {rest.NONE}')
     if arguments.format == 'json':
@@ -132,12 +132,12 @@ def _identify(arguments: argparse.Namespace) -> int:
     if arguments.validate and arguments.validate.resolve() == arguments.bag.resolve():
         raise InputError(f'--validate needs another bag than {arguments.bag}')
     memory = arguments.max_memory
-    log, recorded = recording.read(arguments.bag, memory)
+    log, recorded = measured_motion.read(arguments.bag, memory)
     nominal = identified.nominal_of(log)
     still = rest.of(log)
     second = None
     if arguments.validate:
-        second = recording.read(arguments.validate, memory)
+        second = measured_motion.read(arguments.validate, memory)
         identified.check_same_robot(log, second[0])
         _warn(arguments.validate, (*second[0].warnings, *second[1].left_out))
     _warn(arguments.bag, (*log.warnings, *recorded.left_out))

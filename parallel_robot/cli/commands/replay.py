@@ -13,7 +13,7 @@ import numpy as np
 
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import arithmetic, history, new_files, run_log
+from parallel_robot.bags import arithmetic, new_files, recording
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.run_log import RunLog
@@ -57,7 +57,7 @@ def execute(arguments: argparse.Namespace) -> int:
         _check_figure(arguments.figure)
     bag = arguments.bag
     memory = arguments.max_memory
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    log, past, _ = recording.read(bag, memory=memory)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import arithmetic, history, run_log
+from parallel_robot.bags import arithmetic, recording
 from parallel_robot.bags.experiment import SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import MEMORY, Allowance, add_memory_argument
+from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import add_trust_argument, custom_files
 from parallel_robot.cli.commands import run, simulate
 from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
@@ -55,7 +56,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag, memory = Path(os.path.realpath(arguments.bag)), arguments.max_memory
     out = arguments.out or bag.parent / f'{bag.name.removesuffix(".mcap")}_rerun'
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    log, past, _ = recording.read(bag, memory=memory)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
     planned = loop_of(log.config).last_index or 0
@@ -97,17 +98,17 @@ def execute(arguments: argparse.Namespace) -> int:
         return code
     until, part = None, ''
     if not simulated or values['duration'] != recorded:
-        until = common_end(log, run_log.read(out, memory))
+        until = common_end(log, recording.read(out, memory=memory).log)
     if until is not None:
         part = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
     count, difference = compare(bag, out, memory, until)
     print(f'differs: {difference}' if difference else f'identical: {count} messages{part}')
     if difference:
-        print(f'         {size(log, run_log.read(out, memory))}')
+        print(f'         {size(log, recording.read(out, memory=memory).log)}')
     return code or int(bool(difference))
 
 
-def common_end(log: run_log.RunLog, other: run_log.RunLog) -> int | None:
+def common_end(log: RunLog, other: RunLog) -> int | None:
     """Log time [ns] up to which two runs in lockstep can be the same.
 
     A run that was stopped ends with messages of its stop, and without some that are sent for
@@ -124,7 +125,7 @@ def common_end(log: run_log.RunLog, other: run_log.RunLog) -> int | None:
     return min(ends) - last * planned.period_ns
 
 
-def length(log: run_log.RunLog) -> float:
+def length(log: RunLog) -> float:
     """Length of the motion that a bag holds, in whole periods [s]."""
     period = log.config['period']
     return float(round(round(log.time[-1] / period) * period, 9))
@@ -199,7 +200,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     return lines
 
 
-def size(log: run_log.RunLog, other: run_log.RunLog) -> str:
+def size(log: RunLog, other: RunLog) -> str:
     """How large the difference of two runs is, as far as both go."""
     pairs = ((log.position, other.position), (log.command, other.command))
     counts = [min(map(len, pair)) for pair in pairs]

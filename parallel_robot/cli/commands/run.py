@@ -135,7 +135,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
     ended = move(configuration, scenario, changed, out, namespace)
     try:
         code = RobotCode(files=tuple(values['custom_robots']))
-        log, past = recorded_robot.read(out, TRUSTED, code)
+        log, past, _ = recorded_robot.read(out, TRUSTED, code)
     except BagError:
         if ended.signal:  # before the first state
             raise StoppedError(ended.signal) from None
