@@ -20,6 +20,7 @@ pytest_plugins = ['ros_fixtures']
 RAMP = 200.0  # N m/s, of SLOW_LOOP
 
 
+@pytest.mark.endurance
 def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain, tmp_path):
     words = [word for key in SLOW_LOOP for word in ('--set', key.replace(':=', '='))]
     words += ['--set', 'plant.command_timeout=5']

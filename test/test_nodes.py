@@ -81,6 +81,7 @@ def records(message):
     return any(value.key == topics.JOINT_STATES.name and value.value != '0' for value in values)
 
 
+@pytest.mark.endurance
 def test_nodes_end_in_order_when_their_launcher_is_killed(compiled, peer, tmp_path):
     given = [*PATIENT, 'end_with_parent:=true', f'recorder.out:={tmp_path / "bag"}']
     options = [word for parameter in given for word in ('-p', parameter)]

@@ -63,6 +63,7 @@ def test_the_simulated_robot_is_another_one_than_is_assumed(robot):
     assert 'sensor.position_noise' not in noisy
 
 
+@pytest.mark.endurance
 def test_the_drill_on_real_nodes(launch, domain, tmp_path):
     words = ('rehearse', '--only', 'drill', '--out', 'drill')
     process = launch('parallel_robot.cli.command_line', *words)
