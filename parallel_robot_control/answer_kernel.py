@@ -13,13 +13,12 @@ from parallel_robot_control import faults, lock_in, safety
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
-    Acted,
     CycleState,
     When,
     at_measurement,
     is_finite,
 )
-from parallel_robot_control.estimator import KALMAN, Estimated
+from parallel_robot_control.estimator import KALMAN
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import OVERDUE, QUIET, Last
@@ -29,35 +28,20 @@ from parallel_robot_control.shared_arrays import (
     AGE,
     AGES,
     ANSWERS,
-    BEGINS,
     CAUSE,
     COUPLED,
-    EFFORT,
     END,
     ERROR,
     ERROR_RATE,
-    EXCESS,
-    FAULT,
     FROM,
     HEARD,
-    HELD,
-    KNOWN,
     LAST,
     LOGGED,
     NEVER,
-    OFFSET,
     PHASE,
-    POSE_LOST,
-    POSITION,
-    RATE,
-    REFERENCE,
     SLIDING,
     START,
-    TAKES_OVER,
-    TORQUE,
-    TRACKED,
     UNTIL,
-    VELOCITY,
     WAITS,
 )
 from parallel_robot_model.common.arrays import Array
@@ -88,8 +72,6 @@ REFUSED_LONG = -9  # all of them have been for so long that it is a fault
 def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     """Answer a state message; the command message is written to the shared arrays.
 
-    Only this function is compiled for each law; what it calls is compiled once.
-
     Args:
         core: See Core.
         wire: Layout of the message with position, velocity and effort, see Wire.
@@ -101,36 +83,55 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         ANSWERED and further bits, or the reason why there is no answer.
     """
     common = core.common
-    acted = common.numbers[ACTED]
+    acted, before = common.numbers[ACTED], common.state
     row = core.setup.limits.torque
     estimator = core.setup.estimator
     tracks = estimator.kind == KALMAN
-    known = common.numbers[KNOWN] != 0
-    delay = lock_in.delay_at(estimator.lock_in, estimator.delay, known, row)
-    question = _open(common, wire, data, now, monotonic, row, core.pose, tracks, delay)
+    delay = lock_in.delay_at(estimator.lock_in, estimator.delay, before.last.known, row)
+    question = _open(common, wire, data, now, monotonic, row, tracks, delay)
     if question.code != ANSWERED:
         return question.code
+    stamps = question.stamps
+    sample = stamps.acts // common.timing.period
     done = core.cycle(
         core.setup,
         question.reference,
         question.position,
         question.velocity,
         question.effort,
-        question.state,
-        core.memory,
-        When(question.acts // common.timing.period, question.age, question.dt),
+        common.state,
+        When(sample, (stamps.acts - stamps.stamp) / NANOSECONDS, question.dt),
     )
-    core.memory = done.memory
-    phase = lock_in.phase(estimator.lock_in, question.acts // common.timing.period, row)
-    answered = Acted(
-        done.torque,
-        done.sliding_variable,
-        done.coupled_error,
-        done.acted,
-        done.cause,
-        done.state,
-    )
-    return _close(common, question, answered, acted, phase, now, monotonic)
+    common.state = done.state
+    write_row(common.telemetry, COUPLED, done.coupled_error)
+    write_row(common.telemetry, SLIDING, done.sliding_variable)
+    write_row(common.torques, 0, done.torque)
+    phase = lock_in.phase(estimator.lock_in, sample, row)
+    code = _close(common, stamps, done.acted, done.cause, phase, now, monotonic)
+    numbers, after = common.numbers, done.state
+    if numbers[ACTED] != acted or after.fault != before.fault or after.lost != before.lost:
+        code |= STATUS
+    return code
+
+
+class Stamps(NamedTuple):
+    """Times of an answer [ns].
+
+    Attributes:
+        stamp: Stamp of the state.
+        acts: Stamp of the sample from which on the torque acts, as far as it counts.
+        now: The same, whether it counts or not.
+        known: Stamp of the reference used.
+        before: Stamp of the state answered before; NEVER if there is none.
+        stale: Whether the reference is too old.
+    """
+
+    stamp: int
+    acts: int
+    now: int
+    known: int
+    before: int
+    stale: bool
 
 
 class Question(NamedTuple):
@@ -138,36 +139,20 @@ class Question(NamedTuple):
 
     Attributes:
         code: ANSWERED if the state can be answered, else the reason why not.
-        stamp: Stamp of the state [ns].
-        acts: Stamp of the sample from which on the torque acts [ns], as far as it counts.
-        now: The same, whether it counts or not.
-        known: Stamp of the reference used [ns].
-        before: Stamp of the state answered before [ns]; NEVER if there is none.
-        fault: Fault of the controller before this state.
-        stale: Whether the reference is too old.
+        stamps: Times of the answer.
         reference: Desired joint motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         effort: Torque applied before the state [N m], shape (n,); NaN where it is not known.
-        state: State of the controller after the cycle before.
-        age: From the stamp until the torque acts [s].
         dt: Time since the previous state [s].
     """
 
     code: int
-    stamp: int
-    acts: int
-    now: int
-    known: int
-    before: int
-    fault: int
-    stale: bool
+    stamps: Stamps
     reference: JointReference
     position: Array
     velocity: Array
     effort: Array
-    state: CycleState
-    age: float
     dt: float
 
 
@@ -179,26 +164,27 @@ def _open(
     now: int,
     monotonic: int,
     row: Array,
-    pose: Array,
     tracks: bool,
     delay: float,
 ) -> Question:
     """Read a state, check whether it can be answered, and find its reference.
 
+    If it can, the state of the controller is made what the cycle begins with.
+
     In lockstep the first state tells the age of all: its torque acts from the start on. In wall
     time a torque acts at the end of the period in which it is asked for; this counts only with an
     estimator that predicts.
 
-    `row` is any vector of shape (n,), `pose` any of shape (m,); `tracks`: whether the estimator
-    predicts; `delay`: age that the stamps do not tell [s].
+    `row` is any vector of shape (n,); `tracks`: whether the estimator predicts; `delay`: age that
+    the stamps do not tell [s].
     """
-    timing, numbers, vectors = common.timing, common.numbers, common.vectors
+    timing, numbers, state = common.timing, common.numbers, common.state
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
-    before, fault = numbers[LAST], numbers[FAULT]
+    before, last, fault = numbers[LAST], state.last, state.fault
     code, found, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
@@ -241,14 +227,17 @@ def _open(
         if found == MISSING:
             code = NO_REFERENCE
     if code == ANSWERED:
+        held, excess, begins = state.held, state.excess, state.begins
+        torque, takes_over = last.torque, last.takes_over
         gap = timing.lockstep and before != NEVER and stamp - before > timing.state_timeout
         if fault == faults.NONE and (gap or found == TOO_OLD):
-            numbers[FAULT] = select(gap, faults.STATES_STALE, faults.REFERENCE_STALE)
-            write_row(vectors, HELD, read_row(vectors, POSITION, row))
+            fault = select(gap, faults.STATES_STALE, faults.REFERENCE_STALE)
+            held = last.position
         if gap:
-            write_row(vectors, TORQUE, np.zeros_like(row))
-        write_row(vectors, VELOCITY, velocity)
-        write_row(vectors, EFFORT, applied)
+            torque = np.zeros_like(row)
+        write_row(common.measured, 0, position)
+        write_row(common.measured, 1, velocity)
+        write_row(common.measured, 2, applied)
         then = at_measurement(reference, (acts - stamp) / NANOSECONDS + delay)
         write_row(common.telemetry, ERROR, then.position - position)
         write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
@@ -257,110 +246,58 @@ def _open(
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
-            write_row(vectors, TORQUE, applied)
-            joins = True
+            torque, joins = applied, True
         if joins:  # see transitions.joining
-            write_row(vectors, EXCESS, np.zeros_like(row))
-            numbers[TAKES_OVER] = 1
-            numbers[BEGINS] = BACK
+            excess, takes_over, begins = np.zeros_like(row), True, BACK
         numbers[WAITS] = overdue
         numbers[LAST] = stamp
-    last = Last(
-        read_row(vectors, POSITION, row),
-        read_row(vectors, REFERENCE, row),
-        read_row(vectors, TORQUE, row),
-        read_row(vectors, OFFSET, row),
-        numbers[TAKES_OVER] != 0,
-        numbers[KNOWN] != 0,
-    )
-    state = CycleState(
-        read_row(common.pose, 0, pose),
-        last,
-        read_row(vectors, EXCESS, row),
-        read_row(vectors, HELD, row),
-        numbers[FAULT],
-        Estimated(read_row(vectors, TRACKED, row), read_row(vectors, RATE, row)),
-        numbers[BEGINS],
-        numbers[POSE_LOST] != 0,
-    )
-    age = (acts - stamp) / NANOSECONDS
-    return Question(
-        code,
-        stamp,
-        acts,
-        acting,
-        known,
-        before,
-        fault,
-        found == TOO_OLD,
-        reference,
-        position,
-        velocity,
-        effort,
-        state,
-        age,
-        dt,
-    )
+        common.state = CycleState(
+            state.pose,
+            Last(last.position, last.reference, torque, last.offset, takes_over, last.known),
+            excess,
+            held,
+            fault,
+            state.estimated,
+            begins,
+            state.lost,
+        )
+    stamps = Stamps(stamp, acts, acting, known, before, found == TOO_OLD)
+    return Question(code, stamps, reference, position, velocity, effort, dt)
 
 
 @inner
 def _close(
-    common: Any,
-    question: Question,
-    done: Acted,
-    acted: int,
-    phase: int,
-    now: int,
-    monotonic: int,
+    common: Any, stamps: Stamps, acted: int, cause: int, phase: int, now: int, monotonic: int
 ) -> int:
-    """Store the result of a cycle, write its command, and return the bits of the answer."""
-    v, numbers, after = common.vectors, common.numbers, done.state
-    numbers[FAULT] = after.fault
-    numbers[TAKES_OVER] = after.last.takes_over
-    numbers[KNOWN] = after.last.known
-    acts = done.acted + select(numbers[WAITS] != 0, safety.REFERENCE, 0)
+    """Note what a cycle did and when, and return the bits of the answer."""
+    numbers, period = common.numbers, common.timing.period
+    stamp, before = stamps.stamp, stamps.before
+    acts = acted + select(numbers[WAITS] != 0, safety.REFERENCE, 0)
     if acts:
         numbers[ACTED] |= acts
-        numbers[ACTED_AT] = question.stamp
-    elif numbers[ACTED] and question.stamp - numbers[ACTED_AT] >= QUIET * NANOSECONDS:
+        numbers[ACTED_AT] = stamp
+    elif numbers[ACTED] and stamp - numbers[ACTED_AT] >= QUIET * NANOSECONDS:
         numbers[ACTED] = 0  # what acts next is told
-    write_row(v, POSITION, after.last.position)
-    write_row(v, REFERENCE, after.last.reference)
-    write_row(v, TORQUE, after.last.torque)
-    write_row(v, OFFSET, after.last.offset)
-    write_row(v, EXCESS, after.excess)
-    write_row(v, HELD, after.held)
-    write_row(v, TRACKED, after.estimated.position)
-    write_row(v, RATE, after.estimated.velocity)
-    numbers[BEGINS] = after.begins
-    numbers[CAUSE] = done.cause
-    if question.stale and done.cause == faults.NONE:
+    numbers[CAUSE] = cause
+    if stamps.stale and cause == faults.NONE:
         numbers[CAUSE] = faults.REFERENCE_STALE
-    write_row(common.telemetry, COUPLED, done.coupled_error)
-    write_row(common.telemetry, SLIDING, done.sliding_variable)
-    write_row(common.torques, 0, done.torque)
-    write_row(common.pose, 0, after.pose)
-    stamp, before, period = question.stamp, question.before, common.timing.period
     common.log[numbers[LOGGED] % AGES, 0] = stamp
-    common.log[numbers[LOGGED] % AGES, 1] = question.known
-    common.log[numbers[LOGGED] % AGES, 2] = question.acts
+    common.log[numbers[LOGGED] % AGES, 1] = stamps.known
+    common.log[numbers[LOGGED] % AGES, 2] = stamps.acts
     numbers[LOGGED] += 1
     common.ages[numbers[ANSWERS] % AGES] = max(0, now - stamp)
     numbers[ANSWERS] += 1
-    ended = numbers[END] != NEVER and question.now >= numbers[END]
+    ended = numbers[END] != NEVER and stamps.now >= numbers[END]
     numbers[HEARD] = 0 if ended else monotonic
-    index = question.acts // period
+    index = stamps.acts // period
     index_before = (before + numbers[AGE]) // period
-    numbers[AGE] = question.acts - stamp
+    numbers[AGE] = stamps.acts - stamp
     code = ANSWERED
     if index % SLOW == 0 or (before != NEVER and index // SLOW != index_before // SLOW):
         code |= TELEMETRY | LOG
     if ended or numbers[LOGGED] == AGES:
         code |= LOG
-    if numbers[FAULT] != question.fault or numbers[ACTED] != acted or numbers[PHASE] != phase:
+    if numbers[PHASE] != phase:
         code |= STATUS
-    if numbers[POSE_LOST] != after.lost:
-        code |= STATUS
-    numbers[POSE_LOST] = after.lost
     numbers[PHASE] = phase
     return code

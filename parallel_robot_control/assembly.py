@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_control import delay_identification, faults
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_control.cycle import Begin, ControlSetup, CycleState, initial_state
+from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
@@ -73,14 +73,14 @@ def assemble(
     return Control(
         prepared,
         ControlSetup(
-            prepared.update,
+            prepared.step,
             estimate,
-            prepared.constants,
+            prepared.law,
+            prepared.memory,
             robot.constants,
             limits,
             estimator,
             configuration.approach,
-            Boxed(Begin(prepared.memory)),
             losing(robot, configuration.margins, row, guess),
         ),
         initial_state(guess, configuration.joints)._replace(fault=fault),

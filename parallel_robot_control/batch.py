@@ -45,13 +45,11 @@ class Batch(NamedTuple):
         torque: Commanded torque [N m], shape (answered, n).
         answered: Number of states answered before the first unexpected torque.
         state: State of the controller after the last of them.
-        memory: Memory of the law after the last of them.
     """
 
     torque: Array
     answered: int
     state: CycleState
-    memory: Any
 
 
 def answer(
@@ -60,9 +58,8 @@ def answer(
     states: States,
     expected: Array,
     state: CycleState,
-    memory: Any,
 ) -> Batch:
-    """Answer states until a torque is not the expected one.
+    """Answer states until a torque is not the expected one; that state, too, is remembered.
 
     Args:
         control: Law, robot and limits.
@@ -70,10 +67,9 @@ def answer(
         states: See States.
         expected: Expected torques [N m], shape (N, n); NaN where any torque is accepted.
         state: State of the controller before the first state.
-        memory: Memory of the law before the first state.
     """
-    cycle = cycle_of(control, state, memory)
-    result: Batch = answers(cycle, control, references, states, expected, state, memory)
+    cycle = cycle_of(control, state)
+    result: Batch = answers(cycle, control, references, states, expected, state)
     return result
 
 
@@ -85,7 +81,6 @@ def answers(
     states: States,
     expected: Array,
     state: CycleState,
-    memory: Any,
 ) -> Batch:
     """The answers of :func:`answer`, with the cycle as FirstClass."""
     count = len(states.dt)
@@ -99,11 +94,10 @@ def answers(
         position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)
         when = When(states.sample[k], states.age[k], states.dt[k])
         effort = read_row(states.effort, k, row)
-        cycle = run_cycle(control, reference, position, velocity, effort, state, memory, when)
+        cycle = run_cycle(control, reference, position, velocity, effort, state, when)
         write_row(torque, k, cycle.torque)
         for i in range(expected.shape[1]):
             if torque[k, i] != expected[k, i] and not np.isnan(expected[k, i]):
-                return Batch(torque[:k].copy(), k, state, memory)
+                return Batch(torque[:k].copy(), k, state)
         state = cycle.state
-        memory = cycle.memory
-    return Batch(torque, count, state, memory)
+    return Batch(torque, count, state)

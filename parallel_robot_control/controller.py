@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_control import configuration, faults, law_core, transitions
+from parallel_robot_control import configuration, faults, transitions
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
     NO_REFERENCE,
@@ -32,7 +32,6 @@ from parallel_robot_control.reference_buffer import (
     CONTRADICTS,
     LATE,
     RESTART,
-    ReferenceBuffer,
 )
 from parallel_robot_control.safety import Limits
 from parallel_robot_control.shared_arrays import (
@@ -42,16 +41,13 @@ from parallel_robot_control.shared_arrays import (
     CAUSE,
     HEARD,
     LAST,
-    MEASURED,
     NEVER,
     PHASE,
-    POSE_LOST,
     START,
     UNTIL,
 )
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.compiler import need_compiler
 from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import OLDEST
@@ -71,35 +67,23 @@ class Controller(ControllerState):
         command: The command message of the last answer.
         code: What :func:`answer_kernel.answer` returned for the last state.
         log: Log of the states that were answered.
-        load: Loads a law that is not loaded yet, see :meth:`LawCores.load`.
     """
 
-    def __init__(self, configuration: ControlConfiguration, lazy: bool = False) -> None:
+    def __init__(self, configuration: ControlConfiguration) -> None:
         """Prepare robot and laws.
 
         Args:
             configuration: The configuration.
-            lazy: Whether laws that are compiled but not active are loaded later by :meth:`load`.
 
         Raises:
             InputError: a law cannot be used, or the compiler is switched off.
         """
-        need_compiler()
         super().__init__(configuration)
         preset_of(configuration.loop)  # its files are read now, not while the robot moves
         loop, joints = configuration.loop, configuration.loop.joints
-        timing = law_core.Timing(
-            loop.period_ns,
-            round(configuration.safety.reference_timeout * NANOSECONDS),
-            self._state_timeout,
-            round(configuration.safety.state_age * NANOSECONDS),
-            loop.lockstep,
-        )
-        self._references = ReferenceBuffer(joints)
         self._state_layout = layouts.joint_state(joints)
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
-        common = law_core.common(self._references.compiled, timing, self._arrays)
         self.log = AnswerLog(self._arrays, loop.period_ns)
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
@@ -111,8 +95,7 @@ class Controller(ControllerState):
         self._sample = -1  # of the last state that was heard, for hazards
         self.command = b''
         self.code = 0
-        self._cores = LawCores(configuration, common, self._own, lazy)
-        self.load = self._cores.load
+        self._cores = LawCores(configuration, self._common, self._own)
         self._core = self._cores.make(configuration)
 
     @property
@@ -126,11 +109,6 @@ class Controller(ControllerState):
         return self._core.limits
 
     @property
-    def memory(self) -> Any:
-        """Memory of the law."""
-        return self._core.memory
-
-    @property
     def pending(self) -> bool:
         """Whether a state waits for its reference (lockstep)."""
         return self._pending is not None
@@ -139,8 +117,9 @@ class Controller(ControllerState):
     def status(self) -> Status:
         """What the controller is doing."""
         delay = told_delay(self._core.estimator, int(self._numbers[PHASE]))
-        fault = self._faults.get(self.fault)
-        pose = LOST if self._numbers[POSE_LOST] else self._told
+        state = self.state
+        fault = self._faults.get(state.fault)
+        pose = LOST if state.lost else self._told
         return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
 
     def waits(self) -> str:
@@ -177,9 +156,7 @@ class Controller(ControllerState):
         before, after = self._core, change.core
         if transitions.same(before.law, after.law):
             return
-        state, after.memory = transitions.switched(
-            self.state, before.memory, before.law, after.law
-        )
+        state = transitions.switched(self.state, before.law, after.law)
         self._core = after
         self._changed = True
         self._store(state)
@@ -199,7 +176,7 @@ class Controller(ControllerState):
         if self.fault != faults.NONE:
             self._store(transitions.cleared(self.state))
             self._fault_seen = faults.NONE
-            self._core.memory = self.law.memory
+            self.law.memory.begin()
         return ''
 
     def finish(self) -> bool:
@@ -287,9 +264,7 @@ class Controller(ControllerState):
         data = self._state_layout.encode(stamp, **measured._asdict())
         if self.answer(data, self._own) == OUT_OF_ORDER:
             last = int(numbers[LAST])
-            if stamp == last and not _equal(
-                self._arrays.vectors[MEASURED], map(np.nan_to_num, measured)
-            ):
+            if stamp == last and not _equal(self._arrays.measured, map(np.nan_to_num, measured)):
                 self.trip(faults.STATES_DISAGREE)
             if self._loop.lockstep and stamp == last:  # the plant asks again
                 lost = time.monotonic_ns() - self._answered_at > REPEATED
@@ -341,7 +316,7 @@ class Controller(ControllerState):
 
     def _reset(self) -> None:
         self._store(transitions.restarted(self.state, np.array(self.configuration.guess)))
-        self._core.memory = self.law.memory
+        self.law.memory.begin()
         self._numbers[[ACTED, CAUSE]] = 0, faults.NONE
         self._numbers[LAST] = NEVER
         self._pending = self._first = None

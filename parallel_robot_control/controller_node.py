@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import sys
-import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -51,8 +50,6 @@ from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.kept_stop import KeptStop
 
 LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
-LOADING = 0.03  # s, pause between two laws loaded in the background
-SHORT = 5.0  # s, of a motion in which a law that is not active is loaded only if it is asked for
 DOUBTS = {
     faults.STATES_LATE: 'joint states that are too old',
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
@@ -77,9 +74,7 @@ class ControllerNode(SuiteNode):
         robot, laws = configured.robot.module, configured.laws
         self.declare_groups(('robot', robot.Parameters), *declared(robot, laws))
         self._laws = ', '.join(laws)
-        self._controller = Controller(configured, lazy=True)
-        self._loader = threading.Thread(target=self._load_laws, name='laws', daemon=True)
-        self._closing = threading.Event()
+        self._controller = Controller(configured)
         self.counts = self._controller.counts
         self._warn(self._controller.law.warnings)
         joints = self.loop.joints
@@ -114,12 +109,6 @@ class ControllerNode(SuiteNode):
             self._stop_again()
         if self._controller.fault and not self.lockstep:
             self._tell_now()
-
-    def begin(self) -> None:
-        """Load the remaining laws in the background, before the motion begins."""
-        super().begin()
-        if not 0.0 < self.loop.duration <= SHORT:
-            self._loader.start()
 
     def is_settable(self, key: str) -> bool:
         """Whether a parameter can change while the node runs: law, preset and gains."""
@@ -214,12 +203,9 @@ class ControllerNode(SuiteNode):
 
     def close(self) -> None:
         """Leave the robot without torque: the last message is zero."""
-        self._closing.set()
         self._topics.publish_zero()
         self._topics.publish_log()
         time.sleep(LAST_WORD)  # best-effort subscribers acknowledge nothing
-        if self._loader.ident:
-            self._loader.join()
 
     def _on_reference(self, data: bytes) -> None:
         if not self._controller.read_reference(data):
@@ -259,12 +245,6 @@ class ControllerNode(SuiteNode):
             self._lose_torque(self._controller.refuse(wrong))
         else:
             self._send(self._controller.add_state(stamp, JointSample(*vectors)))
-
-    def _load_laws(self) -> None:
-        """Load the inactive laws, with pauses, so that they are ready for a switch."""
-        realtime.give_way()
-        while not self._closing.wait(LOADING) and self._controller.load():
-            pass
 
     def _now(self) -> int:
         """Time against which the age of a state is checked [ns]; 0: it is not checked.

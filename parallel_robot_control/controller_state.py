@@ -8,36 +8,35 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_control import faults, transitions
+from parallel_robot_control import faults, law_core, transitions
 from parallel_robot_control.assembly_mode import AssemblyModes
 from parallel_robot_control.configuration import ControlConfiguration, checked
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.messages import Telemetry
+from parallel_robot_control.reference_buffer import ReferenceBuffer
 from parallel_robot_control.shared_arrays import (
     AGE,
     ANSWERS,
     CAUSE,
     END,
-    FAULT,
     FOREVER,
     FROM,
     HEARD,
     LAST,
     START,
     shared,
-    store,
-    stored,
 )
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import entry_point, need_compiler
 from parallel_robot_model.configuration.loop import WAIT
 
 PATIENCE = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 
 
 class ControllerState:
-    """State of a controller between two cycles, in the arrays that its kernels share.
+    """State of a controller between two cycles, in what its kernels share.
 
     Attributes:
         configuration: The present configuration.
@@ -45,15 +44,37 @@ class ControllerState:
     """
 
     def __init__(self, configuration: ControlConfiguration) -> None:
-        """Begin without a fault, before the first state."""
+        """Begin without a fault, before the first state.
+
+        Raises:
+            InputError: the compiler is switched off.
+        """
+        need_compiler()
         self.configuration = configuration
         self.counts: Counter[str] = Counter()
         self._loop = loop = configuration.loop
         self._faults = faults.of(configuration.robot.module)
-        self._state_timeout = round(configuration.safety.state_timeout * NANOSECONDS)
+        safety = configuration.safety
+        self._state_timeout = round(safety.state_timeout * NANOSECONDS)
         self._heard = b''  # the last state
-        self._arrays = shared(initial_state(np.array(configuration.guess), len(loop.joints)))
+        self._references = ReferenceBuffer(loop.joints)
+        self._arrays = shared(len(loop.joints))
         self._numbers = self._arrays.numbers
+        state = initial_state(np.array(configuration.guess), len(loop.joints))
+        self._common = law_core.common(
+            self._references.compiled,
+            law_core.Timing(
+                loop.period_ns,
+                round(safety.reference_timeout * NANOSECONDS),
+                self._state_timeout,
+                round(safety.state_age * NANOSECONDS),
+                loop.lockstep,
+            ),
+            state,
+            self._arrays,
+        )
+        self._state_of = entry_point(law_core.state_of, self._common)
+        self._set_state = entry_point(law_core.set_state, self._common, state)
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted
         self._refused = faults.NONE, 0, 0  # why, at which count of answers, since when [ns]
@@ -73,12 +94,13 @@ class ControllerState:
     @property
     def fault(self) -> int:
         """NONE or the number of the present fault, see faults.py."""
-        return int(self._numbers[FAULT])
+        return self.state.fault
 
     @property
     def state(self) -> CycleState:
         """State of the controller after the last cycle."""
-        return stored(self._arrays)
+        state: CycleState = self._state_of(self._common)
+        return state
 
     @property
     def stamp(self) -> int:
@@ -220,7 +242,7 @@ class ControllerState:
         return True
 
     def _store(self, state: CycleState) -> None:
-        store(self._arrays, state)
+        self._set_state(self._common, state)
 
     def _count_fault(self) -> None:
         """Count the present fault, once, by its text."""

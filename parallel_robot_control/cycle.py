@@ -11,6 +11,7 @@ from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParame
 from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
+from parallel_robot_control.law_step import Asked
 from parallel_robot_control.safety import (
     EFFORT,
     ZERO,
@@ -26,8 +27,10 @@ from parallel_robot_control.torque_effect import LOOKED_AT, is_resisted
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import (
     FirstClass,
+    begin,
     every,
     inner,
+    keep,
     kernel,
     multiply,
     select,
@@ -78,55 +81,30 @@ class When(NamedTuple):
     dt: float
 
 
-class Begin(NamedTuple):
-    """What a law begins with; `memory` is its initial memory."""
-
-    memory: Any
-
-
 class ControlSetup(NamedTuple):
     """The constant parts of a controller.
 
     Attributes:
-        update: Update of the law, as FirstClass.
+        step: Step of the law, as FirstClass.
         estimate: Estimate of the robot module, as FirstClass.
-        gains: Gains of the law, boxed.
+        law: The law itself, an address; of one type for all laws.
+        memory: Its memory, a KeptValue.
         robot: Constants of the nominal robot, boxed.
         limits: Limits, boxed.
         estimator: Estimator, boxed.
         approach: Times over which an offset is faded.
-        begin: Begin, boxed.
         losing: Faults of the robot at which it has no pose, as bits.
     """
 
-    update: Any
+    step: Any
     estimate: Any
-    gains: Any
+    law: Any
+    memory: int
     robot: Any
     limits: Any
     estimator: Any
     approach: ApproachParameters
-    begin: Any
     losing: int
-
-
-class Asked(NamedTuple):
-    """What a law asks for: torque [N m], sliding variable, e_c [rad], each shape (n,)."""
-
-    torque: Array
-    sliding_variable: Array
-    coupled_error: Array
-
-
-class Acted(NamedTuple):
-    """A Cycle without the memory, whose type depends on the law."""
-
-    torque: Array
-    sliding_variable: Array
-    coupled_error: Array
-    acted: int
-    cause: int
-    state: CycleState
 
 
 class Limited(NamedTuple):
@@ -152,7 +130,6 @@ class Cycle(NamedTuple):
         acted: Bits of the limits that acted.
         cause: Fault whose cause is there now, else NONE; `state` has the one that is latched.
         state: State of the controller for the next cycle.
-        memory: Memory of the law for the next cycle.
     """
 
     torque: Array
@@ -161,7 +138,6 @@ class Cycle(NamedTuple):
     acted: int
     cause: int
     state: CycleState
-    memory: Any
 
 
 class Sensed(NamedTuple):
@@ -347,7 +323,6 @@ def run_cycle(
     velocity: Array,
     effort: Array,
     state: CycleState,
-    memory: Any,
     when: When,
 ) -> Cycle:
     """Compute the torque for one joint state.
@@ -356,7 +331,8 @@ def run_cycle(
     measured; or with a Kalman filter the motion predicted for the moment at which the torque acts
     with the reference of that moment.
 
-    Only this function is compiled for each law; what it calls is compiled once for each robot.
+    The memory of the law, which it keeps unless there is a fault, and that of the cycle are
+    written in place.
 
     Args:
         setup: Law, robot and limits.
@@ -366,7 +342,6 @@ def run_cycle(
         effort: Torque applied during the step that ended at the measurement [N m], shape (n,); NaN
             where it is not known.
         state: State of the controller after the cycle before.
-        memory: Memory of the law.
         when: Age of the state, time since the one before.
     """
     limits, estimator, dt = setup.limits, setup.estimator, when.dt
@@ -390,8 +365,8 @@ def run_cycle(
     )
     excess = state.excess + told.missing
     if (gap or told.back) and state.fault == faults.NONE:
-        last, memory = taking_over(last, effort), setup.begin.memory
-        begun = BACK
+        last, begun = taking_over(last, effort), BACK
+        begin(setup.memory)
         excess = np.zeros_like(excess)
     if begun == BACK:
         kalman_memory.forget(filter_.memory)
@@ -467,16 +442,14 @@ def run_cycle(
         feedback = Feedback(motion.position, motion.velocity, excess, motion.disturbance)
     # 3. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
-    advanced = memory
     if sensed.fault == faults.NONE:
-        output = setup.update(setup.gains, sensed.model, reference, feedback, memory, dt)
+        output = setup.step(setup.law, sensed.model, reference, feedback, dt)
         in_vain = told.spell > 0.0 and not told.waits
         torque = select(in_vain, last.torque, output.torque)
         if identified.on:
             torque = torque + lock_in.added(identified, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
-        advanced = output.memory
-    # 4. The same within the limits, or the safe action. In a fault the memory is kept.
+    # 4. The same within the limits, or the safe action. In a fault the memory stays as it is.
     done = act(
         limits,
         desired,
@@ -491,6 +464,8 @@ def run_cycle(
         asked,
         dt,
     )
+    if done.fault == faults.NONE:
+        keep(setup.memory)
     # Also without a filter: a law that comes next may have one.
     cycle_memory.remember(filter_.memory, when.sample, done.torque, tracks)
     if identified.on:
@@ -521,18 +496,16 @@ def run_cycle(
             GOES_ON,
             sensed.lost,
         ),
-        select(done.fault == faults.NONE, advanced, memory),
     )
 
 
-def cycle_of(setup: ControlSetup, state: CycleState, memory: Any) -> FirstClass:
-    """The cycle with a law as a value, so that loops are not compiled with all of it inside.
+def cycle_of(setup: ControlSetup, state: CycleState) -> FirstClass:
+    """The cycle as a value, so that loops are not compiled with all of it inside.
 
     Args:
         setup: Law, robot and limits.
         state: State of the controller.
-        memory: Memory of the law.
     """
     row = state.held
     reference, when = JointReference(row, row, row), When(0, 0.0, 1e-3)
-    return FirstClass(run_cycle, setup, reference, row, row, row, state, memory, when)
+    return FirstClass(run_cycle, setup, reference, row, row, row, state, when)

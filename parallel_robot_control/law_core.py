@@ -1,7 +1,7 @@
 """What a controller keeps from one state to the next, as a compiled object for each law.
 
 Its arrays are shared with Python, which reads and changes them between two calls; what
-depends on the law (gains, memory) is in the compiled object alone.
+a law keeps is in its memory.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numba.experimental import structref
 
 from parallel_robot_control.answer_kernel import answer
 from parallel_robot_control.assembly import Control
-from parallel_robot_control.cycle import ControlSetup, cycle_of
+from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
 from parallel_robot_control.estimator import Estimator
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import Limits
@@ -38,7 +38,7 @@ class CommonType(types.StructRef):  # type: ignore[misc]
 
 
 class Common(structref.StructRefProxy):  # type: ignore[misc]
-    """What does not depend on the law: references, times, the fields of Shared."""
+    """What does not depend on the law: references, times, state, the fields of Shared."""
 
 
 @structref.register
@@ -51,18 +51,20 @@ class Core(structref.StructRefProxy):  # type: ignore[misc]
 
 
 structref.define_boxing(CommonType, Common)
-structref.define_constructor(Common, CommonType, ('references', 'timing', *Shared._fields))
+structref.define_constructor(
+    Common, CommonType, ('references', 'timing', 'state', *Shared._fields)
+)
 structref.define_boxing(CoreType, Core)
-structref.define_constructor(Core, CoreType, ('cycle', 'setup', 'memory', 'common', 'pose'))
+structref.define_constructor(Core, CoreType, ('cycle', 'setup', 'common'))
 
 
 @kernel
-def _common(references: Any, timing: Timing, arrays: Shared) -> Any:
+def _common(references: Any, timing: Timing, state: CycleState, arrays: Shared) -> Any:
     return Common(
         references,
         timing,
-        arrays.pose,
-        arrays.vectors,
+        state,
+        arrays.measured,
         arrays.telemetry,
         arrays.numbers,
         arrays.command,
@@ -72,25 +74,33 @@ def _common(references: Any, timing: Timing, arrays: Shared) -> Any:
     )
 
 
-def common(references: Any, timing: Timing, arrays: Shared) -> Any:
+def common(references: Any, timing: Timing, state: CycleState, arrays: Shared) -> Any:
     """Make the object that the cores of all laws share.
 
     Args:
         references: ReferenceBuffer.compiled.
         timing: See Timing.
+        state: State before the first cycle.
         arrays: See Shared.
     """
-    return _common(references, timing, arrays)
+    return _common(references, timing, state, arrays)
 
 
 @kernel
-def _core(cycle: Any, setup: ControlSetup, memory: Any, common: Any, pose: Any) -> Any:
-    return Core(cycle, setup, memory, common, pose)
+def state_of(common: Any) -> CycleState:
+    """State of the controller after the last cycle."""
+    return common.state
 
 
 @kernel
-def _memory(core: Any) -> Any:
-    return core.memory
+def set_state(common: Any, state: CycleState) -> None:
+    """Replace it."""
+    common.state = state
+
+
+@kernel
+def _core(cycle: Any, setup: ControlSetup, common: Any) -> Any:
+    return Core(cycle, setup, common)
 
 
 class LawCore:
@@ -101,32 +111,29 @@ class LawCore:
     """
 
     def __init__(self, control: Control, common: Any, wire: Any) -> None:
-        """Make the core, with the initial memory of its law, and compile the kernels that use it.
+        """Make the core, and compile the kernels that use it, which are those of all laws.
 
         Args:
             control: Law, robot, limits.
             common: See :func:`common`.
             wire: Layout of the state messages, see Wire.
         """
-        self.law = control.law
-        self._setup, self._common = control.setup, common
-        self._pose = control.state.pose  # any: for the size of a pose
-        self._cycle = cycle_of(control.setup, control.state, control.law.memory)
-        self._make = entry_point(_core, *self._parts(control.law.memory))
-        self._core = self._make(*self._parts(control.law.memory))
+        self.law, self._setup, self._common = control.law, control.setup, common
+        self._cycle = cycle_of(control.setup, control.state)
+        self._make = entry_point(_core, *self._parts())
+        self._core = self._make(*self._parts())
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
-        self._memory = entry_point(_memory, self._core)
 
-    def again(self, law: PreparedLaw) -> LawCore:
-        """Another core of the same law, with its initial memory.
-
-        Args:
-            law: The law, with gains of the same types.
-        """
+    def again(self, law: PreparedLaw, setup: ControlSetup) -> LawCore:
+        """Another core, with the same kernels."""
         other = copy.copy(self)
-        other.law, other._setup = law, self._setup._replace(gains=law.constants)
-        other.memory = law.memory
+        other.law, other._setup = law, setup
+        other._core = self._make(*other._parts())
         return other
+
+    def renewed(self, law: PreparedLaw) -> LawCore:
+        """The core of the same law with other gains."""
+        return self.again(law, self._setup._replace(law=law.law))
 
     def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         """See :func:`answer`."""
@@ -145,14 +152,5 @@ class LawCore:
         estimator: Estimator = self._setup.estimator.value
         return estimator
 
-    @property
-    def memory(self) -> Any:
-        """Memory of the law."""
-        return self._memory(self._core)
-
-    @memory.setter
-    def memory(self, memory: Any) -> None:
-        self._core = self._make(*self._parts(memory))
-
-    def _parts(self, memory: Any) -> tuple[Any, ...]:
-        return self._cycle, self._setup, memory, self._common, self._pose
+    def _parts(self) -> tuple[Any, ...]:
+        return self._cycle, self._setup, self._common

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numba import types
+from numba import typeof, types
 
 from parallel_robot_control.contract import ControlOutput
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import shape_of
+from parallel_robot_model.compiler import plain_type, shape_of
 
 CALL = f'ControlOutput({", ".join(ControlOutput._fields)})'
 LONGEST = 60  # characters of the name of a type
@@ -49,6 +49,21 @@ def wrong_shapes(output: ControlOutput, joints: int, memory: Any) -> str:
         if np.shape(value) != np.shape(right[field])
     ]
     return f'update returns {"; ".join(found)}' if found else ''
+
+
+def wrong_memory(memory: Any) -> str:
+    """Which fields of a memory cannot be kept, and what can; or nothing.
+
+    Args:
+        memory: Memory before the first update, with vectors.
+    """
+    found = [
+        f'{field} is {_named(typeof(value))}'
+        for field, value in leaves('memory', memory)
+        if plain_type(value) is None
+    ]
+    kept = 'numbers and arrays of float64, int64 or bool'
+    return f'{", ".join(found)}, but a memory is made of {kept}' if found else ''
 
 
 def leaves(name: str, value: Any) -> Iterator[tuple[str, Array | float]]:

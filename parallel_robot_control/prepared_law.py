@@ -9,15 +9,17 @@ import numpy as np
 from numba import typeof
 
 from parallel_robot_control import law_output, law_trial
-from parallel_robot_control.array_law import ArrayLaw, update_of_arrays
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
+from parallel_robot_control.law_step import Asked, LawParts, stepping
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import (
+    ANY,
     INTERPRETED,
     Boxed,
     FirstClass,
+    KeptValue,
     as_arrays,
     as_vectors,
     reason,
@@ -34,17 +36,17 @@ class PreparedLaw(NamedTuple):
     Attributes:
         name: Key of LAWS, or the name of a custom law.
         gains: Its gains.
-        memory: Its memory before the first update.
-        update: Its compiled update.
-        constants: What its update takes as gains.
+        memory: Its memory, which its steps change.
+        step: Its compiled step.
+        law: What its step takes: the law as LawParts, boxed, of one type for all laws.
         warnings: Objections of the theory to gains that are accepted all the same.
     """
 
     name: str
     gains: Any
-    memory: Any
-    update: FirstClass
-    constants: Any
+    memory: KeptValue
+    step: FirstClass
+    law: Boxed
     warnings: tuple[str, ...]
 
 
@@ -88,12 +90,22 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         typeof(memory)
     except RAISED as error:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
-    made = _with_vectors(law, gains, memory, joints)
-    if made is None:
-        made = _with_arrays(name, law, gains, memory, joints)
+    memory = as_vectors(memory)
+    if wrong := law_output.wrong_memory(memory):
+        raise InputError(f'{name}: initial_memory: {wrong}')
+    kept = KeptValue(memory)
+    row, matrix = vector(np.zeros(joints)), vector(np.eye(joints))
+    parts = Boxed(LawParts(Boxed(gains), kept, memory))
+    try:
+        own = _compiled(stepping(law.update, False), parts, *_motion(row, matrix), 1e-3)
+        fits = INTERPRETED or own.signature().return_type == typeof(Asked(row, row, row))
+    except Exception:  # if it is wrong with arrays, too, that is said of it
+        fits = False
+    if not fits:
+        own = _with_arrays(name, law, parts, joints)
     if name not in LAWS:
         warnings += law_trial.warnings_of(name, law, gains, joints)
-    return PreparedLaw(name, gains, *made, warnings)
+    return PreparedLaw(name, gains, kept, own.erased(ANY), Boxed(parts.value, ANY), warnings)
 
 
 def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
@@ -115,62 +127,45 @@ def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
     if before.name not in LAWS:
         return None
     constants = Boxed(gains)
-    if typeof(constants) != typeof(before.constants):  # a list of another length
+    parts: LawParts = before.law.value
+    if typeof(constants) != typeof(parts.gains):  # a list of another length
         return None
-    return before._replace(
-        gains=gains, constants=constants, warnings=judge(before.name, law, gains)
-    )
+    own = Boxed(parts._replace(gains=constants), ANY)
+    return before._replace(gains=gains, law=own, warnings=judge(before.name, law, gains))
 
 
-def _with_vectors(
-    law: Law, gains: Any, memory: Any, joints: int
-) -> tuple[Any, FirstClass, Any] | None:
-    """Memory, update and its gains, for vectors; None if the update needs arrays."""
-    memory = as_vectors(memory)
-    row, matrix = vector(np.zeros(joints)), vector(np.eye(joints))
-    constants = Boxed(gains)
-    try:
-        update = _compiled(law.update, constants, row, matrix, memory)
-    except Exception:  # if it is wrong with arrays, too, that is said of it
-        return None
-    wanted = ControlOutput(row, row, row, memory)
-    fits = INTERPRETED or update.signature().return_type == typeof(wanted)
-    return (memory, update, constants) if fits else None
-
-
-def _with_arrays(
-    name: str, law: Law, gains: Any, memory: Any, joints: int
-) -> tuple[Any, FirstClass, Any]:
-    """Memory, update and its gains, for arrays.
+def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
+    """The step of a law that works with arrays.
 
     Raises:
         InputError: the update does not compile or returns something else.
     """
-    row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(memory)
+    row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(parts.like)
+    right = typeof(ControlOutput(row, row, row, memory))
     try:
-        update = _compiled(law.update, Boxed(gains), row, matrix, memory)
+        update = _compiled(law.update, parts.gains, *_motion(row, matrix), memory, 1e-3)
+        wrong = law_output.wrong_types(update.signature().return_type, right)
+        if not wrong:
+            motion = _motion(vector(row), vector(matrix))
+            return _compiled(stepping(law.update, True), parts, *motion, 1e-3)
     except Exception as error:  # Numba raises many kinds
         cause = reason(error, cast(Any, law.update).py_func)
         raise InputError(f'{name}: update does not compile: {cause}') from error
-    right = typeof(ControlOutput(row, row, row, memory))
-    if wrong := law_output.wrong_types(update.signature().return_type, right):
-        raise InputError(f'{name}: {wrong}')
-    constants = Boxed(ArrayLaw(update, Boxed(gains)))
-    converted = _compiled(update_of_arrays, constants, vector(row), vector(matrix), memory)
-    return memory, converted, constants
+    raise InputError(f'{name}: {wrong}')
 
 
-def _compiled(function: Any, gains: Any, row: Array, matrix: Array, memory: Any) -> FirstClass:
+def _compiled(function: Any, *example: Any) -> FirstClass:
     with warnings.catch_warnings(record=True) as said:  # none of code that does not compile
-        update = FirstClass(
-            function,
-            gains,
-            Model(matrix, matrix, row),
-            JointReference(row, row, row),
-            Feedback(row, row, row, row),
-            memory,
-            1e-3,
-        )
+        found = FirstClass(function, *example)
     for each in said:
         warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
-    return update
+    return found
+
+
+def _motion(row: Array, matrix: Array) -> tuple[Any, ...]:
+    """Model, reference and feedback, for their types."""
+    return (
+        Model(matrix, matrix, row),
+        JointReference(row, row, row),
+        Feedback(row, row, row, row),
+    )

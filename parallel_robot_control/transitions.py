@@ -5,8 +5,6 @@ The live controller and the replay of a bag both use these, so they cannot disag
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from parallel_robot_control import faults
@@ -64,9 +62,7 @@ def same(before: PreparedLaw, after: PreparedLaw) -> bool:
     return bool((after.name, after.gains) == (before.name, before.gains))
 
 
-def switched(
-    state: CycleState, memory: Any, before: PreparedLaw, after: PreparedLaw
-) -> tuple[CycleState, Any]:
+def switched(state: CycleState, before: PreparedLaw, after: PreparedLaw) -> CycleState:
     """Change law or gains; the torque continues from the last one, if there is one.
 
     A law that becomes active starts with an empty memory; new gains of the active law keep its
@@ -74,18 +70,16 @@ def switched(
 
     Args:
         state: State of the controller.
-        memory: Memory of the previous law.
         before: The previous law.
-        after: The law from now on.
-
-    Returns:
-        State and memory from now on.
+        after: The law from now on; its memory is made what it then is.
     """
-    if same(before, after):
-        return state, memory
-    if state.last.known:
+    if after.name != before.name:
+        after.memory.begin()
+    elif after.memory != before.memory:
+        after.memory.restore(before.memory.copy())
+    if state.last.known and not same(before, after):
         state = taking_over(state, state.last.torque)
-    return state, memory if after.name == before.name else after.memory
+    return state
 
 
 def restarted(state: CycleState, guess: Array) -> CycleState:

@@ -44,7 +44,6 @@ class ClosedLoopRun(NamedTuple):
         steps: Number of rows that were computed; fewer than N if the plant left its workspace.
         plant: State of the plant after the last command.
         cycle: State of the controller after the last row.
-        memory: Memory of the law after the last row.
         waiting: What the motors know of the commands after the last row.
         sent: The last command [N m], shape (n,).
         cause: Fault whose cause was there at the last state, see Cycle.
@@ -65,7 +64,6 @@ class ClosedLoopRun(NamedTuple):
     steps: int
     plant: PlantState
     cycle: CycleState
-    memory: Any
     waiting: Waiting
     sent: Array
     cause: int
@@ -79,14 +77,18 @@ class LoopState(NamedTuple):
 
     plant: PlantState
     cycle: CycleState
-    memory: Any
     waiting: Waiting
     sent: Array
     cause: int
 
 
 def run(
-    control: Control, plant: Plant, reference: Reference, period: float, complete: bool = True
+    control: Control,
+    plant: Plant,
+    reference: Reference,
+    period: float,
+    complete: bool = True,
+    anew: bool = True,
 ) -> ClosedLoopRun:
     """Run the loop over all samples of a reference.
 
@@ -97,15 +99,16 @@ def run(
         period: Time between samples [s].
         complete: Whether the record is to be complete; else it has what metrics are computed from:
             positions, efforts, faults and limits.
+        anew: Whether the law begins with an empty memory; else it has that of its last cycle.
     """
+    if anew:
+        control.law.memory.begin()
     waiting = not_waiting(len(control.state.held))
-    state = LoopState(
-        plant.state, control.state, control.law.memory, waiting, waiting.command, faults.NONE
-    )
+    state = LoopState(plant.state, control.state, waiting, waiting.command, faults.NONE)
     course = course_of(plant, reference, period)
     loop = partial(
         compiled_loop,
-        cycle_of(control.setup, state.cycle, state.memory),
+        cycle_of(control.setup, state.cycle),
         FirstClass(step, plant.setup, state.plant, state.plant.torque, period),
         control.setup,
         plant.setup,
@@ -114,13 +117,11 @@ def run(
     )
     parts: list[ClosedLoopRun] = []
     for first, stop in itertools.pairwise([*course.cuts, len(reference.position)]):
-        cycle, memory = course.befall(
-            first, control, state.cycle, state.memory, state.plant.torque, state.cause
-        )
-        state = state._replace(cycle=cycle, memory=memory)
+        cycle = course.befall(first, control, state.cycle, state.plant.torque, state.cause)
+        state = state._replace(cycle=cycle)
         part: ClosedLoopRun = loop(state, complete, period, first, stop)
         parts.append(part)
-        state = LoopState(part.plant, part.cycle, part.memory, part.waiting, part.sent, part.cause)
+        state = LoopState(part.plant, part.cycle, part.waiting, part.sent, part.cause)
         if part.steps < stop - first:
             break
     found = parts[0] if len(parts) == 1 else _joined(parts)
@@ -156,7 +157,7 @@ def compiled_loop(
     stop: int,
 ) -> ClosedLoopRun:
     """The loop of :func:`run` over some samples, with the kernels that it calls as FirstClass."""
-    state, cycle_state, memory, waiting, torque, cause = begin
+    state, cycle_state, waiting, torque, cause = begin
     row = state.torque
     hazards = plant.hazards
     # 1. Arrays for all rows; the robot gives the number of passive joints.
@@ -210,7 +211,7 @@ def compiled_loop(
                 read_row(reference.acceleration, sample - late, row),
             )
             when = When(sample - late, plant.imperfections.age, dt)
-            cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, memory, when)
+            cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, when)
             torque, cause = cycle.torque, cycle.cause
             write_row(acted, k, cycle.acted)
             if complete:
@@ -218,7 +219,6 @@ def compiled_loop(
                 write_row(sliding_variable, k, cycle.sliding_variable)
                 write_row(coupled_error, k, cycle.coupled_error)
             cycle_state = cycle.state
-            memory = cycle.memory
         else:
             write_row(acted, k, 0)
             if complete:
@@ -250,7 +250,6 @@ def compiled_loop(
         steps,
         state,
         cycle_state,
-        memory,
         waiting,
         torque,
         cause,

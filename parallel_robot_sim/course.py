@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,31 +93,30 @@ class Course(NamedTuple):
         sample: int,
         control: Control,
         cycle: CycleState,
-        memory: Any,
         effort: Array,
         cause: int,
-    ) -> tuple[CycleState, Any]:
+    ) -> CycleState:
         """What happens to the controller before it answers the state of a sample.
 
         Args:
             sample: Index of the sample.
             control: The controller before its first state.
             cycle: State of its cycle.
-            memory: Memory of its law.
             effort: Torque of the motors before the sample [N m], shape (n,).
             cause: Fault whose cause was there at the state before.
 
         Returns:
-            State and memory from there on.
+            State from there on.
         """
         if sample in self.renewals:
-            cycle, memory = joining(control.state, effort), control.law.memory
-            cause = faults.NONE
+            cycle, cause = joining(control.state, effort), faults.NONE
+            control.law.memory.begin()
         before = np.flatnonzero(self.heard.answered[:sample])[-1:]
         refused = ~self.heard.answered[np.flatnonzero(self.heard.told[:sample])[-1:]]
         lasts = cause != faults.NONE or self.stale[before].any() or refused.any() or cycle.lost
         if sample in self.clears and cycle.fault != faults.NONE and not lasts:
-            cycle, memory = cleared(cycle), control.law.memory
+            cycle = cleared(cycle)
+            control.law.memory.begin()
         if sample in self.lost:
             cycle = without_torque(tripped(cycle, self.lost[sample]))
         if sample in self.late:
@@ -126,7 +125,7 @@ class Course(NamedTuple):
             cycle = rejoined(cycle)
         if len(self.stale) and self.stale[sample]:
             cycle = tripped(cycle, faults.REFERENCE_STALE)
-        return cycle, memory
+        return cycle
 
 
 def course_of(plant: Plant, reference: Reference, period: float) -> Course:

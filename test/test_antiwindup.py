@@ -9,7 +9,6 @@ from rig import Rig
 from vectors import on_vectors
 
 from parallel_robot_control import antiwindup
-from parallel_robot_control.answer_kernel import EXCESS
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.configuration import config
@@ -41,14 +40,15 @@ def test_integrals_over_differences_rest_together_so_that_their_sum_stays():
 
 
 def forget_excess(rig):
-    rig.controller._arrays.vectors[EXCESS] = 0.0
+    state = rig.controller.state
+    rig.controller._store(state._replace(excess=0.0 * state.excess))
 
 
 def limit_torque(rig, limit):
     """Give the kernels another torque limit from now on."""
     core = rig.controller._core
     core._setup = core._setup._replace(limits=Boxed(core.limits._replace(torque=limit)))
-    core.memory = core.memory  # made anew
+    core._core = core._make(*core._parts())
 
 
 def weak_at_first(law, deaf):
@@ -65,7 +65,7 @@ def weak_at_first(law, deaf):
         if k == WEAK:
             limit_torque(rig, strong)
             wound_up = attrgetter(INTEGRALS.get(law, 'switching.value'))
-            integral = np.abs(wound_up(rig.controller.memory)).max()
+            integral = np.abs(wound_up(rig.controller.law.memory.value)).max()
             assert (np.abs(rig.torques) == 1.5).any(axis=1).mean() > 0.5
         if deaf:
             forget_excess(rig)

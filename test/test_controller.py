@@ -183,37 +183,12 @@ def test_in_lockstep_a_copy_of_a_state_is_not_answered_twice(motion):
     assert core.add_state(START, states[0]) is None
 
 
-@pytest.fixture
-def lazy():
-    """A controller that has loaded its active law alone, as after `make setup`."""
-    configuration = configure(config.resolve('paper_circle'))
-    Controller(configuration)  # now everything is compiled
-    return Controller(configuration, lazy=True)
-
-
-def test_a_law_that_is_not_loaded_yet_can_be_chosen(lazy, motion):
-    eager = controller()
-    for core in (eager, lazy):
-        core.apply(core.prepare_change({'law': 'adaptive_s_fotsmc'}))
-    assert np.array_equal(run(lazy, motion, range(50)), run(eager, motion, range(50)))
-
-
-def test_loading_the_other_laws_changes_nothing(lazy, motion):
-    expected = run(controller(), motion, range(50))
-    first = run(lazy, motion, range(25))
-    assert lazy.load()  # there are laws to load
-    while lazy.load():
-        pass
-    assert not lazy.load()
-    assert np.array_equal([*first, *run(lazy, motion, range(25, 50))], expected)
-
-
-def test_wrong_gains_of_a_law_that_is_not_loaded_are_refused_at_once(lazy):
+def test_wrong_gains_of_a_law_that_is_not_active_are_refused_at_once():
     values = config.resolve('paper_circle', {'super_twisting.k2': -1.0})
     with pytest.raises(InputError, match='super_twisting'):
         configure(values)
     with pytest.raises(InputError, match='super_twisting'):
-        lazy.prepare_change({'super_twisting.k2': -1.0})
+        controller().prepare_change({'super_twisting.k2': -1.0})
 
 
 @pytest.mark.parametrize('mode', ['wall', 'lockstep'])

@@ -33,9 +33,8 @@ class Situation(NamedTuple):
     effort: np.ndarray
     state: CycleState
 
-    def solve(self, control, memory=None) -> Cycle:
-        memory = control.law.memory if memory is None else memory
-        return run_cycle(control.setup, *as_vectors(tuple(self)), memory, When(0, 0.0, 1e-3))
+    def solve(self, control) -> Cycle:
+        return run_cycle(control.setup, *as_vectors(tuple(self)), When(0, 0.0, 1e-3))
 
 
 @pytest.fixture
@@ -68,11 +67,11 @@ def test_torque_is_the_laws_at_the_true_pose(control, robot, pose, situation):
     posture = posture_at(own, vector(pose))
     model = actuated_dynamics(own, posture, vector(situation.velocity))
     feedback = Feedback(theta, situation.velocity, *np.zeros((2, 3)))
-    given = (law.gains, model, situation.reference, feedback, law.memory, 1e-3)
+    given = (law.gains, model, situation.reference, feedback, law.memory.first, 1e-3)
     alone = on_vectors(s_fotsmc.update)(*given)
     assert cycle.state.fault == NONE and np.abs(cycle.state.pose - pose).max() < 1e-12
     assert np.allclose(cycle.torque, alone.torque, rtol=1e-9)
-    for after, expected in zip(cycle.memory, alone.memory, strict=True):
+    for after, expected in zip(law.memory.value, alone.memory, strict=True):
         assert np.allclose(after, expected, rtol=1e-12, atol=1e-15)
 
 
@@ -107,20 +106,20 @@ def bad_guess(situation):
 def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
     control, situation, spoil, fault
 ):
-    memory = situation.solve(control).memory
-    spoilt = spoil(situation)
-    cycle = spoilt.solve(control, memory)
+    situation.solve(control)
+    memory, spoilt = control.law.memory.value, spoil(situation)
+    cycle = spoilt.solve(control)
     assert cycle.state.fault == fault and FAULTS[fault].text
     damped = np.where(np.isfinite(spoilt.velocity), -40.0 * spoilt.velocity, 0.0)
     assert np.array_equal(cycle.torque, np.clip(damped, -200.0, 200.0))
     assert not cycle.sliding_variable.any()
-    for after, before in zip(cycle.memory, memory, strict=True):
+    for after, before in zip(control.law.memory.value, memory, strict=True):
         assert np.array_equal(after, before)
 
 
 def test_a_fault_stays_when_its_cause_is_gone(control, situation):
     failed = bad_velocity(situation).solve(control)
     moved = situation.position + 1e-3 * situation.velocity
-    again = situation._replace(position=moved, state=failed.state).solve(control, failed.memory)
+    again = situation._replace(position=moved, state=failed.state).solve(control)
     assert again.state.fault == SPEED
     assert np.allclose(again.torque, np.clip(-40.0 * situation.velocity, -200.0, 200.0))

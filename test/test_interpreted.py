@@ -10,6 +10,7 @@ import numpy as np
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.cycle import When, cycle_of
+from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.compiler import (
     INTERPRETED,
     Vector,
@@ -41,18 +42,16 @@ def vectors():
 def numbers():
     """Numbers of one law, one cycle and one loop, by name."""
     made = assemble(configure(resolve('paper_circle', {'law': 's_fotsmc', 'duration': 0.05})))
-    setup, state, memory = made.control.setup, made.control.state, made.control.law.memory
+    setup, state = made.control.setup, made.control.state
     q, rate = vector((0.1, 0.2, -0.3)), vector((0.5, -0.4, 0.2))
     desired = JointReference(q + 0.01, rate, 0.0 * q)
     model = Model(vector(np.eye(3)), 0.1 * vector(np.eye(3)), 0.0 * q)
-    update = made.control.setup.update.function
-    law = update(setup.gains, model, desired, Feedback(q, rate, q, 0.0 * q), memory, 1e-3)
+    gains, memory = made.control.law.gains, made.control.law.memory.first
+    law = s_fotsmc.update(gains, model, desired, Feedback(q, rate, q, 0.0 * q), memory, 1e-3)
     reference = made.trajectory.sample(np.arange(STEPS + 1) * 1e-3)
     start = JointReference(*(vector(row[0]) for row in reference[:3]))
-    run_cycle = cycle_of(setup, state, memory)
-    cycle = run_cycle(
-        setup, start, start.position, rate, 0.0 * rate, state, memory, When(0, 0.0, 1e-3)
-    )
+    run_cycle = cycle_of(setup, state)
+    cycle = run_cycle(setup, start, start.position, rate, 0.0 * rate, state, When(0, 0.0, 1e-3))
     loop = run(made.control, made.plant, reference, 1e-3)
     values = [law.torque, law.sliding_variable, cycle.torque, cycle.state.pose, loop.pose]
     return [*values, loop.command, loop.sliding_variable, loop.fault]

@@ -22,7 +22,7 @@ CHANGED = {'s_fotsmc.G': 12.0}
 
 
 def controller(**changes):
-    return Controller(configure(config.resolve('paper_circle', changes)), lazy=True)
+    return Controller(configure(config.resolve('paper_circle', changes)))
 
 
 @pytest.fixture(scope='module')
@@ -76,7 +76,7 @@ def test_a_switch_to_a_law_that_was_made_compiles_and_types_nothing(made, counts
 
 def test_for_new_gains_only_these_are_typed(made, counts):
     change = made.prepare_change({**CHANGED, 'law': 's_fotsmc'})
-    assert change.law.constants.G == 12.0
+    assert change.law.gains.G == 12.0
     assert set(counts) == {type(change.law.gains).__name__, 'float', 'Boxed'}
 
 
@@ -95,11 +95,13 @@ def test_new_gains_act_as_those_of_the_start(gain):
 def test_a_law_that_is_made_again_begins_with_an_empty_memory():
     core = controller(law='s_fotsmc')
     torques(core)
-    empty = core.law.memory
-    assert not same(core.memory, empty)
+    empty, remembered = core.law.memory.first, core.law.memory.value
+    assert not same(remembered, empty)
+    core.apply(core.prepare_change({'law': 'pid'}))
     change = core.prepare_change({'law': 's_fotsmc'})
-    assert same(change.core.memory, empty)
-    assert not same(core.memory, empty)  # it has not taken effect
+    assert same(change.law.memory.value, remembered)  # it has not taken effect
+    core.apply(change)
+    assert same(core.law.memory.value, empty)
 
 
 def same(some, others):

@@ -213,7 +213,7 @@ def test_torque_of_every_sample_is_that_of_the_formula(law, changed, size):
     values = VALUES | changed
     prepared, k = prepare(law, values), gains_of(law, values)
     draw = np.random.default_rng(7).standard_normal
-    memory, past = prepared.memory, []
+    memory, past = prepared.memory.first, []
     for _ in range(25):
         root = draw((3, 3))
         M, Q, gravity = root @ root.T + np.eye(3), draw((3, 3)), draw(3)

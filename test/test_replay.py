@@ -323,7 +323,7 @@ def test_a_bag_that_begins_while_the_law_runs_tells_nothing_of_it(tmp_path, caps
 
 def test_what_cannot_be_explained_is_counted(tmp_path, capsys):
     def sabotage(controller):
-        controller._core.memory = controller.law.memory
+        controller.law.memory.begin()
 
     bag = live(tmp_path / 'bag', {300: sabotage})
     assert main(['replay', str(bag)]) == 1

@@ -34,11 +34,10 @@ DWELL = {
 }  # fmt: skip
 
 
-def follow(parts, control, first, last, plant, cycle, memory):
-    """Part of the motion under one law, from given states."""
-    law = control.law._replace(memory=memory)
+def follow(parts, control, first, last, plant, cycle):
+    """Part of the motion under one law that begins, from given states."""
     return run(
-        control._replace(law=law, state=cycle),
+        control._replace(state=cycle),
         parts.plant._replace(state=plant),
         Reference(*(rows[first:last] for rows in MOTION)),
         1e-3,
@@ -60,10 +59,7 @@ def controls():
 def before(parts, controls):
     """What stands at the switch, by the law that has run until then."""
     start = parts.plant.state, parts.control.state
-    return {
-        name: follow(parts, one, 0, MOVING, *start, one.law.memory)
-        for name, one in controls.items()
-    }
+    return {name: follow(parts, one, 0, MOVING, *start) for name, one in controls.items()}
 
 
 def error(pose, first):
@@ -76,11 +72,11 @@ def error(pose, first):
 def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, controls, before):
     one = controls[name]
     end = MOVING + round(DWELL[name] * 1e3) + WINDOW
-    alone = follow(parts, one, 0, end, parts.plant.state, parts.control.state, one.law.memory)
+    alone = follow(parts, one, 0, end, parts.plant.state, parts.control.state)
     own = error(alone.pose, 0)[-WINDOW:]
     for other, at in before.items():
         cycle = taking_over(at.cycle, at.command[-1])
-        out = follow(parts, one, MOVING, end, at.plant, cycle, one.law.memory)
+        out = follow(parts, one, MOVING, end, at.plant, cycle)
         assert out.steps == end - MOVING and not out.fault.any()
         assert np.isfinite(out.command).all() and np.isfinite(out.pose).all()
         assert set(out.acted) <= {0, RAMP}
@@ -108,7 +104,7 @@ def test_all_pairs_one_after_the_other_as_parameters_change(parts, controls):
     names = tour(laws)
     assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)
     rig, dwell = Rig('lockstep', law=names[0]), 7
-    plant, cycle, memory = parts.plant.state, parts.control.state, None
+    plant, cycle = parts.plant.state, parts.control.state
     for number, name in enumerate(names):
         one = controls[name]
         if number:
@@ -118,10 +114,12 @@ def test_all_pairs_one_after_the_other_as_parameters_change(parts, controls):
             sample = rig.step()
             assert sample.status.law == name and sample.status.fault is None
         first = number * dwell
-        out = follow(parts, one, first, first + dwell, plant, cycle, one.law.memory)
-        plant, cycle, memory = out.plant, out.cycle, out.memory
+        out = follow(parts, one, first, first + dwell, plant, cycle)
+        plant, cycle = out.plant, out.cycle
         assert np.array_equal(out.command, rig.torques[-dwell:])
-        assert np.array_equal(numbers(memory), numbers(rig.controller.memory))
+        assert np.array_equal(
+            numbers(one.law.memory.value), numbers(rig.controller.law.memory.value)
+        )
     torques = np.array(rig.torques)
     switches = np.arange(1, len(names)) * dwell
     assert np.abs(torques[switches] - torques[switches - 1]).max() <= BOUND
@@ -138,13 +136,13 @@ def numbers(memory):
 def test_new_gains_go_on_with_the_memory_and_without_a_jump():
     rig = Rig('lockstep', law='pid')
     rig.run(300)
-    integral = rig.controller.memory.integral.value.copy()
+    integral = rig.controller.law.memory.value.integral.value.copy()
     rig.change(pid__Kp=2700, pid__Ki=0.0)
     before = rig.torques[-1]
     rig.step()
     assert np.abs(rig.torques[-1] - before).max() <= BOUND
     assert (
-        np.abs(rig.controller.memory.integral.value - integral).max()
+        np.abs(rig.controller.law.memory.value.integral.value - integral).max()
         < 1e-4
         < np.abs(integral).max()
     )

@@ -427,7 +427,8 @@ def test_tuples_of_arrays_and_of_vectors():
     given = Pair((np.zeros(2), np.arange(2), 'text', None), np.eye(2))
     found = as_vectors(given)
     assert type(found) is Pair and type(found.fault) is type(found.position[0]) is Vector
-    assert found.position[1:] == given.position[1:]  # integers stay an array
+    assert type(found.position[1]) is Vector and found.position[1].dtype == np.int64
+    assert found.position[2:] == given.position[2:]
     back = as_arrays(found)
     assert type(back) is Pair and type(back.fault) is type(back.position[0]) is np.ndarray
     assert back.fault.tolist() == np.eye(2).tolist()

@@ -8,14 +8,20 @@ Laws and robots
 Loops
     ``read_row`` and ``write_row`` reach the rows of arrays, ``read_at`` and ``write_at`` memory by
     its address, a ``Space``. ``FirstClass`` makes a kernel a value that other kernels take,
-    ``Boxed`` a tuple a constant that they take by its address, ``entry_point`` a kernel that is
-    called from Python without a look at its types.
+    ``composed`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
+    its address, of type ``ANY`` where only that is needed; ``entry_point`` a kernel one that is
+    called from Python without a look at its types. A ``KeptValue`` is memory of any type: kernels
+    read what is ``present``, ``propose`` what comes next and ``keep`` it, or ``begin`` anew.
+    ``arrays_of`` and ``vectors_of`` turn vectors to arrays and back.
 """
 
-from parallel_robot_model.compiler.boxed import Boxed
+from parallel_robot_model.compiler.array_copies import arrays_of, vectors_of
+from parallel_robot_model.compiler.boxed import ANY, Boxed
 from parallel_robot_model.compiler.compile_error import reason
 from parallel_robot_model.compiler.function_value import FirstClass
+from parallel_robot_model.compiler.kept_value import KeptValue, begin, keep, present, propose
 from parallel_robot_model.compiler.kernels import (
+    composed,
     entry_point,
     inlined,
     inner,
@@ -23,6 +29,7 @@ from parallel_robot_model.compiler.kernels import (
     need_compiler,
 )
 from parallel_robot_model.compiler.linear_algebra import cross, dot, multiply, solve
+from parallel_robot_model.compiler.plain_values import plain_type
 from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
 from parallel_robot_model.compiler.vector_rows import read_row, write_row
 from parallel_robot_model.compiler.vector_select import clip, every, select, some
@@ -37,8 +44,9 @@ from parallel_robot_model.compiler.vector_types import (
 )
 
 __all__ = [
-    'INTERPRETED', 'Boxed', 'FirstClass', 'Space', 'Vector', 'VectorType', 'as_arrays',
-    'as_vectors', 'clip', 'cross', 'dot', 'entry_point', 'every', 'inlined',
-    'inner', 'kernel', 'multiply', 'need_compiler', 'read_at', 'read_row', 'reason', 'select',
-    'shape_of', 'solve', 'some', 'vector', 'write_at', 'write_row',
+    'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'KeptValue', 'Space', 'Vector', 'VectorType',
+    'arrays_of', 'as_arrays', 'as_vectors', 'begin', 'clip', 'composed', 'cross', 'dot',
+    'entry_point', 'every', 'inlined', 'inner', 'keep', 'kernel', 'multiply', 'need_compiler',
+    'plain_type', 'present', 'propose', 'read_at', 'read_row', 'reason', 'select', 'shape_of',
+    'solve', 'some', 'vector', 'vectors_of', 'write_at', 'write_row',
 ]  # fmt: skip

@@ -13,6 +13,7 @@ from llvmlite import ir
 from numba import typeof, types
 from numba.extending import NativeValue, models, register_model, unbox
 
+from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kernels import kernel
 from parallel_robot_model.compiler.numba_parts import (
     AttributeTemplate,
@@ -21,6 +22,7 @@ from parallel_robot_model.compiler.numba_parts import (
     infer_getattr,
     lower_getattr_generic,
 )
+from parallel_robot_model.compiler.plain_values import plain, plain_type
 from parallel_robot_model.compiler.vector_types import INTERPRETED, divisible
 
 ALIGNMENT = 64  # bytes, of the widest register
@@ -40,6 +42,9 @@ class BoxedType(types.Type):  # type: ignore[misc]
         return self.content
 
 
+ANY = BoxedType(types.none)  # of one whose tuple is not known
+
+
 @register_model(BoxedType)
 class _BoxedModel(models.OpaqueModel):  # type: ignore[misc]
     pass
@@ -53,23 +58,43 @@ class Boxed:
         address: Address of its copy in memory.
     """
 
-    def __init__(self, value: Any) -> None:
-        """Copy a tuple into memory; texts and arrays in it are kept while the process lives."""
+    def __init__(self, value: Any, kind: Any = None) -> None:
+        """Copy a tuple into memory; texts and arrays in it are kept while the process lives.
+
+        Args:
+            value: The tuple.
+            kind: Its type for kernels: ANY; None: that of the tuple.
+        """
         self.value = value
-        self._numba_type_ = BoxedType(typeof(value))
         if INTERPRETED:
-            self.value = divisible(value)
+            self.value, self._numba_type_ = divisible(value), ANY
             return
-        self._memory = np.zeros(_room(value) + ALIGNMENT, np.uint8)
-        start = self._memory.ctypes.data
-        self.address = start + -start % ALIGNMENT
-        _store(value, self.address)
+        self._numba_type_ = kind or BoxedType(typeof(value))
+        written = _plain(value)
+        layout = plain_type(written)
+        room = _room(value) if layout is None else layout.itemsize
+        self._memory = np.zeros(room + ALIGNMENT, np.uint8)
+        begin = -self._memory.ctypes.data % ALIGNMENT
+        self.address = self._memory.ctypes.data + begin
+        if layout is None:
+            _store(value, self.address)
+        else:
+            np.ndarray(1, layout, self._memory.data, begin)[0] = written
 
     def __getattr__(self, name: str) -> Any:
         """A field of the tuple."""
         if name.startswith('_'):
             raise AttributeError(name)
         return getattr(self.value, name)
+
+
+def _plain(value: Any) -> Any:
+    """A value with addresses in place of what lies elsewhere."""
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    if isinstance(value, FirstClass):
+        return value.fields
+    return value.address if isinstance(value, Boxed) else plain(value)
 
 
 def _room(value: Any) -> int:

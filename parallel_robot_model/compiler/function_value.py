@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -51,6 +52,21 @@ class FirstClass:
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel from Python."""
         return self.function(*(divisible(arguments) if INTERPRETED else arguments))
+
+    @property
+    def fields(self) -> tuple[int, int, int]:
+        """How it lies in memory, see FunctionModel."""
+        return self._address, id(self), 0
+
+    def erased(self, kind: Any) -> FirstClass:
+        """The same with another type of its first argument, as wide as its own."""
+        if INTERPRETED:
+            return self
+        other = copy.copy(self)
+        known = self._signature
+        other._signature = known.return_type(kind, *known.args[1:])
+        other._numba_type_ = _FunctionType(other._signature)
+        return other
 
     def __wrapper_address__(self) -> int:
         """Address of the machine code (Numba's protocol)."""

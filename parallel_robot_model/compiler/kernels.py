@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import types
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -68,6 +69,21 @@ def _cached(function: Function, **options: bool) -> Function:
         return _as_it_is(function)
     compiled = numba.njit(error_model='numpy', **options)(function)
     return cast(Function, _CachedKernel.of(compiled))
+
+
+def composed(function: Function, **parts: Callable[..., Any]) -> Function:
+    """Compile a function that kernels take as FirstClass, with others that it calls inside.
+
+    Args:
+        function: The function.
+        parts: Kernels that it calls, by the names that they have in it. Its machine code is kept
+            with that of the first one.
+    """
+    first = cast(Any, next(iter(parts.values()))).py_func
+    made = types.FunctionType(function.__code__, {**function.__globals__, **parts})
+    made.__module__ = first.__module__
+    made.__qualname__ = f'{first.__qualname__}.{function.__qualname__}'
+    return cast(Function, _cached(made, no_cpython_wrapper=True))
 
 
 def inlined(function: Function) -> Function:

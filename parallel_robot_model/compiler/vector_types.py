@@ -254,12 +254,12 @@ def vector(values: Any) -> Any:
 
 
 def as_vectors(values: Any) -> Any:
-    """Tuples of numbers and arrays with vectors in place of the arrays of floats."""
+    """Tuples of numbers and arrays with vectors in place of the arrays."""
     if isinstance(values, tuple):
         parts = map(as_vectors, values)
         return type(values)(*parts) if hasattr(values, '_fields') else tuple(parts)
-    if type(values) is np.ndarray and values.dtype == np.float64:
-        return vector(values)
+    if type(values) is np.ndarray and values.dtype in _SCALARS:
+        return np.array(values, order='C').view(Vector)
     return values
 
 

@@ -24,11 +24,10 @@ from parallel_robot_model.processes.user_directory import (
 )
 
 NOTICE = 'compiling; after an installation this takes about a minute, once'
-COMPLETE = 'complete'  # file that says that all kernels of the suite have been compiled
 KEPT = 5  # versions, this one included
 KEPT_CUSTOM = 100  # versions of custom files, for each of these
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
-ALL = 270  # approximate number of pieces of machine code after `make setup`
+ALL = 250  # approximate number of pieces of machine code after `make setup`
 PREFIX = 'parallel_robot_custom_'  # prefix of the names of custom modules
 
 

@@ -44,7 +44,6 @@ class Ghost:
     def _begin(self, effort: Array) -> None:
         self._control = assemble(self._configuration)
         self._state = joining(self._control.state, effort)
-        self._memory = self._control.law.memory
 
     def answer(
         self,
@@ -81,8 +80,8 @@ class Ghost:
         self._last = int(stamps[-1])
         free = np.full_like(states.position, np.nan)
         references = JointReference(*map(np.ascontiguousarray, references))
-        batch = answer(self._control.setup, references, states, free, self._state, self._memory)
-        self._state, self._memory = batch.state, batch.memory
+        batch = answer(self._control.setup, references, states, free, self._state)
+        self._state = batch.state
         torque: Array = batch.torque
         return torque
 

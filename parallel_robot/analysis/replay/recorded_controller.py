@@ -73,6 +73,24 @@ class Event(NamedTuple):
     pose: tuple[float, ...] = ()
 
 
+class Past(NamedTuple):
+    """Copies of the memories of a law and of its Kalman filter."""
+
+    law: np.ndarray
+    filter_: np.ndarray
+
+    def restore(self, control: Control) -> None:
+        """Let a controller remember this."""
+        control.law.memory.restore(self.law)
+        control.setup.estimator.kalman.memory.floats[:] = self.filter_
+
+
+def past_of(control: Control) -> Past:
+    """What a controller remembers."""
+    floats = control.setup.estimator.kalman.memory.floats
+    return Past(control.law.memory.copy(), floats.copy())
+
+
 class Moment(NamedTuple):
     """All that a controller knows between two states.
 
@@ -80,20 +98,17 @@ class Moment(NamedTuple):
         configuration: Its configuration.
         control: Law, robot and limits.
         state: State of its cycle.
-        memory: Memory of the law.
-        past: Memory of its Kalman filter, which the cycle changes.
+        past: Memory of the law and of the Kalman filter, which the cycle changes.
     """
 
     configuration: ControlConfiguration
     control: Control
     state: CycleState
-    memory: Any
-    past: np.ndarray
+    past: Past
 
     def moved(self, batch: Batch) -> Moment:
         """After a batch that :meth:`RecordedController.answer` has just answered."""
-        past = _filter_memory(self.control).copy()
-        return self._replace(state=batch.state, memory=batch.memory, past=past)
+        return self._replace(state=batch.state, past=past_of(self.control))
 
 
 class RecordedController:
@@ -200,8 +215,7 @@ class RecordedController:
         """Before the first state; without a common start, the controller takes over."""
         control = assemble(self._configuration)
         state = control.state if common else joining(control.state, self._effort[0])
-        past = _filter_memory(control).copy()
-        return Moment(self._configuration, control, state, control.law.memory, past)
+        return Moment(self._configuration, control, state, past_of(control))
 
     def answer(self, moment: Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states, up to the first torque that is not the expected one.
@@ -216,9 +230,8 @@ class RecordedController:
             expected: Torques of all states [N m], NaN where any will do.
         """
         stop = min(stop, len(self.stamps))
-        control, state, memory = moment.control, moment.state, moment.memory
-        past = _filter_memory(control)
-        past[:] = moment.past
+        control, state = moment.control, moment.state
+        moment.past.restore(control)
         torques, answered = [], 0
         inside = self._edges[(self._edges > first) & (self._edges < stop)]
         for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
@@ -226,7 +239,8 @@ class RecordedController:
                 state = state._replace(fault=faults.NONE)
             if begin in self._restarts or begin in self._renewals:
                 state = restarted(state, np.array(self._configuration.guess))
-                state, memory = joining(state, self._effort[begin]), control.law.memory
+                state = joining(state, self._effort[begin])
+                control.law.memory.begin()
             elif begin in self._gaps:
                 state = without_torque(tripped(state, faults.STATES_STALE))
             if begin in self._returns:
@@ -234,21 +248,21 @@ class RecordedController:
             if begin < stop and self._stale[begin]:
                 state = tripped(state, faults.REFERENCE_STALE)
             rows = slice(begin, end)
-            before = past.copy()
-            batch = self._answer(control, rows, expected, state, memory)
-            if batch.answered < end - begin:  # the filter has seen the state that was not expected
-                past[:] = before
+            before = past_of(control)
+            batch = self._answer(control, rows, expected, state)
+            if batch.answered < end - begin:  # it remembers the state that was not expected
+                before.restore(control)
                 rows = slice(begin, begin + batch.answered)
-                self._answer(control, rows, expected, state, memory)
+                self._answer(control, rows, expected, state)
             torques.append(batch.torque)
             answered += batch.answered
-            state, memory = batch.state, batch.memory
+            state = batch.state
             if batch.answered < end - begin:
                 break
-        return Batch(np.concatenate(torques), answered, state, memory)
+        return Batch(np.concatenate(torques), answered, state)
 
     def _answer(
-        self, control: Control, rows: slice, expected: np.ndarray, state: CycleState, memory: Any
+        self, control: Control, rows: slice, expected: np.ndarray, state: CycleState
     ) -> Batch:
         """Answer some rows up to the first torque that is not the expected one."""
         return answer(
@@ -257,7 +271,6 @@ class RecordedController:
             self._states.part(rows),
             expected[rows],
             state,
-            memory,
         )
 
     def explain_by_events(
@@ -311,28 +324,25 @@ class RecordedController:
         return False
 
 
-def _filter_memory(control: Control) -> np.ndarray:
-    """Memory of the Kalman filter of a controller."""
-    floats: np.ndarray = control.setup.estimator.kalman.memory.floats
-    return floats
-
-
 def after(moment: Moment, event: Event) -> Moment:
     """What an event makes of a controller."""
-    configuration, control, state, memory, past = moment
+    configuration, control, state, past = moment
     if event.values:
+        past.restore(control)
         before, configuration = control.law, changed(configuration, event.values)
         control = assemble(configuration, memory=control.setup.estimator.kalman.memory)
-        state, memory = switched(state, memory, before, control.law)
+        state = switched(state, before, control.law)
+        past = past_of(control)
     if len(event.pose) == len(configuration.guess):
         state = placed(state, np.array(event.pose))
     if event.fault == faults.NONE and state.fault != faults.NONE:
-        state, memory = cleared(state), control.law.memory
+        state = cleared(state)
+        past = past._replace(law=control.law.memory.begun)
     elif event.fault and state.fault == faults.NONE:
         state = tripped(state, event.fault)
         if event.fault in LOST:
             state = without_torque(state)
-    return Moment(configuration, control, state, memory, past)
+    return Moment(configuration, control, state, past)
 
 
 def events(history: History, configuration: ControlConfiguration) -> list[Event]:
