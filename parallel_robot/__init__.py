@@ -14,12 +14,23 @@ from typing import TYPE_CHECKING, Any
 
 import parallel_robot_model  # noqa: F401, before Numba
 
+_PLACES = {  # module to what it offers
+    'parallel_robot.python.names': ('laws', 'scenarios'),
+    'parallel_robot.studies.notebook': (
+        'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
+    ),
+    'parallel_robot_model.common.errors': (
+        'BagError', 'InputError', 'ParallelRobotError', 'RunError',
+    ),
+    'parallel_robot_sim.scenario_run': ('Run', 'simulate'),
+}  # fmt: skip
 __all__ = [
-    'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'grid', 'load', 'metrics',
-    'plot', 'save', 'simulate', 'sweep',
+    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'grid', 'laws',
+    'load', 'metrics', 'plot', 'save', 'scenarios', 'simulate', 'sweep',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from parallel_robot.python.names import laws, scenarios
     from parallel_robot.studies.notebook import (
         compare,
         grid,
@@ -29,19 +40,20 @@ if TYPE_CHECKING:
         save,
         sweep,
     )
-    from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError
+    from parallel_robot_model.common.errors import (
+        BagError,
+        InputError,
+        ParallelRobotError,
+        RunError,
+    )
     from parallel_robot_sim.scenario_run import Run, simulate
 else:
 
     def __getattr__(name: str) -> Any:
-        if name not in __all__:
-            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-        place = 'parallel_robot.studies.notebook'
-        if name in ('Run', 'simulate'):
-            place = 'parallel_robot_sim.scenario_run'
-        elif name.endswith('Error'):
-            place = 'parallel_robot_model.common.errors'
-        return getattr(import_module(place), name)
+        for place, names in _PLACES.items():
+            if name in names:
+                return getattr(import_module(place), name)
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
     def __dir__() -> list[str]:
         return sorted([*globals(), *__all__])

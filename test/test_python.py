@@ -18,8 +18,11 @@ from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import run_log, simulation_bag
 from parallel_robot.cli import command_line
+from parallel_robot.python import names
 from parallel_robot.studies import notebook
+from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.loop import DURATION
 from parallel_robot_sim import scenario_run
 
@@ -46,7 +49,7 @@ def messages(bag):
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook])
+@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook, names])
 def test_the_examples_of_the_docstrings_do_what_they_say(module):
     found = doctest.testmod(module)
     assert found.attempted > 0
@@ -141,6 +144,8 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: notebook.plot([]), 'plot takes up to 8 runs, not 0'),
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.z': 3}), 'smc.z must have a list of'),
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.zz': [3]}), "did you mean 'smc.z'"),
+        (lambda: names.laws('mine.py'), "custom_laws must be a list of files, not 'mine.py'"),
+        (lambda: names.laws(['no.py']), 'no.py'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -253,6 +258,15 @@ def test_a_picture_is_small_in_a_notebook_and_overwrites_nothing(run, tmp_path):
     assert (tmp_path / 'run.pdf').read_bytes() == before
 
 
+def test_laws_and_scenarios_are_those_of_the_command_line(tmp_path):
+    assert list(names.scenarios().index) == config.scenarios()
+    assert list(names.laws().index) == list(LAWS)
+    law = tmp_path / 'mine.py'
+    law.write_text(Path(LAWS['smc'].__file__).read_text() + "\n\nTITLE = 'Mine'\n")
+    found = names.laws([law])
+    assert found.loc['mine'].tolist() == ['Mine', *found.loc['smc'].tolist()[1:]]
+
+
 def test_a_study_of_keys_and_values_is_swept(tmp_path):
     found = notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
     assert found.law.tolist() == ['smc', 's_smc'] * 2
@@ -295,15 +309,15 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     text = (ROOT / 'docs' / 'python.md').read_text()
     code = re.findall(r'```python\n(.*?)```', text, re.DOTALL)
     assert len(code) == 4
-    names = {}
-    exec('\n'.join(code[:2]), names)
-    assert names['run'].error.shape == (12001, 3)
+    found = {}
+    exec('\n'.join(code[:2]), found)
+    assert found['run'].error.shape == (12001, 3)
     assert (tmp_path / 'run.pdf').is_file()
-    assert names['pr'].load('runs/smc').law == 'smc'
-    exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), names)
-    assert list(names['runs'].law) == ['smc', 's_fotsmc']
+    assert found['pr'].load('runs/smc').law == 'smc'
+    exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), found)
+    assert list(found['runs'].law) == ['smc', 's_fotsmc']
     with pytest.raises(InputError, match=re.escape(code[3].splitlines()[1].partition(': ')[2])):
-        exec(code[3], names)
+        exec(code[3], found)
 
 
 def test_every_array_of_a_run_is_on_the_page():
