@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 _PLACES = {  # module to what it offers
+    'parallel_robot.python.limits': ('limit',),
     'parallel_robot.python.names': ('laws', 'scenarios'),
+    'parallel_robot.python.presentations': ('export', 'report', 'video'),
     'parallel_robot.studies.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
@@ -25,12 +27,15 @@ _PLACES = {  # module to what it offers
     'parallel_robot_sim.scenario_run': ('Run', 'simulate'),
 }  # fmt: skip
 __all__ = [
-    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'grid', 'laws',
-    'load', 'metrics', 'plot', 'save', 'scenarios', 'simulate', 'sweep',
+    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
+    'laws', 'limit', 'load', 'metrics', 'plot', 'report', 'save', 'scenarios', 'simulate', 'sweep',
+    'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from parallel_robot.python.limits import limit
     from parallel_robot.python.names import laws, scenarios
+    from parallel_robot.python.presentations import export, report, video
     from parallel_robot.studies.notebook import (
         compare,
         grid,

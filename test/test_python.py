@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from custom_law import LAW
 from mcap.reader import make_reader
 
 import parallel_robot
@@ -18,7 +19,7 @@ from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import run_log, simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.python import names
+from parallel_robot.python import names, presentations
 from parallel_robot.studies import notebook
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
@@ -49,8 +50,9 @@ def messages(bag):
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook, names])
-def test_the_examples_of_the_docstrings_do_what_they_say(module):
+@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook, names, presentations])
+def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     found = doctest.testmod(module)
     assert found.attempted > 0
     assert found.failed == 0
@@ -146,6 +148,14 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.zz': [3]}), "did you mean 'smc.z'"),
         (lambda: names.laws('mine.py'), "custom_laws must be a list of files, not 'mine.py'"),
         (lambda: names.laws(['no.py']), 'no.py'),
+        (lambda: presentations.report(3, 'out'), 'a bag must be a path, not 3'),
+        (lambda: presentations.report([], 'out'), 'a bag is needed'),
+        (lambda: presentations.report('no', 'out'), 'no does not exist'),
+        (lambda: presentations.report('no', 'out', scale='x'), "unknown scale 'x'"),
+        (lambda: presentations.video('no', 'x.avi'), "unknown video format '.avi'"),
+        (lambda: presentations.video('no', 'x.gif', rate='5'), '--rate must be 1 to 100 Hz, not '),
+        (lambda: presentations.export('no', 'x.txt'), "unknown table format '.txt'"),
+        (lambda: presentations.export('no', 'x.csv'), 'no does not exist'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -262,9 +272,59 @@ def test_laws_and_scenarios_are_those_of_the_command_line(tmp_path):
     assert list(names.scenarios().index) == config.scenarios()
     assert list(names.laws().index) == list(LAWS)
     law = tmp_path / 'mine.py'
-    law.write_text(Path(LAWS['smc'].__file__).read_text() + "\n\nTITLE = 'Mine'\n")
-    found = names.laws([law])
-    assert found.loc['mine'].tolist() == ['Mine', *found.loc['smc'].tolist()[1:]]
+    law.write_text(f"TITLE = 'Mine'\n{LAW}")
+    assert names.laws([law]).loc['mine'].tolist() == ['Mine', '', ('Kp', 'Ki', 'Kd')]
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    bag = tmp_path_factory.mktemp('python') / 'bag'
+    notebook.save(simulate('paper_circle', law='smc', duration=0.2), bag)
+    return bag
+
+
+def commanded(capsys, *words):
+    """What a command prints."""
+    assert command_line.main(list(map(str, words))) == 0
+    return capsys.readouterr().out
+
+
+def files(directory):
+    """Content of all files below a directory, by path."""
+    return {
+        path.relative_to(directory): path.read_bytes()
+        for path in directory.rglob('*')
+        if path.is_file()
+    }
+
+
+def test_a_report_is_that_of_the_command_line(bag, tmp_path, capsys):
+    made = presentations.report(bag, tmp_path / 'ours', scale='log')
+    out = commanded(capsys, 'report', bag, '--out', tmp_path / 'theirs', '--scale', 'log')
+    assert made.warnings == () and f'{made.figures} files' in out
+    ours, theirs = files(tmp_path / 'ours'), files(tmp_path / 'theirs')
+    assert ours.keys() == theirs.keys() and len(ours) == made.figures + 1
+    assert ours[Path('report.html')] == theirs[Path('report.html')]
+
+
+def test_a_video_is_that_of_the_command_line(bag, tmp_path, capsys):
+    made = presentations.video(bag, tmp_path / 'ours.gif', rate=10, speed=2)
+    out = commanded(
+        capsys, 'video', bag, '--out', tmp_path / 'theirs.gif', '--rate', 10, '--speed', 2
+    )
+    assert f'{made.frames} frames, errors magnified {made.magnified:g} times' in out
+    assert made.path.read_bytes() == (tmp_path / 'theirs.gif').read_bytes()
+
+
+def test_an_export_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = presentations.export(bag, tmp_path / 'ours.csv', foxglove=tmp_path / 'ours')
+    out = commanded(capsys, 'export', bag, '--out', tmp_path / 'theirs.csv')
+    assert f'{len(found)} rows, {len(found.columns)} columns' in out
+    assert found.attrs['warnings'] == ()
+    commanded(capsys, 'export', bag, '--foxglove', tmp_path / 'theirs')
+    assert messages(tmp_path / 'ours') == messages(tmp_path / 'theirs')
+    assert (tmp_path / 'ours.csv').read_bytes() == (tmp_path / 'theirs.csv').read_bytes()
+    assert found.equals(presentations.export(bag))
 
 
 def test_a_study_of_keys_and_values_is_swept(tmp_path):
