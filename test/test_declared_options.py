@@ -94,7 +94,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.run._supervise',
     'parallel_robot.studies.sweep.sweep.completed',
     'parallel_robot.cli.commands.tune.run',
-    'parallel_robot.studies.limit.robots.least_error',
+    'parallel_robot.studies.least_errors.least_error',
     'parallel_robot.cli.commands.compare.simulation.attempt',
     'parallel_robot.cli.commands.verify.verify',
     'parallel_robot.studies.identification.design.design',

@@ -9,6 +9,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from custom_law import LAW
 from mcap.reader import make_reader
@@ -19,7 +20,7 @@ from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import run_log, simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.python import names, presentations
+from parallel_robot.python import limits, names, presentations, repetitions
 from parallel_robot.studies import notebook
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
@@ -50,7 +51,9 @@ def messages(bag):
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook, names, presentations])
+@pytest.mark.parametrize(
+    'module', [parallel_robot, scenario_run, notebook, limits, names, presentations, repetitions]
+)
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = doctest.testmod(module)
@@ -156,6 +159,11 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: presentations.video('no', 'x.gif', rate='5'), '--rate must be 1 to 100 Hz, not '),
         (lambda: presentations.export('no', 'x.txt'), "unknown table format '.txt'"),
         (lambda: presentations.export('no', 'x.csv'), 'no does not exist'),
+        (lambda: limits.limit('nowhere'), "unknown scenario 'nowhere'"),
+        (lambda: limits.limit('paper_circle', runs=2), '--runs is for studies'),
+        (lambda: limits.limit('paper_circle', figure='x.txt'), 'picture format'),
+        (lambda: repetitions.replay('no'), 'no does not exist'),
+        (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -325,6 +333,45 @@ def test_an_export_is_that_of_the_command_line(bag, tmp_path, capsys):
     assert messages(tmp_path / 'ours') == messages(tmp_path / 'theirs')
     assert (tmp_path / 'ours.csv').read_bytes() == (tmp_path / 'theirs.csv').read_bytes()
     assert found.equals(presentations.export(bag))
+
+
+def test_the_least_error_is_that_of_the_command_line(tmp_path, capsys):
+    noise = {'disturbance.noise': 0.1, 'sensor.resolution': 1e-5}
+    found = limits.limit('paper_circle', duration=0.5, figure=tmp_path / 'calm.svg', **noise)
+    words = [f'--set={key}={value}' for key, value in noise.items()]
+    out = tmp_path / 'limit.csv'
+    main = ['limit', 'paper_circle', '--duration', '0.5', '--calm', *words, '--out', str(out)]
+    assert command_line.main(main) == 0
+    warned = capsys.readouterr().err
+    assert [f'parallel_robot limit: warning: {text}\n' for text in found.attrs['warnings']] == [
+        f'parallel_robot limit: {warned}'
+    ]
+    pandas.testing.assert_frame_equal(pandas.read_csv(out), found)
+    assert (tmp_path / 'calm.svg').is_file()
+
+
+def test_a_replay_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = repetitions.replay(bag)
+    assert repr(found) + '\n' == commanded(capsys, 'replay', bag)
+    assert found.differing == 0 == found.late
+    np.testing.assert_array_equal(found.torque, found.recorded)
+    other = repetitions.replay(bag, law='pid', figure=tmp_path / 'ours.svg', **{'pid.Kp': 1000})
+    figure = tmp_path / 'theirs.svg'
+    words = ['--law', 'pid', '--set', 'pid.Kp=1000', '--figure', figure]
+    assert f'{other!r}\nfigure  {figure}\n' == commanded(capsys, 'replay', bag, *words)
+    assert other.torque.shape == other.recorded.shape == (201, 3) and other.differing == 201
+    assert (tmp_path / 'ours.svg').is_file()
+
+
+def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
+    law, bag = tmp_path / 'mine.py', tmp_path / 'bag'
+    law.write_text(LAW)
+    notebook.save(simulate('paper_circle', law='mine', duration=0.02, custom_laws=[law]), bag)
+    law.unlink()
+    with pytest.raises(BagError, match='holds the code of the law mine'):
+        repetitions.replay(bag)
+    assert repetitions.replay(bag, trust=True).differing == 0
+    assert capsys.readouterr() == ('', '')
 
 
 def test_a_study_of_keys_and_values_is_swept(tmp_path):

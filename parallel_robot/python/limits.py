@@ -9,7 +9,7 @@ from typing import Any
 from parallel_robot.analysis.report.figures import check_format
 from parallel_robot.bags import new_files
 from parallel_robot.python import arguments
-from parallel_robot.studies.limit import robots
+from parallel_robot.studies import least_errors
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_sim.scenario_run import changes, named
 
@@ -27,10 +27,10 @@ def limit(
     """Compute the least error that any controller can have, as ``parallel_robot limit`` does.
 
     >>> import parallel_robot as pr
-    >>> noise = {'sensor.position_noise': 1e-5, 'sensor.delay': 0.002}
-    >>> found = pr.limit('paper_circle', duration=1, **noise)
-    >>> (1e6 * found[['as_it_is_m', 'without_delays_m']]).round(1).values.tolist()
-    [[0.0, 0.0]]
+    >>> noise = {'disturbance.noise': 0.1, 'sensor.delay': 0.002}
+    >>> found = pr.limit('axes_step', duration=1, **noise)
+    >>> (1e9 * found[['as_it_is_rad', 'without_delays_rad']]).round().values.tolist()
+    [[1435.0, 243.0]]
 
     Args:
         scenario: Name or file of a scenario; or of a study, of which it is asked for all robots.
@@ -43,7 +43,7 @@ def limit(
 
     Returns:
         A pandas.DataFrame with one row a robot, the root mean square error over the second half
-        of its motion without some of the causes, as `--out` of the command has it;
+        of its motion without some of the causes, as ``--out`` of the command has it;
         ``attrs['warnings']`` says what to know of them.
 
     Raises:
@@ -54,7 +54,7 @@ def limit(
     if path is not None:
         check_format(path)
         new_files.check(path, '--figure')
-    found = robots.compute(
+    found = least_errors.compute(
         named('scenario', scenario),
         changes(param_file, values),
         runs,

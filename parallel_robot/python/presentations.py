@@ -92,7 +92,7 @@ def export(
     >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.5), 'runs/exported')
     >>> frame = pr.export('runs/exported', 'runs/smc.csv')
     >>> list(frame[['time_s', 'joint1_position_rad']].iloc[500].round(3))
-    [0.5, 0.925]
+    [0.5, 1.454]
 
     Args:
         bag: Directory of the bag, or its MCAP file.

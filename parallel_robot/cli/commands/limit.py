@@ -9,8 +9,8 @@ from pathlib import Path
 from parallel_robot.analysis.report.figures import check_format
 from parallel_robot.bags import new_files
 from parallel_robot.cli.commands import simulate
-from parallel_robot.studies.limit import robots
-from parallel_robot.studies.limit.robots import is_study
+from parallel_robot.studies import least_errors
+from parallel_robot.studies.least_errors import is_study
 from parallel_robot_model.common.errors import InputError
 
 
@@ -44,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
         new_files.check(arguments.figure, '--figure')
     name, calm = arguments.scenario, arguments.calm or arguments.figure is not None
     changes = (simulate.given if is_study(name) else simulate.overrides)(arguments)
-    found = robots.compute(name, changes, arguments.runs, arguments.duration, calm)
+    found = least_errors.compute(name, changes, arguments.runs, arguments.duration, calm)
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     print('\n'.join(found.lines()))
