@@ -18,7 +18,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.limits': ('limit',),
     'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.presentations': ('export', 'report', 'video'),
-    'parallel_robot.python.repetitions': ('replay',),
+    'parallel_robot.python.repetitions': ('replay', 'rerun'),
     'parallel_robot.studies.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
@@ -29,7 +29,7 @@ _PLACES = {  # module to what it offers
 }  # fmt: skip
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
-    'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'save',
+    'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'rerun', 'save',
     'scenarios', 'simulate', 'sweep', 'video',
 ]  # fmt: skip
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.limits import limit
     from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.presentations import export, report, video
-    from parallel_robot.python.repetitions import replay
+    from parallel_robot.python.repetitions import replay, rerun
     from parallel_robot.studies.notebook import (
         compare,
         grid,

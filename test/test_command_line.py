@@ -14,10 +14,10 @@ from bags import full_disk
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.readable_metrics import EFFORT, STEADY, TORQUE
 from parallel_robot.analysis.report import figures, runs
-from parallel_robot.bags import history, recovery, run_log, simulation_bag
+from parallel_robot.bags import bag_difference, history, recovery, run_log, simulation_bag
 from parallel_robot.bags.experiment import software
 from parallel_robot.cli.command_line import COMMANDS, main, module_of
-from parallel_robot.cli.commands import rerun, run, simulate
+from parallel_robot.cli.commands import run, simulate
 from parallel_robot_model.common.options import Parser
 from parallel_robot_model.configuration import config
 
@@ -216,7 +216,10 @@ def test_a_path_may_be_a_text(bag, tmp_path):
     recovery.recover(str(bag), copy)
     log = run_log.read(copy)
     assert history.read(copy).facts == history.read(bag).facts
-    assert rerun.compare(str(bag), copy) == (rerun.compare(bag, tmp_path / 'copy')[0], '')
+    assert bag_difference.compare(str(bag), copy) == (
+        bag_difference.compare(bag, tmp_path / 'copy')[0],
+        '',
+    )
     figures.draw_run(log, metrics.poses(log), picture)
     values = config.resolve('paper_circle', {'duration': 0.01})
     simulation_bag.write(str(tmp_path / 'new'), values, simulated(values))

@@ -164,6 +164,7 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: limits.limit('paper_circle', figure='x.txt'), 'picture format'),
         (lambda: repetitions.replay('no'), 'no does not exist'),
         (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
+        (lambda: repetitions.rerun('no'), 'no does not exist'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -363,6 +364,17 @@ def test_a_replay_is_that_of_the_command_line(bag, tmp_path, capsys):
     assert (tmp_path / 'ours.svg').is_file()
 
 
+def test_a_rerun_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = repetitions.rerun(bag, tmp_path / 'ours')
+    said = commanded(capsys, 'rerun', bag, '--out', tmp_path / 'theirs')
+    assert found.identical and found.lines() == said.splitlines()[-1:]
+    assert messages(found.bag) == messages(tmp_path / 'theirs')
+    short = repetitions.rerun(bag, tmp_path / 'short', duration=0.1)
+    assert repr(short).startswith(f'identical: {short.messages} messages, as far as both bags go')
+    with pytest.raises(BagError, match='exists'):
+        repetitions.rerun(bag, tmp_path / 'ours')
+
+
 def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
     law, bag = tmp_path / 'mine.py', tmp_path / 'bag'
     law.write_text(LAW)
@@ -370,7 +382,10 @@ def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
     law.unlink()
     with pytest.raises(BagError, match='holds the code of the law mine'):
         repetitions.replay(bag)
+    with pytest.raises(BagError, match='holds the code of the law mine'):
+        repetitions.rerun(bag)
     assert repetitions.replay(bag, trust=True).differing == 0
+    assert repetitions.rerun(bag, trust=True).identical
     assert capsys.readouterr() == ('', '')
 
 

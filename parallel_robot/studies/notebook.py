@@ -150,10 +150,7 @@ def save(run: Run, bag: str | Path) -> None:
     """
     if run.simulation is None:
         raise InputError('only a simulated run can be saved; this one is from a bag')
-    try:
-        simulation_bag.write(bag, run.values, run.simulation)
-    except OSError as error:
-        raise RunError(f'cannot write {bag}: {error.strerror}') from None
+    simulation_bag.save(bag, run.values, run.simulation)
 
 
 class RunMetrics(Metrics):
