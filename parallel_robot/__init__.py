@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 _PLACES = {  # module to what it offers
+    'parallel_robot.python.identification': ('identify',),
     'parallel_robot.python.limits': ('limit',),
     'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.presentations': ('export', 'report', 'video'),
@@ -29,11 +30,12 @@ _PLACES = {  # module to what it offers
 }  # fmt: skip
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
-    'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'rerun', 'save',
+    'identify', 'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'rerun', 'save',
     'scenarios', 'simulate', 'sweep', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from parallel_robot.python.identification import identify
     from parallel_robot.python.limits import limit
     from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.presentations import export, report, video

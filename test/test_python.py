@@ -1,6 +1,7 @@
 """Runs, bags, metrics, pictures and sweeps from Python, and the examples of its docstrings."""
 
 import doctest
+import json
 import re
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import run_log, simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.python import limits, names, presentations, repetitions
+from parallel_robot.python import identification, limits, names, presentations, repetitions
 from parallel_robot.studies import notebook
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
@@ -52,7 +53,11 @@ def messages(bag):
 
 
 @pytest.mark.parametrize(
-    'module', [parallel_robot, scenario_run, notebook, limits, names, presentations, repetitions]
+    'module',
+    [
+        *(parallel_robot, scenario_run, notebook),
+        *(identification, limits, names, presentations, repetitions),
+    ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -165,6 +170,13 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: repetitions.replay('no'), 'no does not exist'),
         (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
         (lambda: repetitions.rerun('no'), 'no does not exist'),
+        (lambda: identification.identify(), 'identify takes either a bag or --design SCENARIO'),
+        (lambda: identification.identify('no'), 'no does not exist'),
+        (lambda: identification.identify('no', trials=3), '--trials goes with --design alone'),
+        (lambda: identification.identify('no', cutoff='5'), "a frequency in Hz, not '5'"),
+        (lambda: identification.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
+        (lambda: identification.identify(design='paper_circle'), '--design needs trajectory'),
+        (lambda: identification.identify(design='excitation', trials=0), '--trials must be at'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -373,6 +385,42 @@ def test_a_rerun_is_that_of_the_command_line(bag, tmp_path, capsys):
     assert repr(short).startswith(f'identical: {short.messages} messages, as far as both bags go')
     with pytest.raises(BagError, match='exists'):
         repetitions.rerun(bag, tmp_path / 'ours')
+
+
+def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
+    first, second = tmp_path / 'first', tmp_path / 'second'
+    notebook.save(simulate('excitation', duration=3, **{'true_robot.mp': 4.0}), first)
+    notebook.save(simulate('paper_circle', duration=2, **{'true_robot.mp': 4.0}), second)
+    ours, theirs = tmp_path / 'ours.yaml', tmp_path / 'theirs.yaml'
+    found = identification.identify(
+        first, validate=second, out=ours, figure=tmp_path / 'ours.svg', cutoff=9.0
+    )
+    words = ['--validate', second, '--cutoff', '9', '--out', theirs]
+    out = commanded(capsys, 'identify', first, *words)
+    assert '\n'.join([*found.lines(), f'robot   {theirs}', '']) == out
+    assert ours.read_bytes() == theirs.read_bytes()
+    read = simulate('paper_circle', duration=0.01, param_file=ours).values
+    assert found.values.items() <= read.items()
+    words = ['--validate', second, '--cutoff', '9', '--format', 'json']
+    assert json.loads(commanded(capsys, 'identify', first, *words)) == found.as_data()
+    with pytest.raises(BagError, match='no phase of rest'):
+        identification.identify(first, rest=True)
+    motion = identification.identify(
+        design='excitation', trials=3, seed=1, out=ours.with_stem('x')
+    )
+    words = [
+        '--design',
+        'excitation',
+        '--trials',
+        '3',
+        '--seed',
+        '1',
+        '--out',
+        theirs.with_stem('y'),
+    ]
+    out = commanded(capsys, 'identify', *words)
+    assert repr(motion) == '\n'.join(out.splitlines()[:-1])
+    assert ours.with_stem('x').read_bytes() == theirs.with_stem('y').read_bytes()
 
 
 def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
