@@ -20,6 +20,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.presentations': ('export', 'report', 'video'),
     'parallel_robot.python.repetitions': ('replay', 'rerun'),
+    'parallel_robot.python.tuning': ('tune',),
     'parallel_robot.studies.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
@@ -31,7 +32,7 @@ _PLACES = {  # module to what it offers
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
     'identify', 'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'rerun', 'save',
-    'scenarios', 'simulate', 'sweep', 'video',
+    'scenarios', 'simulate', 'sweep', 'tune', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.presentations import export, report, video
     from parallel_robot.python.repetitions import replay, rerun
+    from parallel_robot.python.tuning import tune
     from parallel_robot.studies.notebook import (
         compare,
         grid,

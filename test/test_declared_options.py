@@ -93,7 +93,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.simulate.attempt',
     'parallel_robot.cli.commands.run._supervise',
     'parallel_robot.studies.sweep.sweep.completed',
-    'parallel_robot.cli.commands.tune.run',
+    'parallel_robot.studies.tuning.tuned.run',
     'parallel_robot.studies.least_errors.least_error',
     'parallel_robot.cli.commands.compare.simulation.attempt',
     'parallel_robot.cli.commands.verify.verify',

@@ -21,7 +21,7 @@ from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import run_log, simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.python import identification, limits, names, presentations, repetitions
+from parallel_robot.python import identification, limits, names, presentations, repetitions, tuning
 from parallel_robot.studies import notebook
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
@@ -56,7 +56,7 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(identification, limits, names, presentations, repetitions),
+        *(identification, limits, names, presentations, repetitions, tuning),
     ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
@@ -177,6 +177,14 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: identification.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
         (lambda: identification.identify(design='paper_circle'), '--design needs trajectory'),
         (lambda: identification.identify(design='excitation', trials=0), '--trials must be at'),
+        (lambda: tuning.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
+        (lambda: tuning.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
+        (lambda: tuning.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', trials=0), '--trials must be from 1'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', bounds='z=3'), 'bounds must be names'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', bounds={'z': 'x'}), 'z'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', weights={'x': 1}), "weight 'x'"),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', search='a.b'), 'a list of keys'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -421,6 +429,24 @@ def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
     out = commanded(capsys, 'identify', *words)
     assert repr(motion) == '\n'.join(out.splitlines()[:-1])
     assert ours.with_stem('x').read_bytes() == theirs.with_stem('y').read_bytes()
+
+
+def test_tuned_gains_are_those_of_the_command_line(tmp_path, capsys):
+    ours, theirs = tmp_path / 'ours', tmp_path / 'theirs'
+    asked = {'duration': 0.1, 'trials': 3, 'workers': 1, 'weights': {'error': 2, 'chattering': 1}}
+    found = tuning.tune('smc', 'paper_circle', ours, bounds={'z': (10, 50), 'G': 12}, **asked)
+    words = ['--duration', '0.1', '--trials', '3', '--workers', '1', '--out', theirs]
+    words += ['--weights', 'error=2,chattering=1', '--bounds', 'z=10:50', '--bounds', 'G=12']
+    out = commanded(capsys, 'tune', 'smc', 'paper_circle', *words)
+    assert found.lines() == out.splitlines()[:-3]
+    for name in ('tuned.yaml', 'front.csv', 'trials.csv'):
+        assert (ours / name).read_bytes() == (theirs / name).read_bytes()
+    assert (
+        found.values.items()
+        <= simulate('paper_circle', duration=0.01, param_file=ours / 'tuned.yaml').values.items()
+    )
+    assert len(found.trials()) == 3 and found.front().chosen.sum() == 1
+    assert not found.verdict.converged
 
 
 def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
