@@ -16,6 +16,7 @@ WARM := import logging, sys; \
   values = resolve('paper_circle'); \
   whole = configure(values); \
   Controller(whole.control); Simulator(whole.plant).warm(); motions_of(values).load()
+TESTS := $(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0
 PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
@@ -27,7 +28,7 @@ unexport PYTHONDONTWRITEBYTECODE  # each process of the tests would translate al
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo docs site bench faults soak style check test clean
+.PHONY: help setup demo docs site bench faults soak style check test endurance clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -72,9 +73,12 @@ style: setup
 check: style ## check style, types and layers, then run the quick tests, which start no process
 	$(BIN)/python -m pytest -n 2 --quick
 
-test: style ## check style, types and layers, then run all tests
+test: style ## check style, types and layers, then run the tests, but for those of endurance
 	PYTHONPATH=. $(BIN)/python test/warm.py
-	$(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0
+	$(TESTS) -m 'not endurance'
+
+endurance: setup ## run the tests that must wait: cut links, killed processes, a loop that lives on
+	$(TESTS) -m endurance
 
 clean: ## remove .venv and everything built; runs/ stays
 	@rm -rf .venv build install log site *.egg-info .*_cache .hypothesis

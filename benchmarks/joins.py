@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot_control.messages import NO_FAULT
 
 LIMITS = (0.02, 0.05, 0.2)  # s; with the last, the plant's time-out, the torque changes
@@ -113,7 +113,7 @@ def join(changes: list[str]) -> int:
 
 def outcome(bag: Path, done: int) -> Outcome:
     """Read from a bag what joins did."""
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     answered = np.flatnonzero(~np.isnan(log.answer[:, 0]))  # the last one by zero, at the end
     effort = log.effort[log.time > TRANSIENT][: answered[-1] - len(log.time)]
     steps = np.abs(np.diff(effort, axis=0)).max(axis=1)

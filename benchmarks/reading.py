@@ -17,7 +17,7 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rows import ratios, row, show
 
-from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.bags import recording, simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_sim.configuration import configure
@@ -40,7 +40,7 @@ def peer(bag: Path) -> int:
 
 def ours(bag: Path) -> int:
     """Read the run: its three topics as arrays, and the counts of all ten."""
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     assert np.isfinite(log.reference_position).all()
     return sum(log.messages[name.removeprefix('/')].count for name in NEEDED)
 
@@ -62,7 +62,7 @@ def main() -> None:
         bag = Path(folder) / 'bag'
         values = config.resolve('paper_circle', {'duration': DURATION, 'time_mode': 'lockstep'})
         simulation_bag.write(bag, values, simulate(configure(values)))
-        count = 3 * len(run_log.read(bag).time)  # also loads the kernels
+        count = 3 * len(recording.read(bag).log.time)  # also loads the kernels
         size = sum(file.stat().st_size for file in bag.iterdir())
         pairs = [(seconds(ours, bag, count), seconds(peer, bag, count)) for _ in range(runs)]
     print(f'{runs} runs, {count} messages, {size / 1e6:.1f} MB')

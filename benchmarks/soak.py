@@ -20,7 +20,7 @@ from pathlib import Path
 import yaml
 from reliability import endurance, page
 
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot_model.processes.node_processes import MODULES
 
 DURATION = 600.0  # s
@@ -49,8 +49,8 @@ def main() -> int:
             return 1
         facts = yaml.safe_load((bag / 'metadata.yaml').read_text())
         recorded = facts['rosbag2_bagfile_information']['duration']['nanoseconds'] * 1e-9
-        log, lost = run_log.read(bag), history.read(bag).lost
-        soak = endurance.judge(duration, memory, log, lost, recorded, process.returncode)
+        log, past, _ = recording.read(bag)
+        soak = endurance.judge(duration, memory, log, past.lost, recorded, process.returncode)
     text = page.soak(soak)
     print(text)
     if duration >= DURATION:

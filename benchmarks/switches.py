@@ -33,7 +33,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.messages import NO_FAULT
@@ -218,7 +218,7 @@ def ask(client: Client, phase: Phase, requests: Any, given: argparse.Namespace) 
 
 def evaluate(bag: Path, phases: list[Phase], callbacks: list[Any], worst: int) -> dict[str, Any]:
     """Figures of each phase."""
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     sent = np.array([at for at, _ in messages(bag, f'/{topics.COMMANDS.name}')])
     gaps = np.diff(sent) / NANOSECONDS / log.config['period']
     answered = np.flatnonzero(~np.isnan(log.answer).any(axis=1))

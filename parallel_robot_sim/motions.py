@@ -41,7 +41,7 @@ class Poses(NamedTuple):
     planar: bool = True
 
 
-class Moved(NamedTuple):
+class Motion(NamedTuple):
     """A motion of which metrics are computed.
 
     Attributes:
@@ -58,11 +58,11 @@ class Moved(NamedTuple):
     effort: np.ndarray
     poses: Poses
 
-    def between(self, begin: float, end: float) -> Moved:
+    def between(self, begin: float, end: float) -> Motion:
         """The part from one time on, up to another one [s]."""
         rows = slice(*np.searchsorted(self.time, [begin, end]))
         actual, reference, planar = self.poses
-        return Moved(
+        return Motion(
             self.time[rows],
             self.position[rows],
             self.reference_position[rows],
@@ -82,12 +82,12 @@ class Motions(NamedTuple):
             see ideal_torque.py [N m], shape (N, n); None where it is not known.
     """
 
-    true: Moved | None
-    seen: Moved | None
+    true: Motion | None
+    seen: Motion | None
     ideal: Array | None = None
 
     @property
-    def best(self) -> Moved:
+    def best(self) -> Motion:
         """The true motion where it is known, else the one that was seen."""
         found = self.seen if self.true is None else self.true
         assert found is not None
@@ -172,7 +172,7 @@ def of_simulation(made: Simulation) -> Motions:
     joints, wanted = run.joints[rows], made.reference.position[rows]
     time = made.experiment.loop.period_ns * np.arange(run.steps) / NANOSECONDS  # as stamps tell
     poses = poses_of(nominal, true, guess, wanted, joints)
-    moved = Moved(time, joints, wanted, run.effort[rows], poses)
+    moved = Motion(time, joints, wanted, run.effort[rows], poses)
     ideal = torque_of(made.configuration)[: run.steps]
     exact = not untrue(made.configuration.values)
     if exact and nominal.parameters == true.parameters:
@@ -185,7 +185,7 @@ def of_simulation(made: Simulation) -> Motions:
     return Motions(moved, told._replace(poses=poses), ideal)
 
 
-def _told(made: Simulation) -> Moved:
+def _told(made: Simulation) -> Motion:
     """The joints of a simulation as their messages tell them, without their poses.
 
     As of a bag: those of valid states that have a reference, in the order of their stamps.
@@ -209,7 +209,7 @@ def _told(made: Simulation) -> Moved:
         tick * (measured - late - known),
         *(getattr(desired, name)[known] for name in ('position', 'velocity', 'acceleration')),
     )
-    return Moved(
+    return Motion(
         tick * (measured - late) / NANOSECONDS,
         run.position[rows],
         reference.position,

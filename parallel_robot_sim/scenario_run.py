@@ -46,7 +46,7 @@ class Run:
         torque: Torque applied during the step that ended at the state [N m], shape (N, n).
         pose: Pose of the end effector, shape (N, m); (x, y, phi) [m, m, rad] for the 3-RRR. The
             true one; of a bag whose plant is not known, that of the measured joints by the nominal
-            robot.
+            robot. NaN where the robot is not known here.
         pose_reference: Desired pose, shape (N, m).
         planar: Whether a pose begins with x and y [m] in a plane.
         fault: Time [s] and text of the first fault, None without one.

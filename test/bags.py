@@ -13,7 +13,9 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from parallel_robot.analysis import metrics
 from parallel_robot_model.messages import layouts, topics
+from parallel_robot_sim.motions import Motion
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 5 * 10**9  # ns
@@ -105,6 +107,12 @@ def chunks(path):
             ]
             found.append((index.chunk_start_offset, end, messages))
     return found
+
+
+def motion_of(log, poses=None):
+    """The motion of a run, with its poses by the nominal robot, or others."""
+    arrays = log.time, log.position, log.reference_position, log.effort
+    return Motion(*arrays, metrics.poses(log) if poses is None else poses)
 
 
 def streams(reference, position, effort=None, names=JOINTS, start=START):

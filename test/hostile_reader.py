@@ -13,7 +13,7 @@ import time
 import traceback
 from pathlib import Path
 
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.player import Player, PlayerOptions
 from parallel_robot.bags.printable_output import LONGEST_LINE
@@ -72,8 +72,7 @@ COMMANDS = {
         name: lambda bag, out, words=words: command_line.main(words(bag, out))
         for name, words in WORDS.items()
     },
-    'log': one_line(run_log.read),
-    'history': one_line(history.read),
+    'recording': one_line(recording.read),
     'player': one_line(play),
 }
 

@@ -34,6 +34,7 @@ def permitted():
         pytest.skip(str(error))
 
 
+@pytest.mark.endurance
 def test_a_cut_link_is_ridden_through_or_ends_in_safe_actions(
     permitted, domain, compiled, tmp_path
 ):

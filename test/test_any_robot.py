@@ -12,7 +12,7 @@ from parallel_robot.analysis.report import page, paper_figures, runs
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.palette import JOINTS, STYLES
 from parallel_robot.analysis.report.paper_figures import draw
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 
 pytestmark = pytest.mark.xdist_group('any_robot')  # one simulation of each for all
@@ -73,7 +73,7 @@ def test_analyze_shows_what_is_defined(case, tmp_path, capsys):
 
 def test_the_table_has_the_joints_and_the_pose(case, tmp_path):
     bag, _, pose, parts = case
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     assert main(['export', str(bag), '--out', str(tmp_path / 'run.csv')]) == 0
     back = pandas.read_csv(tmp_path / 'run.csv')
     of_joints = [
@@ -152,8 +152,13 @@ def test_compare_has_a_column_for_each_metric_that_is_defined(bags, tmp_path, ca
 
 def test_robots_of_one_scenario_are_not_drawn_together(bags, monkeypatch):
     """A scenario may be run with another robot; foreign bags have no scenario at all."""
-    read = run_log.read
-    monkeypatch.setattr(run_log, 'read', lambda *words: read(*words)._replace(scenario='same'))
+    read = recording.read
+
+    def same(*words):
+        found = read(*words)
+        return found._replace(log=found.log._replace(scenario='same'))
+
+    monkeypatch.setattr(recording, 'read', same)
     found = runs.read_runs([bags['axes_step'], bags['serial_2r_circle'], bags['axes_step']])
     names = {name: [len(run.log.joints) for run in members] for name, members in found.items()}
     assert names == {'same (axes, 5 joints)': [5, 5], 'same (serial_2r, 2 joints)': [2]}
@@ -167,14 +172,12 @@ def test_more_joints_than_styles_are_drawn(bags, tmp_path):
     (members,) = runs.read_runs([bags['axes_step']]).values()
     count, run = JOINTS + 2, members[0]
     columns = np.arange(count) % 5
-    log = run.log
     fields = ('position', 'reference_position', 'effort')
-    many = log._replace(
-        joints=tuple(f'q{k}' for k in range(count)),
-        **{field: getattr(log, field)[:, columns] for field in fields},
-    )
-    pose = metrics.Poses(many.position, many.reference_position, planar=False)
-    drawn = charts([run._replace(log=many, poses=pose, cross_coupling=None)])
+    many = {field: getattr(run.motion, field)[:, columns] for field in fields}
+    poses = metrics.Poses(many['position'], many['reference_position'], planar=False)
+    motion = run.motion._replace(poses=poses, **many)
+    log = run.log._replace(joints=tuple(f'q{k}' for k in range(count)))
+    drawn = charts([run._replace(log=log, motion=motion, cross_coupling=None)])
     styles = [curve.style for curve in drawn[2].panels[0].curves]
     assert len(styles) == count and len(set(styles)) == len({STYLES[s] for s in styles}) == JOINTS
     _, svg = draw(drawn[0], tmp_path, 'joint_errors')

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 from assembly import simulated
-from bags import full_disk
+from bags import full_disk, motion_of
 
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.readable_metrics import EFFORT, STEADY, TORQUE
 from parallel_robot.analysis.report import figures, runs
-from parallel_robot.bags import bag_difference, history, recovery, run_log, simulation_bag
+from parallel_robot.bags import bag_difference, recording, recovery, simulation_bag
 from parallel_robot.bags.experiment import software
 from parallel_robot.cli.command_line import COMMANDS, main, module_of
 from parallel_robot.cli.commands import run, simulate
@@ -172,7 +172,7 @@ def test_a_bag_is_good_though_its_metrics_fail(tmp_path, capsys, monkeypatch):
     assert main(['simulate', *CIRCLE, '--out', str(tmp_path / 'bag')]) == 0
     out, err = capsys.readouterr()
     assert not err and 'no metrics: ZeroDivisionError: division by zero\nbag ' in out
-    assert not run_log.read(tmp_path / 'bag').warnings
+    assert not recording.read(tmp_path / 'bag').log.warnings
 
 
 def test_simulate_does_not_wait_for_what_it_does_not_use():
@@ -214,13 +214,11 @@ def test_simulate_and_analyze(tmp_path, capsys):
 def test_a_path_may_be_a_text(bag, tmp_path):
     copy, picture = str(tmp_path / 'copy'), str(tmp_path / 'run.png')
     recovery.recover(str(bag), copy)
-    log = run_log.read(copy)
-    assert history.read(copy).facts == history.read(bag).facts
-    assert bag_difference.compare(str(bag), copy) == (
-        bag_difference.compare(bag, tmp_path / 'copy')[0],
-        '',
-    )
-    figures.draw_run(log, metrics.poses(log), picture)
+    log = recording.read(copy).log
+    assert recording.read(copy).history.facts == recording.read(bag).history.facts
+    count, _ = bag_difference.compare(bag, tmp_path / 'copy')
+    assert bag_difference.compare(str(bag), copy) == (count, '')
+    figures.draw_run(log, motion_of(log), picture)
     values = config.resolve('paper_circle', {'duration': 0.01})
     simulation_bag.write(str(tmp_path / 'new'), values, simulated(values))
     assert {path.name for path in tmp_path.iterdir()} == {'copy', 'new', 'run.png'}
@@ -238,9 +236,9 @@ def test_settings_are_used_and_recorded(bag, tmp_path):
         's_fotsmc',
     ]
     assert main(['simulate', *CIRCLE, *words, '--out', str(other)]) == 0
-    log = run_log.read(other)
+    log = recording.read(other).log
     assert log.config['friction.coulomb'] == [0, 0.5, 1] and log.config['s_fotsmc.G'] == 10.0
-    assert not (log.position == run_log.read(bag).position).all()
+    assert not (log.position == recording.read(bag).log.position).all()
 
 
 @pytest.mark.parametrize(
@@ -304,7 +302,7 @@ def test_a_full_disk_ends_a_simulation_in_one_line(tmp_path, capsys):
     assert out == '' and err == (
         f'parallel_robot simulate: cannot write {tmp_path / "bag"}: File too large\n'
     )
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert len(log.warnings) == 1 and log.messages['joint_states'].missing == 0
     with full_disk(200_000):
         assert main(['recover', str(tmp_path / 'bag'), '--out', str(tmp_path / 'again')]) == 1

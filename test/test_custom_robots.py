@@ -1,5 +1,7 @@
 """A robot from a file of the user's: it runs everywhere, and a wrong one costs one line."""
 
+import hashlib
+import json
 import shutil
 from pathlib import Path
 
@@ -9,8 +11,13 @@ from test_rerun import by_hand
 from untried import detach, forget
 from vectors import OnVectors
 
-from parallel_robot.bags import history, run_log
+from parallel_robot import simulate
+from parallel_robot.analysis import table
+from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.bags import recording
+from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli.command_line import main
+from parallel_robot.studies.notebook import load, metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND
@@ -28,7 +35,8 @@ WORDS = [
     '--set', 'robot_model=example_robot',
 ]  # fmt: skip
 
-POSE = ['--set', 'plant.initial_pose=[0.231, 0.2]', '--set', 'circle.center=[0.2, 0.2]']
+MOVED = {'plant.initial_pose': [0.231, 0.2], 'circle.center': [0.2, 0.2]}
+POSE = [word for key, value in MOVED.items() for word in ('--set', f'{key}={value}')]
 
 
 def test_its_defaults_stand_beneath_the_scenario():
@@ -46,13 +54,75 @@ def bag(tmp_path_factory):
 
 
 def test_the_paper_s_law_tracks_a_circle_with_it(bag):
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     radius = 0.02
     error = radius * (log.reference_position - log.position)
     assert log.joints == ('motor_x', 'motor_y') and len(log.time) == 3001
     assert np.abs(error[0]).max() == pytest.approx(1e-3)  # it starts beside the circle
     assert np.abs(error[2000:]).max() < 5e-5
     assert np.hypot(*(radius * log.reference_position - 0.2).T) == pytest.approx(0.03)
+
+
+CODES = [['--trust'], ['--set', f'custom_robots=[{EXAMPLE}]']]
+
+
+@pytest.mark.parametrize('words', CODES)
+def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
+    run = simulate('paper_circle', law='s_fotsmc', **CHANGES, **MOVED)
+    expected = metrics(run)
+    assert expected.steady.xy_rms_m > 0.0
+    assert main(['analyze', str(bag), *words, '--json', str(tmp_path / 'found.json')]) == 0
+    found = json.loads((tmp_path / 'found.json').read_text())
+    assert found['steady'] == pytest.approx(expected.steady._asdict(), rel=1e-12)
+    code = RobotCode(True) if words == CODES[0] else RobotCode(files=(str(EXAMPLE),))
+    again = load(bag, trust=code.trust, custom_robots=code.files)
+    assert metrics(again) == expected and np.array_equal(again.pose, run.pose)
+    assert 'platform_error_m' in again.to_frame() and 'not known' not in repr(again)
+    ((report,),) = read_runs([bag], code=code).values()
+    assert report.metrics == expected and report.motion.poses.planar
+    columns, warnings = table.read(bag, code=code)
+    assert np.array_equal(columns['platform_x_m'], run.pose[:, 0]) and not warnings
+    words = [str(bag), '--rate', '1', '--out', str(tmp_path / 'robot.gif'), *words]
+    assert main(['video', *words]) == 0
+
+
+def test_without_its_file_a_bag_has_no_pose(bag, tmp_path, capsys):
+    assert main(['analyze', str(bag), '--figure', str(tmp_path / 'run.png')]) == 0
+    out, err = capsys.readouterr()
+    assert 'seen joint error' in out and 'end-effector' not in out and err == ''
+    assert main(['report', str(bag), '--out', str(tmp_path / 'report')]) == 0
+    for text in (out, (tmp_path / 'report' / 'report.html').read_text()):
+        assert 'example_robot is not known' in text and '--trust runs its file' in text
+    run = load(bag)
+    assert np.isnan(run.pose).all() and not run.planar and '--trust' in repr(run)
+    assert run.error.any() and not any('pose' in column for column in run.to_frame())
+    columns, (warning,) = table.read(bag)
+    assert not any('pose' in column or 'platform' in column for column in columns)
+    assert 'example_robot is not known' in warning
+    capsys.readouterr()
+    for words in (
+        ['video', str(bag), '--out', str(tmp_path / 'robot.gif')],
+        ['export', str(bag), '--foxglove', str(tmp_path / 'viewed')],
+    ):
+        assert main(words) == 2
+        err = capsys.readouterr().err
+        assert err.count('\n') == 1 and '--set custom_robots=[FILE]' in err
+
+
+def test_a_robot_whose_digest_is_noted_is_known(bag, tmp_path, monkeypatch):
+    noted = tmp_path / 'parallel_robot' / 'trusted_laws'
+    noted.parent.mkdir()
+    noted.write_text(hashlib.sha256(EXAMPLE.read_bytes()).hexdigest())
+    assert not load(bag).planar
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    assert load(bag).planar
+
+
+def test_a_file_that_is_not_its_own_is_refused(bag, tmp_path, capsys):
+    other = Path(shutil.copy(EXAMPLE, tmp_path / 'other.py'))
+    assert main(['analyze', str(bag), '--set', f'custom_robots=[{other}]']) == 2
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1 and 'custom_robots has no file example_robot.py' in err
 
 
 def test_the_model_of_the_controller_is_that_of_the_plant():
@@ -250,15 +320,17 @@ def gone(recorded, tmp_path, monkeypatch, capsys):
 
 def test_it_comes_from_the_bag(gone, capsys):
     bag, _ = gone
-    assert history.read(bag).sources['custom_robots'] == {'example_robot': EXAMPLE.read_bytes()}
+    assert recording.read(bag).history.sources['custom_robots'] == {
+        'example_robot': EXAMPLE.read_bytes()
+    }
     again = bag.with_name('again')
     assert main(['rerun', str(bag), '--trust', '--out', str(again)]) == 0
     assert main(['replay', str(bag), '--trust']) == 0
     out, err = capsys.readouterr()
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of example_robot, which the bag holds' in err
-    assert history.read(again).sources == history.read(bag).sources
-    assert run_log.read(again).config['robot.tool'] == 3.0
+    assert recording.read(again).history.sources == recording.read(bag).history.sources
+    assert recording.read(again).log.config['robot.tool'] == 3.0
 
 
 def test_it_comes_from_the_bag_as_its_scenario_does(tmp_path, monkeypatch, capsys):
@@ -273,7 +345,7 @@ def test_it_comes_from_the_bag_as_its_scenario_does(tmp_path, monkeypatch, capsy
     scenario.unlink()
     assert main(['rerun', str(bag), '--trust']) == 0
     assert 'identical: 382 messages' in capsys.readouterr().out
-    log = run_log.read(tmp_path / 'bag_rerun')
+    log = recording.read(tmp_path / 'bag_rerun').log
     assert (log.scenario, log.config['robot_model']) == ('mine', 'example_robot')
     assert (log.config['robot.tool'], log.config['true_robot.tool']) == (3.0, 3.0)
 
@@ -314,12 +386,12 @@ def test_a_robot_that_did_not_run_needs_no_consent(tmp_path, capsys):
 def test_a_bag_recorded_by_hand_holds_the_robot_of_its_controller(gone, tmp_path, capsys):
     bag, robot = gone
     robot.write_text(EXAMPLE.read_text())
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     parameters = log.config | {'custom_robots': [str(robot)]}
     nodes = dict.fromkeys(('trajectory', 'plant', 'controller'), parameters)
     assert by_hand(tmp_path / 'hand', bag, **nodes) == []
     robot.write_text('raise SystemExit("the file that the bag names is not run")')
-    again = run_log.read(tmp_path / 'hand')
+    again = recording.read(tmp_path / 'hand').log
     assert again.config['robot.tool'] == 3.0 and again.joints == ('motor_x', 'motor_y')
     assert main(['replay', str(tmp_path / 'hand'), '--trust']) == 0
     assert 'identical: 101 commands' in capsys.readouterr().out
@@ -348,7 +420,7 @@ def test_a_file_that_a_bag_only_names_is_not_loaded(
 
 def test_a_file_that_a_controller_named_is_not_loaded(gone, tmp_path, monkeypatch, capsys):
     bag, robot = gone
-    controller = run_log.read(bag).config | {'custom_robots': [str(robot)]}
+    controller = recording.read(bag).log.config | {'custom_robots': [str(robot)]}
     lines = by_hand(tmp_path / 'hand', bag, plant=controller, controller=controller)
     assert lines == [f'the robot file {robot} is not on this machine']
     robot.write_text('open("ran", "w")\n' + EXAMPLE.read_text())

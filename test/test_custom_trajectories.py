@@ -9,7 +9,7 @@ from bags import content
 from custom_law import LAW
 from untried import detach, forget
 
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
@@ -154,9 +154,9 @@ def test_lockstep_gives_the_bytes_of_the_simulation(launch, domain, tmp_path):
     nodes, simulated = (content(next(bag.glob('*.mcap'))) for bag in bags)
     assert nodes == simulated and len(nodes['reference']) == 301
     for bag in bags:
-        stored = history.read(bag).sources['custom_trajectories']
+        stored = recording.read(bag).history.sources['custom_trajectories']
         assert stored == {'example_trajectory': EXAMPLE.read_bytes()}
-        assert run_log.read(bag).config['example_trajectory.duration'] == 2.0
+        assert recording.read(bag).log.config['example_trajectory.duration'] == 2.0
     assert main(['replay', str(bags[0]), '--trust']) == 0
 
 

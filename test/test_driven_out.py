@@ -9,7 +9,7 @@ from bags import MS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from test_replay import START, live
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.experiment import describe
 from parallel_robot.bags.progress import Progress
@@ -111,7 +111,7 @@ def driven_out(tmp_path):
 
     def make(directory):
         live(tmp_path / 'whole', {})
-        log = run_log.read(tmp_path / 'whole')
+        log = recording.read(tmp_path / 'whole').log
         values = config.resolve('paper_circle', {'duration': 0.4})
         facts = describe(group(values, LoopParameters, ''), values, START)
         position = log.position[: END + 30].copy()
@@ -150,7 +150,7 @@ def test_run_keeps_the_bag_and_says_when(driven_out, tmp_path, monkeypatch, caps
     assert f'{DRIVEN_OUT} at t = 0.230 s' in err.splitlines()[-1]
     assert ' s of 0.4 s; errors' in out and 'end-effector error, rms' in out
     assert f'bag     {bag}\nnext    parallel_robot analyze {bag}\n' in out
-    assert len(run_log.read(bag).time) == END + 30
+    assert len(recording.read(bag).log.time) == END + 30
 
 
 def test_run_ends_with_the_figures_of_analyze(tmp_path, monkeypatch, capsys):

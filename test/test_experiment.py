@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
-from parallel_robot.bags import experiment, history
+from parallel_robot.bags import experiment, recording
 from parallel_robot.bags.limits import NAME
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
@@ -22,7 +22,7 @@ EXTREMES = st.sampled_from(
 def test_a_bag_says_what_made_it(tmp_path):
     words = ['paper_circle', '--duration', '0.1', '--out', str(tmp_path / 'bag')]
     assert main(['simulate', *words]) == 0
-    facts = history.read(tmp_path / 'bag').facts
+    facts = recording.read(tmp_path / 'bag').history.facts
     assert facts['source'] == 'simulation' and facts['randomness'] == 'seed 0'
     assert 'numpy' in facts['libraries'] and facts['python'].count('.') == 2
     assert facts['command_line'] == experiment.command_line()

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from parallel_robot import simulate
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import history, recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
@@ -20,10 +20,10 @@ def test_a_run_that_diverges_is_kept_up_to_there(tmp_path, capsys):
     out, err = capsys.readouterr()
     last = err.splitlines()[-1]
     told = re.search(rf's_fotsmc: {DRIVEN_OUT} after t = (.*) s, fault before: the robot', last)
-    log = run_log.read(bag)
+    log, past, _ = recording.read(bag)
     assert f'{log.time[-1]:.3f}' == told[1] and 0.1 < log.time[-1] < 1.5
     assert 'no figures' in out and 'µm' not in out and f'bag     {bag}' in out
-    assert history.failure(history.read(bag), log.start_stamp, int(log.stamps[-1]))
+    assert history.failure(past, log.start_stamp, int(log.stamps[-1]))
     assert main(['analyze', str(bag)]) == 0
     out = capsys.readouterr().out
     assert 'no figures of a run that was in a fault' in out and 'µm' not in out

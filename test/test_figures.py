@@ -4,13 +4,13 @@ import struct
 
 import numpy as np
 import pytest
-from bags import streams, write_foreign
+from bags import motion_of, streams, write_foreign
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 
 
 @pytest.fixture(scope='module')
@@ -22,11 +22,11 @@ def log(tmp_path_factory, robot):
     write_foreign(
         bag, streams(reference, reference + 1e-4 * np.exp(-t), np.hstack([t, -t, 0 * t]))
     )
-    return run_log.read(bag)
+    return recording.read(bag).log
 
 
 def test_a_picture_comes_out(log, tmp_path):
-    figures.draw_run(log, metrics.poses(log), tmp_path / 'run.png')
+    figures.draw_run(log, motion_of(log), tmp_path / 'run.png')
     data = (tmp_path / 'run.png').read_bytes()
     assert data.startswith(b'\x89PNG\r\n\x1a\n') and len(data) > 20_000
     width, height = struct.unpack('>II', data[16:24])
@@ -35,7 +35,7 @@ def test_a_picture_comes_out(log, tmp_path):
 
 @pytest.mark.parametrize(('suffix', 'begin'), [('pdf', b'%PDF'), ('svg', b'<?xml')])
 def test_the_suffix_chooses_the_format(suffix, begin, log, tmp_path):
-    figures.draw_run(log, metrics.poses(log), tmp_path / f'run.{suffix}')
+    figures.draw_run(log, motion_of(log), tmp_path / f'run.{suffix}')
     assert (tmp_path / f'run.{suffix}').read_bytes().startswith(begin)
 
 
@@ -59,7 +59,7 @@ def test_there_is_a_curve_for_each_joint(count, planar, log, tmp_path, monkeypat
     if planar:
         pose = metrics.poses(log)
     found = drawn(monkeypatch)
-    figures.draw_run(other, pose, tmp_path / 'run.png')
+    figures.draw_run(other, motion_of(other, pose), tmp_path / 'run.png')
     panels = {axes.get_title('left') or axes.get_title(): axes for axes in found[0].axes}
     expected = ['Joint errors', 'Torques']
     expected += ['Path', 'End-effector error'] if planar else ['Synchronisation errors']
@@ -79,7 +79,7 @@ def test_errors_are_magnitudes_where_they_would_look_like_zero(scale, log, tmp_p
     settled = np.where(log.time[:, np.newaxis] < 0.02, 1e-3, 1e-6)
     for k, error in enumerate((np.full_like(log.position, 1e-3), settled)):
         run = log._replace(position=log.reference_position - error)
-        figures.draw_run(run, metrics.poses(run), tmp_path / f'{k}.png', scale)
+        figures.draw_run(run, motion_of(run), tmp_path / f'{k}.png', scale)
     scales = [{axes.get_title('left'): axes.get_yscale() for axes in f.axes} for f in found]
     even, spread = (one['Joint errors'] for one in scales)
     assert (even, spread) == (('linear', 'log') if scale == 'auto' else (scale, scale))
@@ -90,7 +90,7 @@ def test_errors_are_magnitudes_where_they_would_look_like_zero(scale, log, tmp_p
 
 def test_runs_are_drawn_over_one_another(log, monkeypatch):
     far = log._replace(position=log.reference_position + 1e-2, law='smc')
-    both = {'near': (log, metrics.poses(log)), 'far': (far, metrics.poses(far))}
+    both = {'near': (log, motion_of(log)), 'far': (far, motion_of(far))}
     path, error, joints, torque = figures.figure_of_runs(both).axes
     assert [len(axes.lines) for axes in (path, error, joints, torque)] == [5, 2, 2, 2]
     near, away = joints.lines
@@ -99,27 +99,30 @@ def test_runs_are_drawn_over_one_another(log, monkeypatch):
     np.testing.assert_allclose(away.get_ydata(), 1e4)
     largest = np.abs(log.effort).max(axis=1)
     np.testing.assert_array_equal(torque.lines[0].get_ydata(), largest)
-    distance = 1e6 * metrics.distances(both['near'][1])
+    distance = 1e6 * metrics.distances(both['near'][1].poses)
     np.testing.assert_allclose(error.lines[0].get_ydata(), distance)
-    bare = {name: (run, pose._replace(planar=False)) for name, (run, pose) in both.items()}
+    bare = {
+        name: (run, motion._replace(poses=motion.poses._replace(planar=False)))
+        for name, (run, motion) in both.items()
+    }
     assert len(figures.figure_of_runs(bare).axes) == 3
 
 
 def test_errors_of_zero_can_be_drawn(log, tmp_path):
     exact = log._replace(position=log.reference_position)
-    figures.draw_run(exact, metrics.poses(exact), tmp_path / 'run.png')
+    figures.draw_run(exact, motion_of(exact), tmp_path / 'run.png')
     assert (tmp_path / 'run.png').stat().st_size > 10_000
 
 
 def test_names_that_look_like_mathematics_are_drawn(log, tmp_path):
     named = log._replace(law='$\\frac{', scenario='two\nlines')
-    figures.draw_run(named, metrics.poses(named), tmp_path / 'run.svg')
+    figures.draw_run(named, motion_of(named), tmp_path / 'run.svg')
     assert (tmp_path / 'run.svg').stat().st_size > 10_000
 
 
 def test_laws_are_written_as_in_print(log, tmp_path, monkeypatch):
     run, replay = drawn(monkeypatch), log.answer
-    figures.draw_run(log._replace(law='s_fotsmc'), metrics.poses(log), tmp_path / 'run.png')
+    figures.draw_run(log._replace(law='s_fotsmc'), motion_of(log), tmp_path / 'run.png')
     figures.draw_torques(log._replace(law='s_smc'), replay, 'mine', tmp_path / 'replay.png')
     assert run[0].get_suptitle() == 'unknown, S-FOTSMC'
     legend = run[1].axes[0].get_legend()

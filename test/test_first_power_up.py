@@ -160,6 +160,7 @@ def bench(launch, peer, tmp_path):
     return lambda **given: Bench(launch, peer, tmp_path, **given)
 
 
+@pytest.mark.endurance
 def test_the_page_is_calm_word_by_word(bench):
     robot = bench()
     titles = iter(STEPS)
@@ -249,6 +250,7 @@ def test_the_page_is_calm_word_by_word(bench):
     assert [*titles] == ['Slowly, then fast']
 
 
+@pytest.mark.endurance
 @pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'observer_s_fotsmc'])
 def test_drives_that_come_late_or_go_and_come_again_throw_nobody(bench, law):
     """Also out of the order of the page, and with laws that integrate."""

@@ -8,7 +8,7 @@ import pytest
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.ghost import Ghost
 from parallel_robot.analysis.replay.recorded_controller import RecordedController
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import changed, configure
 from parallel_robot_control.contract import JointReference
@@ -26,7 +26,7 @@ def bag(tmp_path_factory):
 def test_in_parts_it_is_the_replay_of_the_whole(law, bag, monkeypatch):
     """The replay takes all states at once; here its controller takes over, as the ghost does."""
     monkeypatch.setattr(RecordedController, 'common_start', lambda *_: False)
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     configured = changed(configure(log.config), {'law': law})
     ghost = Ghost(configured)
     whole = replayed.instead(log, past, configured).torque

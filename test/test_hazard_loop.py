@@ -6,7 +6,7 @@ from assembly import simulated
 from bags import content
 
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags import recording, simulation_bag
 from parallel_robot_control import faults
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.controller import Controller
@@ -84,7 +84,7 @@ def assert_same(values, tmp_path):
     assert [len(states), len(commands)] == [*map(len, expected)]
     assert states == expected[0]
     assert commands == expected[1]
-    log, past = run_log.read(tmp_path / 'bag'), history.read(tmp_path / 'bag')
+    log, past, _ = recording.read(tmp_path / 'bag')
     again = replayed.again(log, past, configure(log.config))
     assert not again.differing.any() and again.known.sum() == len(commands)
     return [fault for _, fault in found]
@@ -161,7 +161,7 @@ def test_states_that_are_refused_for_long_are_a_fault(said, tmp_path):
     assert found == [faults.NONE] * 1000 + [fault] * 50 + [faults.NONE] * 151
     run = simulated(values).run
     assert int(np.flatnonzero(run.fault)[0]) == begin + 101  # 0.1 s is borne
-    statuses = history.read(tmp_path / 'bag').statuses
+    statuses = recording.read(tmp_path / 'bag').history.statuses
     assert [status.fault for status in statuses][-1] == 'none'
 
 
@@ -234,7 +234,7 @@ def test_a_link_that_is_down_leaves_the_true_robot_moving(tmp_path):
     made = simulated(values)
     assert np.abs(np.diff(made.run.joints[100:200], axis=0)).max() > 0.0
     simulation_bag.write(tmp_path / 'bag', values, made)
-    stamps = run_log.read(tmp_path / 'bag').stamps
+    stamps = recording.read(tmp_path / 'bag').log.stamps
     assert np.diff(stamps).max() == 101 * 10**6 and len(stamps) == 301
     poses = content(next((tmp_path / 'bag').glob('*.mcap')))['pose']
     assert len(poses) == 31

@@ -1,11 +1,14 @@
 """What a bag says beside the motion."""
 
-from bags import START
+import contextlib
+
+import numpy as np
+from bags import START, streams
 from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
-from parallel_robot.bags import history
+from parallel_robot.bags import history, recording
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.certificate import Certificate
 from parallel_robot.bags.record_names import MESSAGES
@@ -17,6 +20,16 @@ from parallel_robot_model.messages import topics
 CODES = {'joint_states': Certificate(10, 3).dump(), 'pose': Certificate(1, 0).dump()}
 
 
+@contextlib.contextmanager
+def at_rest(directory):
+    """A bag of a robot at rest, which can be added to."""
+    with BagWriter(directory, topics.RECORDED, {}) as writer:
+        for topic, messages in streams(np.zeros((2, 3)), np.zeros((2, 3))).items():
+            for log_time, message in messages:
+                writer.write(topic.name, log_time, message)
+        yield writer
+
+
 def test_faults_limits_and_losses(tmp_path):
     told = [
         Status('pid', None, 0),
@@ -26,12 +39,12 @@ def test_faults_limits_and_losses(tmp_path):
         ),
         Status('smc', None, 0),
     ]
-    with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
+    with at_rest(tmp_path / 'bag') as writer:
         for k, status in enumerate(told):
             stamp = START + k * 10**9
             writer.write(topics.STATUS.name, stamp, status_message(stamp, status))
         writer.note(MESSAGES, CODES)
-    past = history.read(tmp_path / 'bag')
+    past = recording.read(tmp_path / 'bag').history
     assert [status.fault for status in past.statuses] == ['none', 'none', 'emergency_stop', 'none']
     assert [status.law for status in past.statuses] == ['pid', 'pid', 'pid', 'smc']
     assert past.statuses[2].limits == ('torque', 'rate', 'ramp')
@@ -51,10 +64,10 @@ def test_statuses_of_one_stamp_stay_in_the_order_of_the_recording(tmp_path):
         Status('smc', None, 0),
         Status('pid', None, 0),
     ]
-    with BagWriter(tmp_path / 'bag', topics.RECORDED, {}) as writer:
+    with at_rest(tmp_path / 'bag') as writer:
         for k, status in enumerate(told):
             writer.write(topics.STATUS.name, START + k, status_message(START, status))
-    past = history.read(tmp_path / 'bag')
+    past = recording.read(tmp_path / 'bag').history
     assert [(status.law, status.fault) for status in past.statuses] == [
         ('smc', 'emergency_stop'),
         ('smc', 'none'),

@@ -16,16 +16,17 @@ from bags import content, full_disk
 from warm_process import WarmProcess
 
 from parallel_robot.analysis.report import runs
-from parallel_robot.bags import history, recovery, run_log
+from parallel_robot.bags import recording, recovery
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import COPIES, RATIO, RECORD, Allowance
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 
 ROOT = Path(__file__).parents[1]
 EVERY = os.environ.get('HOSTILE_BAGS') == 'all'
 SECONDS, GIGABYTES = 20.0, 4.0  # s of the processor: others may be busy, too
-QUICK = ('export', 'history', 'player', 'recover', 'rerun', 'replay')
+QUICK = ('export', 'recording', 'player', 'recover', 'rerun', 'replay')
 FOR_ALL = (
     'good', 'zstd bomb', 'pipe in it',
     'config: brackets', 'config: merge keys', 'commands of four', 'five joints', 'empty chunk',
@@ -132,11 +133,10 @@ LEGAL = (
 @pytest.mark.parametrize('name', LEGAL)
 def test_what_is_legal_or_does_no_harm_is_read_as_it_is(name, make, good, tmp_path):
     hostile_bags.put(good, tmp_path / 'good')
-    bag, expected = make(name), run_log.read(tmp_path / 'good')
-    log = run_log.read(bag)
+    bag, expected = make(name), recording.read(tmp_path / 'good').log
+    log, past, _ = recording.read(bag)
     assert np.array_equal(log.position, expected.position)
     assert np.array_equal(log.answer, expected.answer)
-    past = history.read(bag)
     assert not any(past.sources.values()) and past.changes == ()
 
 
@@ -152,7 +152,7 @@ def test_recover_keeps_what_it_has_when_its_last_look_fails(make, tmp_path, monk
     """Commands of another length, once an IndexError; and whatever nobody thought of."""
     recovery.recover(make('commands of four'), tmp_path / 'four')
     assert list((tmp_path / 'four').glob('*.mcap'))
-    monkeypatch.setattr(run_log, 'read', lambda *_: 1 / 0)
+    monkeypatch.setattr(recording, 'read', lambda *_, **__: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         recovery.recover(tmp_path / 'four', tmp_path / 'again')
     messages = [content(next((tmp_path / name).glob('*.mcap'))) for name in ('four', 'again')]
@@ -165,7 +165,8 @@ def test_a_report_reads_what_analyze_reads(name, make, good, tmp_path):
     if name == 'unclosed':
         hostile_bags.put(good, tmp_path / 'bag', data=good.data[:-100])
     bag = tmp_path / 'bag' if name == 'unclosed' else make(name)
-    found = [runs.cross_coupling(path, run_log.read(path)) for path in (tmp_path / 'good', bag)]
+    read = [recording.read(path, (CROSS_COUPLING_ERROR,)) for path in (tmp_path / 'good', bag)]
+    found = [runs.cross_coupling(log, extra[CROSS_COUPLING_ERROR]) for log, _, extra in read]
     assert len(found[0].time) == 7
     assert np.array_equal(found[0].time, found[1].time)
     assert np.array_equal(found[0].values, found[1].values)

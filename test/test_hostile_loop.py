@@ -78,6 +78,7 @@ class Loop:
         self.peer.until(lambda: self.call('controller/clear_fault') and not self.alarm())
 
 
+@pytest.mark.endurance
 @pytest.mark.parametrize('time_mode', ['lockstep', 'wall'])
 def test_a_loop_goes_on_after_joint_states_of_strangers(time_mode, launch, peer):
     loop = Loop(launch, peer, [f'time_mode:={time_mode}', 'duration:=0'])

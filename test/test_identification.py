@@ -7,8 +7,13 @@ import pytest
 from assembly import simulated
 
 from parallel_robot.bags.statuses import ControllerStatus
-from parallel_robot.studies.identification import identified, readable, recording, regression_rows
-from parallel_robot.studies.identification.recording import Recording
+from parallel_robot.studies.identification import (
+    identified,
+    measured_motion,
+    readable,
+    regression_rows,
+)
+from parallel_robot.studies.identification.measured_motion import MeasuredMotion
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.robots.configuration import robot_of
@@ -46,7 +51,7 @@ def motion(scenario='excitation', **overrides):
         values=values,
         run=run,
         nominal=identified.Nominal(robot, friction, run.pose[0]),
-        recording=Recording(
+        recording=MeasuredMotion(
             np.arange(len(run.position)) * values['period'],
             run.position,
             run.effort,
@@ -68,7 +73,7 @@ def noisy(case, rng, position=1e-5, torque=0.5):
     """The recording with white noise of these standard deviations [rad, N m]."""
     kept = case.recording
     shape = kept.position.shape
-    return Recording(
+    return MeasuredMotion(
         kept.time,
         kept.position + position * rng.normal(size=shape),
         kept.effort + torque * rng.normal(size=shape),
@@ -77,7 +82,7 @@ def noisy(case, rng, position=1e-5, torque=0.5):
 
 
 def replaced(case, **parts):
-    return Recording(**{**vars(case.recording), **parts})
+    return MeasuredMotion(**{**vars(case.recording), **parts})
 
 
 def test_table_1_from_a_noiseless_motion(excited):
@@ -141,7 +146,7 @@ def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(exc
 def late(recording, samples):
     """The recording of a robot whose positions are told some samples late."""
     count = len(recording.time) - samples
-    return Recording(
+    return MeasuredMotion(
         recording.time[samples:],
         recording.position[:count],
         recording.effort[samples:],
@@ -266,7 +271,9 @@ def test_jitter_and_lost_states_do_not_matter(excited):
     position = np.column_stack([np.interp(time, dense, row) for row in excited.run.position.T])
     found = identify(
         excited,
-        Recording(time[kept], position[kept], excited.run.effort[kept], np.ones(kept.sum(), bool)),
+        MeasuredMotion(
+            time[kept], position[kept], excited.run.effort[kept], np.ones(kept.sum(), bool)
+        ),
     )
     assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.02
 
@@ -298,7 +305,7 @@ def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):
     effort = excited.run.effort.copy()
     effort[8000:8500, 1] = 200.0
     effort[5000:6000] = 77.0  # as after an emergency stop
-    found = recording.of(log_of(excited, effort=effort), statuses, LIMIT)
+    found = measured_motion.of(log_of(excited, effort=effort), statuses, LIMIT)
     assert found.left_out == ('1 s: after a fault', '0.5 s: motors saturated')
     result = identify(excited, found)
     assert np.abs(result.fit.values / TRUTH - 1.0).max() < 0.01
@@ -312,8 +319,8 @@ def test_a_gap_separates_two_stretches(excited):
         name: value[kept] for name, value in vars(log_of(excited)).items() if name not in
         ('joints', 'time')
     }  # fmt: skip
-    found = recording.of(log_of(excited, **parts), (), LIMIT)
-    pieces = recording.stretches(found, 100)
+    found = measured_motion.of(log_of(excited, **parts), (), LIMIT)
+    pieces = measured_motion.stretches(found, 100)
     assert [(part.start, part.stop) for part in pieces] == [(0, 7000), (7000, 14401)]
     assert np.abs(identify(excited, found).fit.values / TRUTH - 1.0).max() < 0.01
 
@@ -327,12 +334,12 @@ def test_a_gap_separates_two_stretches(excited):
 )
 def test_a_recording_without_torques_or_motion_is_refused(excited, parts, message):
     with pytest.raises(BagError, match=message):
-        recording.of(log_of(excited, **parts), (), LIMIT)
+        measured_motion.of(log_of(excited, **parts), (), LIMIT)
 
 
 def test_too_short_a_motion_is_refused_with_the_reason(excited):
     statuses = [ControllerStatus(15 * 10**8, 's_fotsmc', 'speed', 'too fast', ())]
-    found = recording.of(log_of(excited), statuses, LIMIT)
+    found = measured_motion.of(log_of(excited), statuses, LIMIT)
     with pytest.raises(BagError, match=r'too little motion .* of 15 s; 14\.5 s: after a fault'):
         identify(excited, found)
 
@@ -346,7 +353,7 @@ def test_a_cutoff_that_does_not_fit_is_refused(excited, cutoff):
 def test_states_at_100_hz_take_the_default_bandwidth(excited):
     """Their stamps are a nanosecond off, so that a tenth of the rate is a little below 10 Hz."""
     kept = excited.recording
-    slow = Recording(
+    slow = MeasuredMotion(
         kept.time[::10] * (1.0 + 1e-7),
         *(rows[::10] for rows in (kept.position, kept.effort, kept.usable)),
     )

@@ -7,7 +7,7 @@ from scipy import stats
 
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.readable_metrics import STEADY
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import notebook
 from parallel_robot.studies.sweep.run_chunk import run_chunk
@@ -305,7 +305,7 @@ def test_a_bag_that_is_not_of_its_plant_tells_what_is_seen_alone(tmp_path):
     """Commands that are not those of the plant lead to other states than the bag has."""
     run = notebook.simulate('axes_step', duration=0.1, **{'sensor.delay': 0.005})
     notebook.save(run, tmp_path / 'bag')
-    log, past = run_log.read(tmp_path / 'bag'), history.read(tmp_path / 'bag')
+    log, past, _ = recording.read(tmp_path / 'bag')
     good = recorded_motions.of_bag(log, past)
     np.testing.assert_array_equal(good.motions.true.position, run.simulation.run.joints)
     other = recorded_motions.of_bag(log._replace(command=0.9 * log.command), past)

@@ -10,7 +10,7 @@ from ros_fixtures import SLOW_LOOP
 
 from benchmarks.joins import TRANSIENT, joins
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_model.configuration import config
 from parallel_robot_model.processes.node_processes import MODULES
@@ -20,6 +20,7 @@ pytest_plugins = ['ros_fixtures']
 RAMP = 200.0  # N m/s, of SLOW_LOOP
 
 
+@pytest.mark.endurance
 def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain, tmp_path):
     words = [word for key in SLOW_LOOP for word in ('--set', key.replace(':=', '='))]
     words += ['--set', 'plant.command_timeout=5']
@@ -31,7 +32,7 @@ def test_a_loop_that_ten_processes_join_goes_on_without_a_jump(compiled, domain,
     found = joins(10, bag, *words, changes=changes, together=5)
     assert found.joins == 10 and not found.faults
     assert found.granted.startswith('rmw_fastrtps_cpp, UDP; ')
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     rows = np.flatnonzero((log.time > TRANSIENT) & ~np.isnan(log.answer).any(axis=1))
     steps = np.abs(np.diff(log.answer[rows], axis=0))
     ramp = RAMP * np.diff(log.time[rows])[:, np.newaxis]

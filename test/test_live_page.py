@@ -7,7 +7,7 @@ from browser import requests, started
 from domain_coordinator import domain_id
 from ros_fixtures import PATIENCE, SLOW_LOOP, Process
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes.node_processes import MODULES
@@ -202,14 +202,14 @@ def test_a_bag_is_recorded(graph):
 
     def states():
         try:
-            return len(run_log.read(bag).time)
+            return len(recording.read(bag).log.time)
         except BagError:  # nothing of some topic so far
             return 0
 
     graph.until(lambda: states() > 100)
     graph.find('record').click()
     graph.until('document.getElementById("recording").textContent.endsWith("is complete")')
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     assert not log.warnings and log.scenario == 'paper_circle'
 
 

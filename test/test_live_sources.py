@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from parallel_robot.analysis.frames import Frames
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import BagSource, open_bag
 from parallel_robot.live.frames import HEADER
@@ -81,7 +81,7 @@ def test_what_may_not_be_the_true_motion_is_called_seen(key, tmp_path, capsys):
         assert open_bag(stack, bag, False, 1 << 30).texts()['setup']['seen'] == seen
     assert main(['export', str(bag), '--foxglove', str(tmp_path / 'copy')]) == 0
     assert ('frames of the robot, seen' in capsys.readouterr().out) == seen
-    _, path = Frames(run_log.read(bag), seen)._paths(0).markers
+    _, path = Frames(recording.read(bag).log, seen)._paths(0).markers
     assert path.ns == 'end effector' + ', seen' * seen
 
 

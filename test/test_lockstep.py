@@ -6,7 +6,7 @@ import pytest
 from bags import content
 from domain_coordinator import domain_id
 
-from parallel_robot.bags import history
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 
 pytest_plugins = ['ros_fixtures']
@@ -94,7 +94,7 @@ def test_two_robots_share_a_domain(launch, domain, tmp_path):
     assert main(['simulate', 'paper_circle', '--duration', '0.2', '--out', str(bags[0])]) == 0
     first, second, third = map(streams, bags)
     assert first == second == third and len(first['joint_states']) == 201
-    past = history.read(tmp_path / 'second')
+    past = recording.read(tmp_path / 'second').history
     assert {node.rpartition('/')[0] for node in past.parameters} == {'/cell/right'}
     for words in ('analyze',), ('replay',), ('report', '--out', str(tmp_path / 'report')):
         assert main([*words[:1], str(tmp_path / 'second'), *words[1:]]) == 0

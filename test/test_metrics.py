@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bags import JOINTS
+from bags import JOINTS, motion_of
 from geometry import PAPER_START, legs
 
 from parallel_robot.analysis import metrics
@@ -19,7 +19,7 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
-from parallel_robot_sim.motions import Motions, Moved, Poses
+from parallel_robot_sim.motions import Motion, Motions, Poses
 
 COUNT = 1000
 TIME = np.arange(COUNT + 1) * 1e-3
@@ -42,7 +42,7 @@ def still(pose):
 
 
 def evaluate(log, actual=PAPER_START, reference=PAPER_START):
-    return metrics.evaluate(log, metrics.Poses(still(actual), still(reference)))
+    return metrics.evaluate(motion_of(log, metrics.Poses(still(actual), still(reference))))
 
 
 def test_a_constant_offset_is_its_own_rms():
@@ -67,10 +67,11 @@ def test_only_the_second_half_is_steady():
     reference, actual = still(PAPER_START), still(PAPER_START)
     actual[:500, 0] += 1.0
     log = run(still([0, 0, 0]), error)
-    steady = metrics.evaluate(log, metrics.Poses(actual, reference)).steady
+    steady = metrics.evaluate(motion_of(log, metrics.Poses(actual, reference))).steady
     assert steady == (0.0, 0.0, 0.0, 0.0)
     actual[500, 0] += 1.0
-    assert metrics.evaluate(log, metrics.Poses(actual, reference)).steady.xy_max_m == 1.0
+    steady = metrics.evaluate(motion_of(log, metrics.Poses(actual, reference))).steady
+    assert steady.xy_max_m == 1.0
 
 
 def test_torque_of_a_sawtooth():
@@ -109,14 +110,14 @@ def test_poses_are_those_of_the_angles(robot):
 def test_a_run_of_one_state(robot):
     theta = legs(robot, PAPER_START)[0][np.newaxis]
     log = run(theta, theta)._replace(time=TIME[:1], effort=np.array([[1.0, -3.0, 2.0]]))
-    found = metrics.evaluate(log, metrics.poses(log))
+    found = metrics.evaluate(motion_of(log))
     assert found.duration_s == 0.0 and found.torque == (3.0, 0.0, 0.0)
 
 
 def test_a_robot_outside_a_plane_has_no_distances():
     log = run(still([0, 0, 0]), still([2e-3] * 3))
     pose = metrics.Poses(still([0, 0, 0]), still([2e-3] * 3), planar=False)
-    found = metrics.evaluate(log, pose)
+    found = metrics.evaluate(motion_of(log, pose))
     assert np.isnan(found.transient).all()
     assert np.isnan([found.steady.xy_rms_m, found.steady.xy_max_m]).all()
     assert found.steady.joint_rms_rad == pytest.approx(2e-3) and found.steady.sync_rms_rad == 0.0
@@ -149,7 +150,7 @@ def moved(motion, error, count=COUNT):
     reference = np.tile(motion(time)[:, np.newaxis], 3)
     position = reference - error(time)[:, np.newaxis]
     poses = Poses(position, reference, planar=False)
-    return Motions(Moved(time, position, reference, 0.0 * position, poses), None)
+    return Motions(Motion(time, position, reference, 0.0 * position, poses), None)
 
 
 def test_a_robot_that_rests_after_its_motion_is_not_looked_at():

@@ -12,7 +12,7 @@ from geometry import PAPER_START, legs, wrap
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.monitor import WindowMetrics
 from parallel_robot.analysis.monitor_node import LINKS
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import Topic
@@ -28,7 +28,7 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
         simulation.reference.position[rows], simulation.run.position, simulation.run.effort
     )
     write_foreign(tmp_path / 'bag', messages)
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     pose = metrics.poses(log)
     errors = metrics.errors(metrics.distances(pose), log.reference_position - log.position)
     expected = [*errors, *metrics.torque(log.time, log.effort)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bags import content
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure_plant
@@ -56,7 +56,7 @@ def test_a_graph_of_nodes_moves_it_as_the_simulation_does(launch, domain, tmp_pa
     )
     assert process.wait() == 0, process.stderr
     assert main(['simulate', *words, '--out', str(tmp_path / 'simulated')]) == 0
-    theirs, ours = (run_log.read(tmp_path / name) for name in ('bag', 'simulated'))
+    theirs, ours = (recording.read(tmp_path / name).log for name in ('bag', 'simulated'))
     assert np.array_equal(theirs.time, ours.time)
     assert np.abs(theirs.position - ours.position).max() < 1e-8
     assert theirs.config['plant.engine'] == 'mujoco'

@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
@@ -81,6 +81,7 @@ def records(message):
     return any(value.key == topics.JOINT_STATES.name and value.value != '0' for value in values)
 
 
+@pytest.mark.endurance
 def test_nodes_end_in_order_when_their_launcher_is_killed(compiled, peer, tmp_path):
     given = [*PATIENT, 'end_with_parent:=true', f'recorder.out:={tmp_path / "bag"}']
     options = [word for parameter in given for word in ('-p', parameter)]
@@ -211,7 +212,7 @@ def test_topics_of_other_names_close_the_loop(start, peer, tmp_path):
     for topic, count in ((topics.JOINT_STATES, 201), (topics.COMMANDS, 201)):
         peer.until(lambda: newest.get('/recorder', {}).get(topic.name) == str(count))  # noqa: B023
     assert recorder.end(signal.SIGINT) == 0, recorder.stderr
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert len(log.stamps) == 201
     assert np.array_equal(log.command[:200], simulated(log.config).run.command[:200])
 

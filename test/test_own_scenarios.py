@@ -9,7 +9,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 from test_command_line import refused
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import run
 from parallel_robot_model.processes.node_processes import MODULES
@@ -39,12 +39,12 @@ def test_its_bag_is_repeated_without_the_file(here, capsys):
     assert main(['simulate', 'mine.yaml', '--out', 'bag']) == 0
     out = capsys.readouterr().out
     assert out.startswith('0.1 s of motion') and '\nmine, s_fotsmc, 0.1 s; ' in out
-    log = run_log.read(here / 'bag')
+    log = recording.read(here / 'bag').log
     assert (log.scenario, log.config['circle.radius']) == ('mine', 0.02)
     (here / 'mine.yaml').unlink()
     assert main(['rerun', 'bag']) == 0
     assert 'identical: 382 messages' in capsys.readouterr().out
-    again = run_log.read(here / 'bag_rerun')
+    again = recording.read(here / 'bag_rerun').log
     assert again.config == log.config and again.scenario == 'mine'
     assert main(['replay', 'bag']) == 0
     assert main(['analyze', 'bag', '--json', 'bag.json']) == 0
@@ -58,7 +58,7 @@ def test_a_true_robot_of_its_own_is_repeated(here, scenario, capsys):
     assert main(['simulate', scenario, *words, '--out', 'bag']) == 0
     assert main(['rerun', 'bag']) == 0
     assert 'identical: ' in capsys.readouterr().out
-    assert run_log.read(here / 'bag_rerun').config == run_log.read(here / 'bag').config
+    assert recording.read(here / 'bag_rerun').log.config == recording.read(here / 'bag').log.config
 
 
 def test_another_robot_is_repeated(here, capsys):
@@ -67,7 +67,7 @@ def test_another_robot_is_repeated(here, capsys):
     (here / 'axes.yml').unlink()
     assert main(['rerun', 'bag']) == 0
     assert 'identical: ' in capsys.readouterr().out
-    assert run_log.read(here / 'bag_rerun').config == run_log.read(here / 'bag').config
+    assert recording.read(here / 'bag_rerun').log.config == recording.read(here / 'bag').log.config
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_another_robot_is_repeated(here, capsys):
 )
 def test_its_duration_counts_unless_another_is_given(here, words, duration):
     assert main(['simulate', 'mine.yaml', *words, '--out', 'bag']) == 0
-    assert run_log.read(here / 'bag').config['duration'] == duration
+    assert recording.read(here / 'bag').log.config['duration'] == duration
 
 
 def test_files_then_words_then_options(here):
@@ -84,7 +84,7 @@ def test_files_then_words_then_options(here):
     (here / 'two.yaml').write_text('/**: {ros__parameters: {smc: {z: 21.0}, s_smc.z: 22.0}}\n')
     words = ['--param-file', 'one.yaml', '--param-file', 'two.yaml', '--set', 's_smc.z=23']
     assert main(['simulate', 'mine.yaml', *words, '--law', 'smc', '--out', 'bag']) == 0
-    values = run_log.read(here / 'bag').config
+    values = recording.read(here / 'bag').log.config
     keys = ('smc.z', 'smc.u', 's_smc.z', 'law', 'duration')
     assert [values[key] for key in keys] == [21.0, 0.5, 23, 'smc', 0.05]
     assert main(['replay', 'bag', '--param-file', 'two.yaml']) == 0
@@ -143,7 +143,7 @@ def test_nodes_run_it_in_lockstep(launch, domain, here):
     process = launch('parallel_robot.cli.command_line', 'run', *words)
     assert process.wait() == 0, process.stderr
     (here / 'mine.yaml').unlink()
-    log = run_log.read(here / 'bag')
+    log = recording.read(here / 'bag').log
     assert (log.scenario, log.config['circle.radius'], len(log.time)) == ('mine', 0.02, 101)
     process = launch('parallel_robot.cli.command_line', 'rerun', 'bag')
     assert process.wait() == 0, process.stderr

@@ -17,9 +17,8 @@ from mcap.reader import make_reader
 
 import parallel_robot
 from parallel_robot import Run, simulate
-from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.bags import recording, simulation_bag
 from parallel_robot.cli import command_line
 from parallel_robot.python import identification, limits, names, presentations, repetitions, tuning
 from parallel_robot.studies import notebook
@@ -69,7 +68,7 @@ def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monke
 def test_a_run_is_the_simulation_of_the_command_line(run, tmp_path):
     words = ['paper_circle', '--law', 'smc', '--duration', '1', '--set', 'smc.z=25']
     assert command_line.main(['simulate', *words, '--out', str(tmp_path / 'bag')]) == 0
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     for ours, theirs in (
         (run.time, log.time),
         (run.position, log.position),
@@ -247,7 +246,7 @@ def test_metrics_are_shown_as_a_table(run):
 def test_a_run_as_a_frame_has_the_columns_of_its_bag(scenario, tmp_path):
     run = simulate(scenario, duration=0.1)
     notebook.save(run, tmp_path / 'bag')
-    frame, exported = run.to_frame(), table.to_frame(tmp_path / 'bag')
+    frame, exported = run.to_frame(), presentations.export(tmp_path / 'bag')
     assert len(frame) == 101 and set(frame) < set(exported)
     left = {column.split('_', 1)[1] for column in set(exported) - set(frame)}
     assert left == {

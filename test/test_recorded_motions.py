@@ -6,7 +6,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from parallel_robot.analysis.replay import bag_rerun
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.messages import topics
 
@@ -41,7 +41,7 @@ def bag(launch, domain, peer, tmp_path):
 
 
 def test_the_bag_tells_each_change_and_what_cannot_be_repeated(bag, capsys):
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     found = [change for change in past.changes if change.node == '/trajectory']
     granted = [change for change in found if 'granted.motion' in change.values]
     told = [change.values for change in granted]

@@ -13,7 +13,7 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot.bags import history
+from parallel_robot.bags import bag_reader, history
 from parallel_robot.bags import recorder as module
 from parallel_robot.bags.bag_files import open_file
 from parallel_robot.bags.channels import channel, channel_of, qos_profile
@@ -433,7 +433,7 @@ def test_the_recorder_notes_parameters_and_their_changes(early, tmp_path):
     if early:
         recorder.open(10**9)
     recorder.close()
-    past = history.read(tmp_path / 'bag')
+    past = history.of(bag_reader.read(tmp_path / 'bag', (), print), ())
     assert past.parameters == {'/controller': {'law': 'pid', 'pid.Kp': 3.0, 'joints': ['a', 'b']}}
     stamp = 0 if early else 10**9
     assert past.changes == (history.Change(stamp, '/controller', {'law': 'smc'}),)

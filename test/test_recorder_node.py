@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
-from parallel_robot.bags import history
+from parallel_robot.bags import bag_reader
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.record_names import MESSAGES
 from parallel_robot_model.messages import topics
@@ -122,7 +122,8 @@ def test_by_hand_the_laws_of_a_controller_are_attached(launch, peer, tmp_path):
     line = f'/controller: the law file {gone} is not on this machine; the bag does not hold this'
     peer.until(lambda: line in process.stderr)
     assert process.end(signal.SIGINT) == 0 and process.stderr.count(str(gone)) == 1
-    assert history.read(tmp_path / 'bag').sources['custom_laws'] == {'my_law': law.read_bytes()}
+    sources = bag_reader.read(tmp_path / 'bag', (), print).sources
+    assert sources['custom_laws'] == {'my_law': law.read_bytes()}
     controller.destroy_node()
 
 

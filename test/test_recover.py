@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from assembly import simulated
-from bags import chunks, content, streams, write_foreign, write_mcap
+from bags import chunks, content, motion_of, streams, write_foreign, write_mcap
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import bag_writer, run_log, simulation_bag
+from parallel_robot.bags import bag_writer, recording, run_log, simulation_bag
 from parallel_robot.bags.recovery import recover
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
@@ -109,9 +109,10 @@ def check(directory, out, found, touched):
         shutil.rmtree(out)
     else:
         assert not intact and '\n' not in error and not out.exists()
-    log, error = attempt(run_log.read, directory)
-    if log:
-        metrics.evaluate(log, metrics.poses(log))
+    found, error = attempt(recording.read, directory)
+    if found:
+        log = found.log
+        metrics.evaluate(motion_of(log))
         assert not any('\n' in warning for warning in log.warnings)
     else:
         assert len(intact) < 50 and '\n' not in error
@@ -170,7 +171,7 @@ def test_the_metadata_of_the_run_are_not_trusted_when_they_were_hit(broken, whol
     data, _ = whole
     where = data.index(b'"robot.l1": ') + len('"robot.l1": 0.')
     changed = data[:where] + b'9' + data[where + 1 :]
-    log = run_log.read(broken(changed))
+    log = recording.read(broken(changed)).log
     assert log.config['robot.l1'] == VALUES['robot.l1'] and len(log.warnings) == 1
 
 
@@ -184,7 +185,7 @@ def test_the_file_of_metadata_is_not_needed(state, broken, whole, tmp_path):
         path.write_text(path.read_text()[:300] if state == 'half' else '{[\0')
     report = recover(directory, tmp_path / 'out')
     assert not report.damage and report.kept == report.written
-    log, again = run_log.read(directory), run_log.read(tmp_path / 'out')
+    log, again = recording.read(directory).log, recording.read(tmp_path / 'out').log
     assert log.warnings == again.warnings == () and again.config == log.config == VALUES
     assert np.array_equal(log.position, again.position)
 
@@ -201,7 +202,7 @@ def test_a_recovered_bag_is_a_bag(broken, whole, tmp_path, capsys):
         by_topic = Counter(connection.topic for connection, *_ in reader.messages())
         assert by_topic == {c.topic: c.msgcount for c in reader.connections}
         assert all(c.ext.offered_qos_profiles for c in reader.connections)
-    assert run_log.read(out).config == VALUES
+    assert recording.read(out).log.config == VALUES
     with (out / f'{out.name}_0.mcap').open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         assert sum(1 for _ in reader.iter_decoded_messages()) == kept
@@ -256,7 +257,7 @@ def test_bags_of_others_that_are_cut_or_hit(kind, tmp_path):
         changed, offset = bytearray(data), RANDOM.randrange(len(data))
         changed[offset] ^= RANDOM.randrange(1, 256)
         path.write_bytes(RANDOM.choice([changed, data[:offset]]))
-        for function, arguments in ((recover, [tmp_path / 'out']), (run_log.read, [])):
+        for function, arguments in ((recover, [tmp_path / 'out']), (recording.read, [])):
             _, error = attempt(function, path.parent, *arguments)
             assert '\n' not in (error or '')
         shutil.rmtree(tmp_path / 'out', ignore_errors=True)
@@ -273,10 +274,10 @@ def test_files_of_a_split_bag_become_one(tmp_path):
         write_foreign(tmp_path / f'part_{k}', part)
         (tmp_path / 'bag').mkdir(exist_ok=True)
         shutil.copy(tmp_path / f'part_{k}' / f'part_{k}.mcap', tmp_path / 'bag' / f'bag_{k}.mcap')
-    assert run_log.read(tmp_path / 'bag').messages['joint_states'].count == 120
+    assert recording.read(tmp_path / 'bag').log.messages['joint_states'].count == 120
     (tmp_path / 'bag' / 'bag_3.mcap').write_bytes(b'\x89MCAP0\r\n')
     recover(tmp_path / 'bag', tmp_path / 'out')
-    log = run_log.read(tmp_path / 'out')
+    log = recording.read(tmp_path / 'out').log
     assert log.messages['joint_states'] == run_log.TopicCount(110, 10)
     assert len(log.warnings) == 1 and 'of which robot' in log.warnings[0]
 
@@ -305,7 +306,7 @@ def test_topics_that_are_not_ours_are_recovered_too(tmp_path):
     assert attachment.data == b'hello' and attachment.create_time == 5
     assert (metadata.name, metadata.metadata) == ('calibration', {'offset': '0.1'})
     with pytest.raises(BagError, match='no messages on joint_states'):
-        run_log.read(tmp_path / 'other_recovered')
+        recording.read(tmp_path / 'other_recovered')
 
 
 def test_a_bag_without_messages(tmp_path):

@@ -6,7 +6,7 @@ from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
 from parallel_robot.analysis.drill import fault_between, motors_braked
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import rehearse
@@ -24,7 +24,7 @@ def log(tmp_path_factory, robot):
     velocity = np.gradient(position, 1e-3, axis=0)
     effort = np.where(t < 0.5, -20.0, 20.0) * velocity
     write_foreign(bag, streams(position, position, effort))
-    read = run_log.read(bag)
+    read = recording.read(bag).log
     return read._replace(velocity=velocity[: len(read.time)])  # of which such bags have none
 
 
@@ -63,6 +63,7 @@ def test_the_simulated_robot_is_another_one_than_is_assumed(robot):
     assert 'sensor.position_noise' not in noisy
 
 
+@pytest.mark.endurance
 def test_the_drill_on_real_nodes(launch, domain, tmp_path):
     words = ('rehearse', '--only', 'drill', '--out', 'drill')
     process = launch('parallel_robot.cli.command_line', *words)

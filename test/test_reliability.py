@@ -7,7 +7,7 @@ from reliability import endurance, page
 from reliability.effects import Effect, Line
 from reliability.judging import BOUND, QUIET, Outcome, Record, is_well, judge, recovery_time
 
-from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.bags import recording, simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts
 
@@ -152,7 +152,7 @@ def log(tmp_path_factory):
     bag = tmp_path_factory.mktemp('soak') / 'bag'
     values = config.resolve('paper_circle', {'duration': 0.1, 'time_mode': 'lockstep'})
     simulation_bag.write(bag, values, simulated(values))
-    return run_log.read(bag)
+    return recording.read(bag).log
 
 
 def flat(growth=0.0):

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 
 from parallel_robot.analysis import drill, timing
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags import history, recording, simulation_bag
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.experiment import describe
 from parallel_robot.cli.command_line import main
@@ -51,7 +51,7 @@ def simulated(tmp_path):
 
 
 def again(bag):
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     return replayed.again(log, past, configure(log.config))
 
 
@@ -67,14 +67,14 @@ def test_a_simulation_is_replayed_bit_for_bit(law, simulated, capsys):
 def test_old_states_are_replayed_bit_for_bit(simulated):
     old = {'sensor__stamp': 'measured', 'sensor__delay': 0.004, 'approach__duration': 0.1}
     bag = simulated(law='lqg_tracking', sensor__position_noise=1e-5, seed=2, **old)
-    log, found = run_log.read(bag), again(bag)
+    log, found = recording.read(bag).log, again(bag)
     assert log.stamps[0] == STEP_START - 4 * MS and len(log.stamps) == 301
     assert found.known.all() and not found.differing.any() and found.late == 0
 
 
 def test_limits_and_faults_are_replayed(simulated):
     bag = simulated(safety__torque_limit=[3.0, 3.0, 3.0], safety__speed_limit=[0.05, 9.0, 9.0])
-    said = history.read(bag).statuses
+    said = recording.read(bag).history.statuses
     assert said[0].fault == 'none' and said[-1].fault != 'none'
     assert not again(bag).differing.any()
 
@@ -168,10 +168,10 @@ def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
             230: switch(law='s_fotsmc'),
         },
     )
-    log, found = run_log.read(bag), again(bag)
+    log, found = recording.read(bag).log, again(bag)
     assert found.known.all() and not found.differing.any() and found.late == 0
     assert np.array_equal(found.torque, log.command)
-    laws = [said.law for said in history.read(bag).statuses]
+    laws = [said.law for said in recording.read(bag).history.statuses]
     assert set(laws) == {'s_fotsmc', 'pid'}
 
 
@@ -189,7 +189,7 @@ def test_a_pose_that_was_told_is_replayed(tmp_path):
         180: lambda controller: controller.clear_fault(),
     }
     bag = live(tmp_path / 'bag', script)
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     found = again(bag)
     assert found.known.all() and not found.differing.any()
     untold = tuple(said._replace(pose=()) for said in past.statuses)
@@ -210,7 +210,7 @@ def test_a_filter_that_begins_and_ends_with_its_law_is_replayed(tmp_path):
             260: lambda controller: controller.clear_fault(),
         },
     )
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     change = {'observer_s_fotsmc.Gamma1': 150.0, 'preset': 'custom'}
     changes = (history.Change(START + 115 * MS, '/controller', change),)
     found = replayed.again(log, past._replace(changes=changes), configure(log.config))
@@ -220,7 +220,7 @@ def test_a_filter_that_begins_and_ends_with_its_law_is_replayed(tmp_path):
 @pytest.mark.parametrize('recorded_at', [-20, 0, 20])
 def test_new_gains_act_where_they_explain_the_commands(recorded_at, tmp_path):
     bag = live(tmp_path / 'bag', {100: switch(s_fotsmc__G=20.0)})
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     stamp = START + (100 + recorded_at) * MS
     change = history.Change(stamp, '/controller', {'s_fotsmc.G': 20.0, 'preset': 'custom'})
     found = replayed.again(log, past._replace(changes=(change,)), configure(log.config))
@@ -231,7 +231,7 @@ def test_new_gains_act_where_they_explain_the_commands(recorded_at, tmp_path):
 
 def test_new_gains_that_are_recorded_after_a_switch_of_the_law_acted_before_it(tmp_path):
     bag = live(tmp_path / 'bag', {100: switch(s_fotsmc__G=20.0), 105: switch(law='pid')})
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     values = {'s_fotsmc.G': 20.0, 'preset': 'custom'}
     change = history.Change(START + 108 * MS, '/controller', values)
     found = replayed.again(log, past._replace(changes=(change,)), configure(log.config))
@@ -262,7 +262,7 @@ def test_only_what_was_answered_is_answered_again(common, tmp_path, capsys):
         300: 9,
     }  # fmt: skip
     bag = live(tmp_path / 'bag', script, common, SKIPPED)
-    log, found = run_log.read(bag), again(bag)
+    log, found = recording.read(bag).log, again(bag)
     answered = np.isin(np.arange(N + 1), [*SKIPPED], invert=True)
     assert np.array_equal(found.known, answered) and not found.differing.any()
     assert np.array_equal(np.isnan(found.torque[:, 0]), ~answered) and found.late > 80
@@ -272,19 +272,21 @@ def test_only_what_was_answered_is_answered_again(common, tmp_path, capsys):
     said = capsys.readouterr().out
     assert f'identical: {answered.sum()} commands' in said
     assert f'{N + 1 - answered.sum()} states were not answered' in said
-    with_late = replayed.again(log._replace(used=None), history.read(bag), configure(log.config))
+    with_late = replayed.again(
+        log._replace(used=None), recording.read(bag).history, configure(log.config)
+    )
     assert with_late.differing.any()  # it takes what the bag says
 
 
 def test_a_reference_that_is_too_old_is_replayed(tmp_path):
     """60 ms without references: the fault begins at the state at which the last is 51 ms old."""
     bag = live(tmp_path / 'bag', {100: 60, 170: -5, 200: Controller.clear_fault}, skipped=SKIPPED)
-    assert history.read(bag).statuses[-2].fault == 'reference_stale'
+    assert recording.read(bag).history.statuses[-2].fault == 'reference_stale'
     found = again(bag)
     assert not found.differing.any()
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     patient = config.changed(log.config, {'safety.reference_timeout': 1.0})
-    other = replayed.instead(log, history.read(bag), configure(patient))
+    other = replayed.instead(log, recording.read(bag).history, configure(patient))
     assert other.differing[152:170].any() and not other.differing[:120].any()
 
 
@@ -297,7 +299,7 @@ def test_after_half_a_second_without_answers_the_controller_begins_again(tmp_pat
 
 def test_another_law_answers_the_states_that_were_answered(tmp_path):
     bag = live(tmp_path / 'bag', {100: 7}, skipped=SKIPPED)
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     same = replayed.instead(log, past, configure(log.config))
     assert same.known.sum() == N + 1 - len(SKIPPED) and not same.differing.any()
     smc = replayed.instead(log, past, configure(config.changed(log.config, {'law': 'smc'})))
@@ -314,7 +316,7 @@ def test_a_bag_that_begins_while_the_law_runs_tells_nothing_of_it(tmp_path, caps
     said = capsys.readouterr().out
     assert 'not compared: the bag begins while the controller ran' in said
     assert 'commands differ' in said and 'identical' not in said
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     answered = ~np.isnan(log.answer[:, 0])
     assert answered.all() and log.messages['effort_controller/commands'].missing == 0
 
@@ -335,9 +337,9 @@ def test_another_law_is_drawn_beside_the_recorded_one(simulated, capsys):
     picture = bag / 'replay_smc.png'
     assert picture.read_bytes().startswith(b'\x89PNG')
     first = capsys.readouterr().out
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     values = config.changed(log.config, {'law': 'smc'})
-    torque = replayed.instead(log, history.read(bag), configure(values)).torque
+    torque = replayed.instead(log, recording.read(bag).history, configure(values)).torque
     largest = np.abs(torque - log.command).max(axis=0)
     assert ''.join(f'{value:>12.3f}' for value in largest) in first
     assert main(['replay', str(bag), '--law', 'smc']) == 2
@@ -346,8 +348,8 @@ def test_another_law_is_drawn_beside_the_recorded_one(simulated, capsys):
 
 def test_the_same_law_instead_gives_the_recorded_commands(simulated):
     bag = simulated(law='s_smc')
-    log = run_log.read(bag)
-    found = replayed.instead(log, history.read(bag), configure(log.config))
+    log, past, _ = recording.read(bag)
+    found = replayed.instead(log, past, configure(log.config))
     assert not found.differing.any()
 
 
@@ -402,7 +404,7 @@ BLIND = {
 def blind(bag, fields, **unknown):
     """A bag as of hardware that does not measure all: fields are missing, or NaN."""
     directory = bag.with_name('blind')
-    with BagWriter(directory, topics.RECORDED, history.read(bag).facts) as writer:
+    with BagWriter(directory, topics.RECORDED, recording.read(bag).history.facts) as writer:
         for topic, stream in content(bag / 'bag_0.mcap').items():
             for log_time, data in stream:
                 if topic == topics.JOINT_STATES.name:
@@ -429,7 +431,7 @@ def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simu
 def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys):
     measured = simulated()
     bag = blind(measured, ('position', 'velocity', *unknown), **unknown)
-    whole, log = run_log.read(measured), run_log.read(bag)
+    whole, log = recording.read(measured).log, recording.read(bag).log
     assert np.array_equal(log.effort, whole.effort) and whole.has_efforts and not log.has_efforts
     assert main(['replay', str(bag)]) == 0
     out, err = capsys.readouterr()
@@ -437,7 +439,7 @@ def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys)
     assert main(['analyze', str(bag)]) == 0
     assert 'nan' not in capsys.readouterr().out
     lags = [
-        timing.evaluate(each, history.read(path)).lag
+        timing.evaluate(each, recording.read(path).history).lag
         for each, path in ((whole, measured), (log, bag))
     ]
     assert [*map(len, lags)] == [300, 0]  # nobody knows which command acted

@@ -174,9 +174,9 @@ def test_claims_are_verified_where_the_laws_are_there(bags, tmp_path):
 def test_cross_coupling_errors_are_those_of_the_controller(bags):
     (found,) = runs.read_runs(bags[1:2]).values()
     run = found[0]
-    error = (run.log.reference_position - run.log.position)[::10]
+    error = (run.motion.reference_position - run.motion.position)[::10]
     assert len(run.cross_coupling.time) == len(error) == 251
-    np.testing.assert_array_equal(run.cross_coupling.time, run.log.time[::10])
+    np.testing.assert_array_equal(run.cross_coupling.time, run.motion.time[::10])
     coupled = 2 * error - np.roll(error, 1, axis=1) - np.roll(error, -1, axis=1)
     integral = np.cumsum(coupled, axis=0) * 0.01  # coarse: every tenth state
     np.testing.assert_allclose(run.cross_coupling.values, error + 0.9 * integral, atol=6e-4)
@@ -228,8 +228,9 @@ def test_whoever_recorded_it_the_report_is_the_same(kind, short, tmp_path):
     ((found,),) = groups.values()
     count, coupled = len(found.log.time), len(found.cross_coupling.time)
     assert (count, coupled) == (301, 31) if kind != 'cut' else 100 < count < 250 and coupled > 10
-    np.testing.assert_array_equal(found.log.effort, expected.log.effort[:count])
-    np.testing.assert_array_equal(found.poses.actual, expected.poses.actual[:count])
+    np.testing.assert_array_equal(found.motion.effort, expected.motion.effort[:count])
+    actual = expected.motion.poses.actual[:count]
+    np.testing.assert_array_equal(found.motion.poses.actual, actual)
     values = expected.cross_coupling.values[:coupled]
     np.testing.assert_array_equal(found.cross_coupling.values, values)
     assert f'>{count}<' in page.render(groups, {'unknown': charts([found])})
@@ -363,7 +364,7 @@ def test_the_page_works_in_a_browser(report, browser, bags):
     assert browser.find_element('css selector', '.now').text == '2.00 s'
     elbow, end = after['distal'][0]
     run = runs.read_runs(bags)['paper_circle'][0]
-    theta = run.log.position[2000, 0]
+    theta = run.motion.position[2000, 0]
     np.testing.assert_allclose(elbow, 0.4 * np.array([np.cos(theta), np.sin(theta)]), atol=1e-5)
     assert np.linalg.norm(end - elbow) == pytest.approx(0.6, abs=1e-5)
     np.testing.assert_array_equal(after['platform'][:, 0], after['distal'][:, 1])

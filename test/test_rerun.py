@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from test_replay import live, switch
 
 from parallel_robot.analysis.replay import bag_rerun
-from parallel_robot.bags import arithmetic, bag_difference, history, limits, run_log
+from parallel_robot.bags import arithmetic, bag_difference, history, limits, recording
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.record_names import MISSING
 from parallel_robot.bags.recorder import Recorder
@@ -38,20 +38,22 @@ def test_a_simulation_with_changed_values_comes_out_the_same(tmp_path, capsys):
     again = tmp_path / 'bag_rerun'
     assert 'identical: 382 messages' in out and err == ''
     assert content(bag / 'bag_0.mcap') == content(again / 'bag_rerun_0.mcap')
-    assert run_log.read(again).config == run_log.read(bag).config
+    assert recording.read(again).log.config == recording.read(bag).log.config
 
 
 def test_a_law_of_ones_own_comes_from_the_bag(law, tmp_path, capsys):
     words = ['--set', f'custom_laws=[{law}]', '--law', 'my_law', '--set', 'my_law.Kp=700']
     bag = simulated(tmp_path / 'bag', *words)
-    assert history.read(bag).sources['custom_laws'] == {'my_law': EXAMPLE.read_bytes()}
+    assert recording.read(bag).history.sources['custom_laws'] == {'my_law': EXAMPLE.read_bytes()}
     law.unlink()
     assert main(['rerun', str(bag), '--trust', '--out', str(tmp_path / 'again')]) == 0
     assert main(['replay', str(bag), '--trust']) == 0
     out, err = capsys.readouterr()
     assert 'identical: 382 messages' in out and 'identical: 101 commands' in out
     assert 'runs the code of my_law' in err
-    assert history.read(tmp_path / 'again').sources == history.read(bag).sources
+    assert (
+        recording.read(tmp_path / 'again').history.sources == recording.read(bag).history.sources
+    )
 
 
 def by_hand(directory, bag, **parameters):
@@ -88,7 +90,7 @@ def test_a_bag_recorded_by_hand_holds_the_law_of_its_controller(law, tmp_path, c
             == []
         )
     law.unlink()
-    assert history.read(tmp_path / 'first').sources['custom_laws'] == {
+    assert recording.read(tmp_path / 'first').history.sources['custom_laws'] == {
         'my_law': EXAMPLE.read_bytes()
     }
     assert main(['replay', str(tmp_path / 'first'), '--trust']) == 0
@@ -108,7 +110,7 @@ def test_a_law_that_cannot_be_read_is_named(law, tmp_path):
     assert all(lines[k].endswith('is not on this machine') for k in (0, 2))
     assert all(line.endswith('is no .py file') for line in lines[3:6])
     assert all('is not on this machine' in line for line in lines[6:])
-    assert history.read(tmp_path / 'hand').sources['custom_laws'] == {
+    assert recording.read(tmp_path / 'hand').history.sources['custom_laws'] == {
         'example_law': EXAMPLE.read_bytes()
     }
     with (tmp_path / 'hand' / 'hand_0.mcap').open('rb') as stream:
@@ -146,7 +148,7 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
         },
     }  # fmt: skip
     by_hand(tmp_path / 'hand', bag, **nodes)
-    log = run_log.read(tmp_path / 'hand')
+    log = recording.read(tmp_path / 'hand').log
     assert (log.scenario, log.law) == ('paper_line', 'my_law')
     assert (log.config['robot.m1'], log.config['custom_laws']) == (5.0, [])
     runs = []
@@ -170,7 +172,7 @@ def test_another_duration_is_run(tmp_path, capsys):
     bag = simulated(tmp_path / 'bag')
     assert main(['rerun', str(bag), '--duration', '0.05']) == 0
     assert 'identical: 123 messages, as far as both bags go, t = 0.03 s' in capsys.readouterr().out
-    assert len(run_log.read(tmp_path / 'bag_rerun').time) == 51
+    assert len(recording.read(tmp_path / 'bag_rerun').log.time) == 51
     for wrong, message in ('0', 'duration must be positive'), ('-1', 'duration must be at least'):
         words = ['rerun', str(bag), '--duration', wrong, '--out', str(tmp_path / 'again')]
         assert main(words) == 2
@@ -209,7 +211,7 @@ def test_a_bag_of_another_processor_says_so_and_how_much_it_differs(tmp_path, ca
     capsys.readouterr()
     monkeypatch.setattr(rerun.simulate, 'record', lambda *_: 0)
     assert main(['rerun', str(bag), '--out', str(other)]) == 1
-    logs = run_log.read(bag), run_log.read(other)
+    logs = recording.read(bag).log, recording.read(other).log
     apart = [f'{abs(logs[0].position - logs[1].position).max():.2g} rad']
     apart.append(f'{abs(logs[0].command - logs[1].command).max():.2g} N m')
     told = capsys.readouterr().out.splitlines()[-1]
@@ -222,7 +224,7 @@ def test_changes_during_the_run_are_not_repeated(tmp_path):
         tmp_path / 'bag',
         {50: switch(law='pid'), 90: lambda controller: controller.trip(faults.EMERGENCY_STOP)},
     )
-    log, past = run_log.read(bag), history.read(bag)
+    log, past, _ = recording.read(bag)
     assert '2 changes of law' in bag_rerun.doubts(log.config, past)[-1]
     remarks = history.remarks(past, log.start_stamp)
     assert remarks[-1].startswith('fault at t = 0.090 s') and 'emergency stop' in remarks[-1]

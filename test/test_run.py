@@ -22,7 +22,7 @@ from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import history, recording
 from parallel_robot.bags.recovery import recover
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
@@ -66,7 +66,7 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
         'warning: controller: joint states are',
     )  # the machine stood still
     assert [line for line in process.stderr.splitlines() if not line.startswith(slow)] == []
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert log.start_stamp > 10**18 and log.start_stamp % 10**6 == 0
     assert np.array_equal(log.stamps, log.start_stamp + np.arange(301) * 5 * 10**6)
     assert not log.effort[0].any() and log.effort[-1].any()
@@ -101,7 +101,7 @@ def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tm
         )  # fmt: skip
         assert answer.results[0].successful
     assert process.wait() == 0, process.stderr
-    past = history.read(tmp_path / 'bag')
+    past = recording.read(tmp_path / 'bag').history
     assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
     assert past.parameters['/controller']['s_fotsmc.G'] == 10.0
     in_lockstep = dict.fromkeys(past.parameters, 'normal')
@@ -111,7 +111,7 @@ def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tm
     assert gain.values['s_fotsmc.G'] == 20.0 and law.values['law'] == 'pid'
     assert 'limits acted: ramp after a take-over' in process.stderr
     assert main(['replay', str(tmp_path / 'bag')]) == 0
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     unaware = replayed.again(log, past._replace(changes=()), configure(log.config))
     assert unaware.differing.any()
     check_stretches(tmp_path / 'bag', capsys)
@@ -153,7 +153,7 @@ def under_way(process, bag, size=60_000):
 def check_end(bag, nodes):
     """No node is left, and everything up to the end is in the bag."""
     assert all(node.ended(PATIENCE) for node in nodes.values())
-    log = run_log.read(bag)
+    log = recording.read(bag).log
     assert len(log.time) > 100 and log.messages['joint_states'].missing == 0
     assert (bag / 'metadata.yaml').is_file()
 
@@ -198,11 +198,11 @@ def test_a_recorder_that_is_killed_leaves_its_chunks(begin, tmp_path):
     nodes[MODULES['recorder']].kill()
     assert process.wait() == 1
     assert process.stderr.startswith('parallel_robot run: recorder ended with signal SIGKILL')
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert 'was not closed' in log.warnings[0] and log.messages['joint_states'].missing == 0
     assert len(log.time) > 100
     report = recover(tmp_path / 'bag', tmp_path / 'whole')
-    again = run_log.read(tmp_path / 'whole')
+    again = recording.read(tmp_path / 'whole').log
     assert report.kept['/joint_states'] == len(log.time) == len(again.time)
     assert again.config == log.config and not again.warnings
     with Reader(tmp_path / 'whole') as reader:
@@ -221,7 +221,7 @@ def test_a_full_disk_ends_the_run_in_one_line(begin, tmp_path):
     )
     assert all(node.ended(PATIENCE) for node in nodes.values())
     assert limit - 100_000 < file.stat().st_size <= limit
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert len(log.warnings) == 1 and log.messages['joint_states'].missing == 0
     assert not (tmp_path / 'bag' / 'metadata.yaml').exists()
 
@@ -233,7 +233,7 @@ def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
     process.until(lambda: file.exists() and file.stat().st_size > 60_000)
     assert process.end(getattr(signal, name)) == ENDS[name]
     assert process.stderr == ''
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert not log.warnings and 10 < len(log.time) < 60_000
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
@@ -265,7 +265,7 @@ def test_a_signal_ends_the_run_in_order(name, begin, tmp_path):
     assert process.end(getattr(signal, name)) == ENDS[name]
     assert 'lost' not in process.stderr
     check_end(tmp_path / 'bag', nodes)
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     assert process.stdout.startswith(f'stopped by {name} after {log.time[-1]:.1f} s\n')
     assert 'end-effector error, rms' in process.stdout and '\nbag ' in process.stdout
     assert not log.command[-1].any() and log.command[:-1].any(axis=1).all()
@@ -287,7 +287,7 @@ def test_the_end_of_its_terminal_ends_the_run_in_order(domain, compiled, tmp_pat
     os.close(terminal)
     assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == ENDS['SIGHUP']
     check_end(files, nodes)
-    assert not run_log.read(files).command[-1].any()
+    assert not recording.read(files).log.command[-1].any()
 
 
 def test_a_signal_before_the_motion_begins_leaves_nothing(begin, tmp_path):

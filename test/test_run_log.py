@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from assembly import simulated as simulate
-from bags import JOINTS, MS, START, WRITERS, content, streams, write_foreign
+from bags import JOINTS, MS, START, WRITERS, content, motion_of, streams, write_foreign
 from mcap.writer import Writer
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import run_log, simulation_bag
+from parallel_robot.bags import recording, run_log, simulation_bag
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, KinematicsError
 from parallel_robot_model.configuration import config
@@ -32,7 +32,7 @@ def record(tmp_path):
 
     def record(found):
         write_foreign(tmp_path / 'bag', found)
-        return run_log.read(tmp_path / 'bag')
+        return recording.read(tmp_path / 'bag').log
 
     return record
 
@@ -62,7 +62,7 @@ def test_directory_or_file(path, tmp_path):
         for topic, messages in streams(REFERENCE, POSITION).items():
             for log_time, payload in messages:
                 writer.write(topic.name, log_time, payload)
-    log = run_log.read(tmp_path / path)
+    log = recording.read(tmp_path / path).log
     assert (log.scenario, log.law) == ('paper_line', 'x')
     assert log.config == config.resolve('paper_circle') | data  # what it lacks is the default
     assert log.start_stamp == START + 10 * MS and log.time[0] == 0.0
@@ -161,7 +161,7 @@ BROKEN = {
 def test_what_is_no_run_is_refused_with_one_line(name, tmp_path):
     write_foreign(tmp_path / 'bag', BROKEN[name](streams(REFERENCE, POSITION)))
     with pytest.raises(BagError) as caught:
-        run_log.read(tmp_path / 'bag')
+        recording.read(tmp_path / 'bag')
     assert '\n' not in str(caught.value)
 
 
@@ -170,7 +170,7 @@ def test_a_file_that_is_no_bag_is_refused(content, tmp_path):
     (tmp_path / 'bag.mcap').write_bytes(content)
     for path in (tmp_path, tmp_path / 'bag.mcap', tmp_path / 'nothing'):
         with pytest.raises(BagError, match=str(path)):
-            run_log.read(path)
+            recording.read(path)
 
 
 def test_metadata_of_another_suite_are_refused(tmp_path):
@@ -179,7 +179,7 @@ def test_metadata_of_another_suite_are_refused(tmp_path):
             for log_time, payload in messages:
                 writer.write(topic.name, log_time, payload)
     with pytest.raises(BagError, match='config'):
-        run_log.read(tmp_path / 'bag')
+        recording.read(tmp_path / 'bag')
 
 
 RUN = config.resolve('paper_circle', {'duration': 0.5, 'time_mode': 'lockstep'})
@@ -191,31 +191,30 @@ def simulated(tmp_path_factory):
     directory = tmp_path_factory.mktemp('run') / 'bag'
     simulation_bag.write(directory, RUN, simulate(RUN))
     found = content(directory / 'bag_0.mcap')
-    return run_log.read(directory), {topic: found[topic.name] for topic in topics.RECORDED}
+    return recording.read(directory).log, {topic: found[topic.name] for topic in topics.RECORDED}
 
 
 @pytest.mark.parametrize('kind', WRITERS)
 def test_whoever_wrote_it_the_figures_are_the_same(kind, simulated, tmp_path):
     log, messages = simulated
     WRITERS[kind](tmp_path / 'bag', messages)
-    other = run_log.read(tmp_path / 'bag')
+    other = recording.read(tmp_path / 'bag').log
     assert other.messages == log.messages
     (robot,) = other.warnings
     assert 'does not say of which robot it is: taken to be of planar_3rrr' in robot
     for name in log._fields:
         if isinstance(getattr(log, name), np.ndarray):
             assert np.array_equal(getattr(other, name), getattr(log, name)), name
-    assert metrics.evaluate(other, metrics.poses(other)) == metrics.evaluate(
-        log, metrics.poses(log)
-    )
+    assert metrics.evaluate(motion_of(other)) == metrics.evaluate(motion_of(log))
 
 
 def test_reading_needs_no_ros(tmp_path):
     write_foreign(tmp_path / 'bag', streams(REFERENCE, POSITION))
     code = (
         'import sys; from pathlib import Path\n'
-        'from parallel_robot.bags import run_log\n'
-        f'print(len(run_log.read(Path({str(tmp_path / "bag")!r})).time), "rclpy" in sys.modules)\n'
+        'from parallel_robot.bags import recording\n'
+        f'log = recording.read(Path({str(tmp_path / "bag")!r})).log\n'
+        'print(len(log.time), "rclpy" in sys.modules)\n'
     )
     done = subprocess.run(
         [sys.executable, '-c', code], cwd=Path(__file__).parents[1], capture_output=True, text=True
@@ -251,7 +250,7 @@ def test_several_runs_in_one_bag_are_refused(tmp_path):
         write_foreign(tmp_path / space, streams(REFERENCE, POSITION), space=f'/{space}')
         (tmp_path / space / f'{space}.mcap').rename(path / f'{space}.mcap')
     with pytest.raises(BagError, match='several runs, in /left, /right'):
-        run_log.read(path)
+        recording.read(path)
 
 
 def test_answers_belong_to_their_states(record):
@@ -361,6 +360,6 @@ def test_topics_that_may_be_meant_are_named(name, kind, tmp_path):
         writer.finish()
     missing = 'reference' if 'robot1' in name else 'joint_states'
     with pytest.raises(BagError, match=f'no messages on {missing}') as error:
-        run_log.read(tmp_path / 'bag.mcap')
+        recording.read(tmp_path / 'bag.mcap')
     meant = '/reference (trajectory_msgs' if 'robot1' in name else f'{name} ({kind})'
     assert f'it has {meant}' in str(error.value)

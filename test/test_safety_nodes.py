@@ -251,6 +251,7 @@ def test_of_two_controllers_the_first_is_safe_and_the_second_never_acts(loop):
     assert np.abs(efforts(loop.states[states:])).max() < 50.0  # N m
 
 
+@pytest.mark.endurance
 def test_a_command_of_a_stranger_never_acts_however_rare(loop):
     """One of 150 N m every 1.2 s, beside a controller that damps, and beside none."""
     loop.until_steady()

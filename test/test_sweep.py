@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from bags import motion_of
 from sweeping import FAILING, ROWS, RUNS, TEXT, Inline, content, planned, runs, swept
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.sweep import results
 from parallel_robot.studies.sweep.floor import floor_of
@@ -49,8 +50,8 @@ def test_a_row_that_runs_alone_has_the_metrics_of_the_sweep(row, whole, tmp_path
     bag = tmp_path / 'bag'
     assert main(['simulate', str(whole), '--row', str(row), '--out', str(bag)]) == 0
     assert capsys.readouterr().err == ''
-    log = run_log.read(bag)
-    found = metrics.evaluate(log, metrics.poses(log))
+    log = recording.read(bag).log
+    found = metrics.evaluate(motion_of(log))
     (expected,) = runs(whole).slice(row, 1).to_pylist()
     assert expected['law'] == log.law
     assert found.steady.xy_rms_m == expected['xy_rms_m']
@@ -68,7 +69,7 @@ def test_a_row_of_a_study_file_is_that_of_its_sweep(whole, tmp_path):
     bags = [tmp_path / 'a', tmp_path / 'b']
     for origin, bag in zip((whole, tmp_path / 'study.yaml'), bags, strict=True):
         assert main(['simulate', str(origin), '--row', '3', '--out', str(bag)]) == 0
-    a, b = map(run_log.read, bags)
+    a, b = (recording.read(bag).log for bag in bags)
     np.testing.assert_array_equal(a.position, b.position)
 
 
@@ -239,7 +240,7 @@ def test_paths_of_a_study_count_from_its_file(tmp_path, monkeypatch, capsys):
         assert '\neight: medians\n' in capsys.readouterr().out
         bag = tmp_path / f'bag {len(here)}'
         assert main(['simulate', str(tmp_path / 'out'), '--row', '0', '--out', str(bag)]) == 0
-        assert run_log.read(bag).scenario == 'eight'
+        assert recording.read(bag).log.scenario == 'eight'
     assert runs(tmp_path / 'out').num_rows == 2
     assert main(['sweep', str(file), '--out', str(tmp_path / 'other')]) == 2
     error = capsys.readouterr().err

@@ -92,6 +92,7 @@ def until(condition, seconds=PATIENCE):
     return condition()
 
 
+@pytest.mark.endurance
 def test_a_sweep_that_is_killed_twice_ends_as_one_that_ran_through(whole, tmp_path, capsys):
     out = tmp_path / 'killed'
     parts = out / 'parts'

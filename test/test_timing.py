@@ -10,7 +10,7 @@ from bags import MS, streams, write_foreign
 from test_replay import live
 
 from parallel_robot.analysis import timing
-from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags import history, recording, simulation_bag
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.messages import answers_message
@@ -54,7 +54,7 @@ def loop(lag, skipped=(), torques=TORQUES):
 def read(tmp_path):
     def read(found, name='bag'):
         write_foreign(tmp_path / name, found)
-        return run_log.read(tmp_path / name)
+        return recording.read(tmp_path / name).log
 
     return read
 
@@ -227,7 +227,8 @@ def test_telemetry_of_skipped_states_is_not_missing(read):
 def test_a_simulation_has_no_verdict_and_the_ideal_lag(old, tmp_path):
     values = config.resolve('paper_circle', {'duration': 0.3, 'time_mode': 'lockstep', **old})
     simulation_bag.write(tmp_path / 'bag', values, simulated(values))
-    timed = timing.evaluate(run_log.read(tmp_path / 'bag'), history.read(tmp_path / 'bag'))
+    log, past, _ = recording.read(tmp_path / 'bag')
+    timed = timing.evaluate(log, past)
     assert timed.realtime is None and timing.verdict(timed) == '' and not timed.delay.size
     steps = 296 if old else 300  # the last ones are in states that were not told any more
     assert (timed.lag == 1).all() and len(timed.lag) == steps and timed.uncommanded == 0
@@ -248,7 +249,7 @@ def test_an_older_bag_says_nothing_about_lost_commands(tmp_path, capsys):
     found, _ = loop(np.ones(N + 1, int))
     del found[topics.ANSWERED], found[topics.COMMANDS][10]
     write_foreign(tmp_path / 'bag', found)
-    log = run_log.read(tmp_path / 'bag')
+    log = recording.read(tmp_path / 'bag').log
     timed = timing.evaluate(log, NOTHING)
     assert timed.realtime is None and timed.answered is None and timing.as_json(timed)
     assert main(['analyze', str(tmp_path / 'bag')]) == 2  # its angles are of no robot

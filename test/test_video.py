@@ -57,7 +57,8 @@ def test_the_end_effector_is_where_the_bag_has_it(bags, tmp_path):
     half = frames.shape[1] // 2, frames.shape[2] // 2
     path = frames[:, : half[0], half[1] :].astype(int)  # the second panel
     (runs,) = read_runs(bags[1:]).values()
-    actual = runs[0].poses.actual[np.searchsorted(runs[0].log.time, np.arange(6) / 10), :2]
+    motion = runs[0].motion
+    actual = motion.poses.actual[np.searchsorted(motion.time, np.arange(6) / 10), :2]
     centres = []
     for frame in path:
         y, x = np.nonzero(np.abs(frame - BLUE).max(axis=-1) < 30)

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from parallel_robot import simulate
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config, parameter_file
@@ -140,7 +140,7 @@ def test_a_bag_runs_again_without_the_file(scenario, tmp_path, capsys):
     (scenario.parent / 'points.csv').unlink()
     assert main(['rerun', 'bag']) == 0
     assert 'identical' in capsys.readouterr().out
-    reference = run_log.read(tmp_path / 'bag').config['waypoints.points']
+    reference = recording.read(tmp_path / 'bag').log.config['waypoints.points']
     assert reference[:3] == [0.52, 0.37, 1.57]
 
 

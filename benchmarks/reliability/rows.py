@@ -18,7 +18,7 @@ from reliability.bench import Bench
 from reliability.effects import Effect
 from reliability.loop import NODES, environment
 
-from parallel_robot.bags import run_log
+from parallel_robot.bags import recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.node_processes import MODULES, as_yaml
@@ -141,7 +141,7 @@ def fill_disk(bench: Bench) -> str:
             process.wait()
             return 'the recorder did not notice'
         try:
-            kept = f'{len(run_log.read(place / "bag").stamps)} states kept'
+            kept = f'{len(recording.read(place / "bag").log.stamps)} states kept'
         except BagError as error:
             kept = str(error)
         reason = [line for line in log.read_text().splitlines() if line.startswith('[FATAL]')]

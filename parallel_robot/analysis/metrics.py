@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError
 from parallel_robot_model.robots.configuration import is_known, robot_of
-from parallel_robot_sim.motions import Motions, Moved, poses_of
+from parallel_robot_sim.motions import Motion, Motions, poses_of
 from parallel_robot_sim.motions import Poses as Poses
 
 TRUE: Literal['true'] = 'true'
@@ -154,30 +154,10 @@ def of_seen(value: Value) -> Value:
     return seen
 
 
-class Motion(Protocol):
-    """What the metrics are computed from: a run log, or anything with these arrays."""
-
-    @property
-    def time(self) -> np.ndarray:
-        """Since t = 0 [s], shape (N,)."""
-
-    @property
-    def position(self) -> np.ndarray:
-        """Actuated joints [rad], shape (N, n)."""
-
-    @property
-    def reference_position(self) -> np.ndarray:
-        """Desired positions of the joints [rad], shape (N, n)."""
-
-    @property
-    def effort(self) -> np.ndarray:
-        """Torques [N m], shape (N, n)."""
-
-
 def poses(log: RunLog, true: bool = False) -> Poses:
     """Poses of the measured and of the desired joints; the latter by the nominal robot.
 
-    Of a robot that is not known here, joints stand in place of poses.
+    Those of a robot that is not known here are NaN, as many numbers as it has joints.
 
     Args:
         log: The run.
@@ -188,7 +168,8 @@ def poses(log: RunLog, true: bool = False) -> Poses:
         KinematicsError: a sample has no pose in the assembly mode of the scenario.
     """
     if not is_known(log.config):
-        return Poses(log.position, log.reference_position, planar=False)
+        nowhere = np.full_like(log.position, np.nan)
+        return Poses(nowhere, nowhere, planar=False)
     nominal, guess = nominal_of(log.config)
     actual = robot_of(log.config, 'true_robot') if true else nominal
     return poses_of(nominal, actual, guess, log.reference_position, log.position)
@@ -255,13 +236,11 @@ def figures(
 
 
 def _figures(motions: Motions, asked: bool) -> Metrics:
-    seen = (
-        None if motions.seen is None else evaluate(motions.seen, motions.seen.poses, None, asked)
-    )
+    seen = None if motions.seen is None else evaluate(motions.seen, all_of_it=asked)
     if motions.true is None:
         assert seen is not None
         return seen._replace(source=SEEN, seen=seen)
-    found = evaluate(motions.true, motions.true.poses, motions.ideal, asked)
+    found = evaluate(motions.true, motions.ideal, asked)
     return found._replace(seen=seen)
 
 
@@ -279,7 +258,7 @@ def _between(motions: Motions, first: float, last: float) -> Motions:
     return part
 
 
-def rest(motion: Moved) -> float | None:
+def rest(motion: Motion) -> float | None:
     """Time from which on the reference of a run rests to the end [s]; None where it moves on."""
     moves = _moves(motion)
     if not moves.size or moves[-1] + 2 == len(motion.time):
@@ -307,34 +286,31 @@ def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
     return (before, after) if before > FALLS * after > 0.0 else None
 
 
-def evaluate(
-    log: Motion, pose: Poses, ideal: np.ndarray | None = None, all_of_it: bool = False
-) -> Metrics:
+def evaluate(motion: Motion, ideal: np.ndarray | None = None, all_of_it: bool = False) -> Metrics:
     """Compute the metrics of a run.
 
     Args:
-        log: The run.
-        pose: Poses of the run, see :func:`poses`.
+        motion: The run.
         ideal: The ideal torque of each of its samples, see ideal_torque.py [N m], shape (N, n);
             None where it is not known.
         all_of_it: Whether the window is all of it, else the second half of its motion.
     """
-    first = 0 if all_of_it else next(iter(_moves(log)), 0)
-    half = slice(0 if all_of_it else (first + len(log.time)) // 2, None)
-    times = log.time[half]
-    distance = distances(pose)
+    first = 0 if all_of_it else next(iter(_moves(motion)), 0)
+    half = slice(0 if all_of_it else (first + len(motion.time)) // 2, None)
+    times = motion.time[half]
+    distance = distances(motion.poses)
     return Metrics(
-        float(log.time[-1] - log.time[0]),
-        Transient(_settled(log.time, distance, 1e-3), _settled(log.time, distance, 1e-4)),
-        errors(distance[half], (log.reference_position - log.position)[half]),
-        torque(log.time, log.effort, half),
-        effort(log, half, ideal),
+        float(motion.time[-1] - motion.time[0]),
+        Transient(_settled(motion.time, distance, 1e-3), _settled(motion.time, distance, 1e-4)),
+        errors(distance[half], (motion.reference_position - motion.position)[half]),
+        torque(motion.time, motion.effort, half),
+        effort(motion, half, ideal),
         window=Window(
             float(times[0]),
             float(times[-1]),
-            float(log.time[-1] - log.time[0]),
+            float(motion.time[-1] - motion.time[0]),
             rests=first > 0,
-            falls=None if all_of_it else _falls(log, half),
+            falls=None if all_of_it else _falls(motion, half),
         ),
     )
 
@@ -375,14 +351,14 @@ def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> T
     )
 
 
-def effort(log: Motion, part: slice = slice(None), ideal: np.ndarray | None = None) -> Effort:
+def effort(motion: Motion, part: slice = slice(None), ideal: np.ndarray | None = None) -> Effort:
     """Compute the effort of a run over a part of its samples; arguments as of :func:`evaluate`."""
-    moved = np.diff(log.position, axis=0, prepend=log.position[:1])
+    moved = np.diff(motion.position, axis=0, prepend=motion.position[:1])
     excess = math.nan
     if ideal is not None:
-        excess = excess_chattering(log.time, log.effort, ideal, part)
-    work = float(np.abs(log.effort * moved)[part].sum())
-    return Effort(_rms(log.effort[part]), work, excess)
+        excess = excess_chattering(motion.time, motion.effort, ideal, part)
+    work = float(np.abs(motion.effort * moved)[part].sum())
+    return Effort(_rms(motion.effort[part]), work, excess)
 
 
 def excess_chattering(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.analysis import metrics
+from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
@@ -15,14 +16,14 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import REFERENCE
-from parallel_robot_model.robots.configuration import is_known, robot_of
+from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim import plant_again
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along
 from parallel_robot_sim.imperfections import told_age
 from parallel_robot_sim.motions import (
+    Motion,
     Motions,
-    Moved,
     Poses,
     poses_of,
     saturation,
@@ -77,17 +78,6 @@ class Recorded(NamedTuple):
         rows = np.searchsorted(best.time, self.log.time - ROUNDING)
         return best.poses.actual[np.minimum(rows, len(best.time) - 1)]
 
-    @property
-    def shown(self) -> RunLog:
-        """The run with the joints of its best motion, as pictures show it."""
-        best = self.motions.best
-        return self.log._replace(
-            time=best.time,
-            position=best.position,
-            reference_position=best.reference_position,
-            effort=best.effort,
-        )
-
 
 def of_bag(log: RunLog, past: History) -> Recorded:
     """Find the motions of a bag.
@@ -113,8 +103,11 @@ def of_bag(log: RunLog, past: History) -> Recorded:
 def _of_bag(log: RunLog, past: History) -> Recorded:
     """The motions of a bag, without the ideal torque."""
     part, poses, cut = metrics.with_poses(log)
-    seen = Moved(part.time, part.position, part.reference_position, part.effort, poses)
-    if not (is_known(log.config) and of_plant(past)):
+    seen = Motion(part.time, part.position, part.reference_position, part.effort, poses)
+    unknown = recorded_robot.unknown(log.config)
+    if unknown:
+        return Recorded(part, poses, Motions(None, seen), cut, unknown)
+    if not of_plant(past):
         return Recorded(part, poses, Motions(None, seen), cut, UNKNOWN)
     hidden, saturated = untrue(log.config), tuple(saturation(log.config, part.effort))
     if not hidden:
@@ -131,7 +124,7 @@ def _of_bag(log: RunLog, past: History) -> Recorded:
     return Recorded(part, poses, Motions(again, seen), cut, remark, saturated)
 
 
-def _ideal(log: RunLog, true: Moved) -> np.ndarray | None:
+def _ideal(log: RunLog, true: Motion) -> np.ndarray | None:
     """The ideal torque at each sample of a true motion [N m], shape (N, n).
 
     None where the plant is not known exactly, or its motion is not the one that was planned.
@@ -158,7 +151,7 @@ def of_plant(past: History) -> bool:
     return past.facts.get('source') == SIMULATION or bool(past.facts and 'plant' in nodes)
 
 
-def _again(log: RunLog, past: History) -> Moved | None:
+def _again(log: RunLog, past: History) -> Motion | None:
     """The true motion by the plant that moves once more; None if it is another one.
 
     Raises:
@@ -190,7 +183,7 @@ def _again(log: RunLog, past: History) -> Moved | None:
     wanted = reference.position[rows]
     poses = poses_of(nominal, true, guess, wanted, again.joints)
     time = tick * np.arange(len(wanted)) / NANOSECONDS
-    return Moved(time, again.joints, wanted, again.effort, poses)
+    return Motion(time, again.joints, wanted, again.effort, poses)
 
 
 def _told(log: RunLog, again: plant_again.Again, measured: NDArray[np.int64]) -> bool:

@@ -10,12 +10,12 @@ import numpy as np
 
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.metrics import Poses
-from parallel_robot.bags import command_states, history, run_log, telemetry
+from parallel_robot.bags import command_states, recorded_robot
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_model.robots.configuration import robot_of
@@ -33,21 +33,22 @@ class Table(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def read(bag: Path, memory: int = MEMORY) -> Table:
-    """Read a bag, see :func:`run_log.read`.
+def read(bag: Path, memory: int = MEMORY, code: RobotCode = NONE) -> Table:
+    """Read a bag, see :func:`recorded_robot.read`.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: Memory that reading it may take [bytes].
+        code: What may run to know its robot.
 
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    log = run_log.read(bag, memory)
-    poses, warnings = _poses(log, history.read(bag, memory))
+    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,))
+    poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
-    found = telemetry.read(bag, log, SLIDING_VARIABLE, memory)
-    if found is not None:
+    if SLIDING_VARIABLE in extra:
+        found = extra[SLIDING_VARIABLE]
         row = command_states.by_state(log.stamps, found.stamps)
         sliding[row >= 0] = found.numbers['position'][row[row >= 0]]
     return Table(columns(log, poses, sliding), log.warnings + warnings)
@@ -90,23 +91,15 @@ def columns(
     )
 
 
-def to_frame(bag: Path) -> Frame:
-    """A bag as a pandas DataFrame, see :func:`read`.
-
-    Raises:
-        InputError: pandas is not installed.
-        BagError: not a bag, or a topic that the table needs is not in it.
-    """
-    frame: Frame = pandas().DataFrame(read(bag).columns)
-    return frame
-
-
 def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """Columns of the pose, named after its coordinates, and what is wrong with them.
 
     Those of a robot that moves in a plane are of its platform and hold its error. They are true
     where the plant is known; what is seen stands beside them where it is something else.
     """
+    unknown = recorded_robot.unknown(log.config)
+    if unknown:
+        return {}, (unknown,)
     try:
         robot = robot_of(log.config)
     except ParallelRobotError as error:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot.bags import bag_reader, certificate, statuses
+from parallel_robot.bags import certificate
+from parallel_robot.bags.bag_reader import Bag
 from parallel_robot.bags.experiment import suits
-from parallel_robot.bags.limits import MEMORY, is_name
+from parallel_robot.bags.limits import is_name
 from parallel_robot.bags.record_names import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot.bags.statuses import LIMIT_TEXT, ControllerStatus
 from parallel_robot_control import faults
@@ -16,7 +16,6 @@ from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.parameter_file import MOTION
-from parallel_robot_model.messages.topics import STATUS
 
 REALTIME = 'granted.realtime'  # parameter of a node
 FEW = 5  # changes of the motion that are told one by one
@@ -56,20 +55,22 @@ class History(NamedTuple):
     lost: dict[str, int]
 
 
-def read(bag: str | Path, memory: int = MEMORY) -> History:
-    """Read what a bag says; what is not there or not understood is left out.
+def of(found: Bag[Any], told: Iterable[tuple[int, ControllerStatus]]) -> History:
+    """What a bag says; what is not there or not understood is left out.
 
     Args:
-        bag: Directory of the bag, or one file of it.
-        memory: What may be held of it [bytes].
-
-    Raises:
-        BagError: not a bag, or one that takes too much.
+        found: What was read of the bag.
+        told: Statuses of the controller with their log times [ns], in the order of the file.
     """
-    found = bag_reader.read(bag, (STATUS,), statuses.decoder(Path(bag)), memory)
-    dated = [pair for parts in found.streams.values() for part in parts for pair in part]
-    dated.sort(key=lambda pair: (pair[1].stamp, *pair))  # in lockstep, stamps are log times
-    known = config.resolve('paper_circle') if CHANGES in found.notes else {}
+    # In lockstep, stamps are log times.
+    dated = sorted(told, key=lambda pair: (pair[1].stamp, *pair))
+    known = config.resolve('paper_circle') if {CHANGES, PARAMETERS} & found.notes.keys() else {}
+    parameters = {
+        node: _values(text, known)
+        for note in found.notes.get(PARAMETERS, [])
+        for node, text in note.items()
+        if is_name(node)
+    }
     changes = []
     for note in found.notes.get(CHANGES, []):
         stamp, node = plain_data.whole_number(note.get('stamp', '')), note.get('node', '')
@@ -79,22 +80,11 @@ def read(bag: str | Path, memory: int = MEMORY) -> History:
     return History(
         found.metadata,
         tuple(status for _, status in dated),
-        parameters_in(found.notes),
+        parameters,
         tuple(changes),
         found.sources,
         {topic: certificate.lost(text) for topic, text in certificates},
     )
-
-
-def parameters_in(notes: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[str, Any]]:
-    """Node to its parameters at the start of the recording, from the metadata records of a bag."""
-    known = config.resolve('paper_circle') if PARAMETERS in notes else {}
-    return {
-        node: _values(text, known)
-        for note in notes.get(PARAMETERS, [])
-        for node, text in note.items()
-        if is_name(node)
-    }
 
 
 def remarks(history: History, start: int) -> list[str]:

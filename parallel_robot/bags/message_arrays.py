@@ -48,9 +48,7 @@ class Samples(NamedTuple):
     numbers: dict[str, np.ndarray]
 
 
-def decoder(
-    bag: Path, chosen: Collection[Topic] = LOG
-) -> Callable[[Topic, Messages], list[Samples]]:
+def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages], list[Samples]]:
     """Function that decodes messages of a topic, by kind of message.
 
     It raises BagError when messages are not those of their topic.

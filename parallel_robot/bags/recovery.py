@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mcap import records as mcap
 
-from parallel_robot.bags import bag_files, run_log
+from parallel_robot.bags import bag_files, recording
 from parallel_robot.bags.bag_files import File, open_file
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.channels import Channel
@@ -172,7 +172,7 @@ def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
 def _missing(out: Path, memory: int) -> dict[str, int]:
     """Messages missing from the regular stamps of each topic; empty without a run of the suite."""
     try:
-        messages = run_log.read(out, memory).messages
+        messages = recording.read(out, memory=memory).log.messages
         return {name: count.missing for name, count in messages.items()}
     except BagError:
         return {}

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import bag_reader, certificate, command_states, experiment, history
+from parallel_robot.bags import certificate, command_states, experiment
+from parallel_robot.bags.bag_reader import Bag
 from parallel_robot.bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot.bags.counts import TopicCount, count
-from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.message_arrays import Samples, decoder, ours, physical, whole
+from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
 from parallel_robot.bags.record_names import MESSAGES
 from parallel_robot.bags.state_doubts import doubts
 from parallel_robot_control.contract import JointReference
@@ -91,28 +91,28 @@ class RunLog(NamedTuple):
         return not np.isnan(self.velocity).any()
 
 
-def read(bag: str | Path, memory: int = MEMORY) -> RunLog:
-    """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
-
-    Damaged parts are left out; `warnings` say so.
+def of(
+    bag: Path,
+    found: Bag[list[Samples]],
+    streams: Mapping[Topic, list[Samples]],
+    nodes: Mapping[str, Mapping[str, Any]],
+) -> RunLog:
+    """The run of a bag.
 
     Args:
-        bag: Directory of the bag, or its MCAP file.
-        memory: What may be held of it [bytes].
+        bag: The bag, for error messages.
+        found: What was read of it.
+        streams: Its messages, see :func:`streams_of`.
+        nodes: Node to its parameters, where it says them.
 
     Raises:
-        BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
-            log needs is not in it.
+        BagError: it is not of a run, or a topic that the log needs is not in it.
     """
-    bag = Path(bag)
-    found = bag_reader.read(bag, RECORDED, decoder(bag), memory)
-    streams = streams_of(bag, found.streams)
+    streams = dict(streams)
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if needed not in streams:
             raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found.channels)}')
-    values, loop, start = experiment.configuration(
-        bag, found.metadata, history.parameters_in(found.notes)
-    )
+    values, loop, start = experiment.configuration(bag, found.metadata, nodes)
     warnings = [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
         streams[topic], remarks = ours(topic, streams[topic], loop.joints)
@@ -308,20 +308,17 @@ def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) ->
     return Samples(samples.joints, samples.log_times[kept], samples.stamps[kept], numbers)
 
 
-def streams_of(
-    bag: Path, found: dict[str, list[list[Samples]]], of_robot: Topic = topics.JOINT_STATES
-) -> dict[Topic, list[Samples]]:
+def streams_of(bag: Path, found: Mapping[str, list[list[Samples]]]) -> dict[Topic, list[Samples]]:
     """Streams of the suite's topics, all in one namespace.
 
     Args:
         bag: The bag, for error messages.
         found: Messages by full name of the topic.
-        of_robot: A topic that each robot has.
 
     Raises:
         BagError: those of several robots are there.
     """
-    end = f'/{of_robot.name}'
+    end = f'/{topics.JOINT_STATES.name}'
     spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
     if len(spaces) > 1 and '' not in spaces:
         raise BagError(f'{bag} holds several runs, in {", ".join(sorted(spaces))}')

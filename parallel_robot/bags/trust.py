@@ -18,13 +18,14 @@ from parallel_robot_model.processes import custom_module
 TRUSTED = Path('parallel_robot', 'trusted_laws')  # in the user's configuration
 
 
-def add_trust_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare the argument that lets the code of a bag run."""
+def add_trust_argument(
+    parser: argparse.ArgumentParser, what: str = 'the laws, the robot and the trajectory'
+) -> None:
+    """Declare the argument that lets the code of a bag run; `what` of it."""
     parser.add_argument(
         '--trust',
         action='store_true',
-        help='run the laws, the robot and the trajectory whose code the bag holds; on a terminal, '
-        'show it first',
+        help=f'run {what} whose code the bag holds; on a terminal, show it first',
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
-from parallel_robot.bags import history, run_log, stretches
+from parallel_robot.bags import recording, stretches
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
@@ -212,7 +212,7 @@ def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource
     Raises:
         BagError: it is not a bag of a run, or needs code that may not run.
     """
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    log, past, _ = recording.read(bag, memory=memory)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     files = custom_files(bag, past.sources, log.config, folder, trust)
     values = bag_replay.configuration(log, past, files, {})

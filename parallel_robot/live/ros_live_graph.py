@@ -62,7 +62,7 @@ class LiveGraph(RosGraph):
 
     def __init__(self, robots: Robots) -> None:
         """Prepare; reports of the nodes go into `robots`."""
-        super().__init__(robots, 'parallel_robot.live')
+        super().__init__(robots, 'parallel_robot_live')
         self.parameters: dict[str, dict[str, Any]] = {}
         self.descriptions: dict[str, dict[str, Description]] = {}
         self._messages: dict[Topic, list[bytes]] = {topics.JOINT_STATES: [], topics.REFERENCE: []}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
@@ -11,7 +11,7 @@ from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.report.scale import AUTO, check
 from parallel_robot.analysis.video import video_file
 from parallel_robot.analysis.video.video_file import RATE, Video
-from parallel_robot.bags import new_files
+from parallel_robot.bags import new_files, recorded_robot
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.python import arguments
 from parallel_robot_model.common.data_frames import Frame, pandas
@@ -19,7 +19,15 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 Bags = str | Path | Iterable[str | Path]
 
 
-def report(bags: Bags, out: str | Path, *, scale: str = AUTO, memory: int = MEMORY) -> Report:
+def report(
+    bags: Bags,
+    out: str | Path,
+    *,
+    scale: str = AUTO,
+    trust: bool = False,
+    custom_robots: Sequence[str | Path] = (),
+    memory: int = MEMORY,
+) -> Report:
     """Write the paper's figures and one interactive page, as ``parallel_robot report`` does.
 
     >>> import parallel_robot as pr
@@ -31,6 +39,8 @@ def report(bags: Bags, out: str | Path, *, scale: str = AUTO, memory: int = MEMO
         bags: A bag, or several of which the runs are compared.
         out: Directory of the report, which must not exist.
         scale: Of errors, see ``plot``.
+        trust: Whether the code of robots that bags hold may run: with all your rights.
+        custom_robots: Files of robots of yours, which take the place of those in bags.
         memory: What may be held of each bag [bytes].
 
     Returns:
@@ -40,7 +50,9 @@ def report(bags: Bags, out: str | Path, *, scale: str = AUTO, memory: int = MEMO
         InputError: bags are too many or no bags, or the directory cannot be written.
     """
     check(scale)
-    return report_files.make(arguments.bags(bags), arguments.path('out', out), scale, memory)
+    found, path = arguments.bags(bags), arguments.path('out', out)
+    code = recorded_robot.chosen(trust, custom_robots)
+    return report_files.make(found, path, scale, memory, code)
 
 
 def video(
@@ -50,6 +62,8 @@ def video(
     rate: float = RATE,
     speed: float = 1.0,
     magnify: float | None = None,
+    trust: bool = False,
+    custom_robots: Sequence[str | Path] = (),
     memory: int = MEMORY,
 ) -> Video:
     """Write a video of the moving robot, as ``parallel_robot video`` does.
@@ -66,6 +80,8 @@ def video(
         speed: Seconds of the motion in a second of the video.
         magnify: By how much errors of the path are magnified; default: as much as they fill the
             view.
+        trust: Whether the code of robots that bags hold may run: with all your rights.
+        custom_robots: Files of robots of yours, which take the place of those in bags.
         memory: What may be held of each bag [bytes].
 
     Returns:
@@ -76,7 +92,8 @@ def video(
         RunError: the disk is full.
     """
     found, path = arguments.bags(bags), arguments.path('out', out)
-    return video_file.make(found, path, rate, speed, magnify, memory)
+    code = recorded_robot.chosen(trust, custom_robots)
+    return video_file.make(found, path, rate, speed, magnify, memory, code)
 
 
 def export(
@@ -84,6 +101,8 @@ def export(
     out: str | Path | None = None,
     *,
     foxglove: str | Path | None = None,
+    trust: bool = False,
+    custom_robots: Sequence[str | Path] = (),
     memory: int = MEMORY,
 ) -> Frame:
     """A bag as a table, and in files for other programs, as ``parallel_robot export`` writes them.
@@ -99,6 +118,8 @@ def export(
         out: File of the table, .csv or .parquet, which must not exist; default: none.
         foxglove: Directory of a copy of the bag that has description, frames and paths of the
             robot for Foxglove, Lichtblick and RViz; must not exist; default: none.
+        trust: Whether the code of robots that bags hold may run: with all your rights.
+        custom_robots: Files of robots of yours, which take the place of those in bags.
         memory: What may be held of the bag [bytes].
 
     Returns:
@@ -117,9 +138,10 @@ def export(
         table_file.check(file)
     if copy is not None:
         new_files.check_directory(copy)
-    columns, warnings = table.read(bag, memory)
+    code = recorded_robot.chosen(trust, custom_robots)
+    columns, warnings = table.read(bag, memory, code)
     if copy is not None:
-        viewer_copy.write(bag, copy, memory)
+        viewer_copy.write(bag, copy, memory, code)
     if file is not None:
         table_file.write(file, columns)
     frame: Frame = frames.DataFrame(columns)

@@ -7,16 +7,14 @@ import io
 import itertools
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from parallel_robot.analysis import metrics as evaluation
 from parallel_robot.analysis import recorded_motions
-from parallel_robot.analysis.metrics import Metrics, Poses
+from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import (
     METRICS,
     NEVER,
@@ -29,7 +27,7 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures, palette
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.scale import AUTO
-from parallel_robot.bags import history, run_log, simulation_bag
+from parallel_robot.bags import recorded_robot, simulation_bag
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.statuses import LIMIT_TEXT
 from parallel_robot.studies.sweep import study as studies
@@ -45,24 +43,11 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_sim.motions import Motions, Moved, of_simulation
+from parallel_robot_sim.motions import Motions, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
 
 NARROWEST = 27  # characters of the names of metrics
 RESOLUTION = 70  # dots per inch of a picture in a notebook
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """A run as metrics and figures take it; see figures.NamedMotion."""
-
-    scenario: str
-    law: str
-    joints: tuple[str, ...]
-    time: np.ndarray
-    position: np.ndarray
-    reference_position: np.ndarray
-    effort: np.ndarray
 
 
 class Picture:
@@ -95,17 +80,28 @@ class Picture:
         return content.getvalue()
 
 
-def load(bag: str | Path, *, memory: int = MEMORY) -> Run:
+def load(
+    bag: str | Path,
+    *,
+    memory: int = MEMORY,
+    trust: bool = False,
+    custom_robots: Sequence[str | Path] = (),
+) -> Run:
     """Read a bag as a run.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
+        trust: Whether the code of its robot may run, where the bag holds it: with all your rights.
+        custom_robots: Files of robots of yours, which take the place of that in the bag.
 
     Raises:
-        BagError: not a bag, or one that is not of a run or takes too much.
+        BagError: not a bag, or one that is not of a run or takes too much; or its robot is in
+            neither bag nor files.
+        InputError: a file is not a robot.
     """
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    code = recorded_robot.chosen(trust, custom_robots)
+    log, past, _ = recorded_robot.read(bag, memory, code)
     law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
@@ -292,11 +288,11 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
         InputError: something among them is not a run, they are too many, or the scale is unknown.
     """
     if isinstance(runs, Run):
-        return Picture(figures.figure_of_run(*_drawn(runs), scale))
+        return Picture(figures.figure_of_run(runs, _motions(runs).best, scale))
     named = _named('plot', runs, law_label)
     if not 1 <= len(named) <= len(palette.RUNS):
         raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
-    drawn = {name: _drawn(run) for name, run in named.items()}
+    drawn = {name: (run, _motions(run).best) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
 
 
@@ -377,12 +373,6 @@ def _named(
     return named
 
 
-def _drawn(run: Run) -> tuple[_Drawn, Poses]:
-    """The best motion of a run, as figures take it, and its poses."""
-    *arrays, poses = _motions(run).best
-    return _Drawn(run.scenario, run.law, run.joints, *arrays), poses
-
-
 def _motions(run: Run) -> Motions:
     """The motions of a run.
 
@@ -393,7 +383,5 @@ def _motions(run: Run) -> Motions:
         raise InputError(f'a run is wanted, as of simulate or load, not {run!r}')
     if run.simulation is not None:
         return of_simulation(run.simulation)
-    if run.motions is not None:
-        return run.motions
-    poses = Poses(run.pose, run.pose_reference, run.planar)
-    return Motions(None, Moved(run.time, run.position, run.reference, run.torque, poses))
+    assert run.motions is not None  # it is from a bag
+    return run.motions

@@ -103,7 +103,7 @@ def resolve_with_sources(
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
     for key in CUSTOM:
-        config[key] = [_absolute(key, path) for path in config[key]]
+        config[key] = code_files(key, config[key])
     with locating(config):
         config[hazards.KEY] = hazards.texts(config[hazards.KEY])
     for key in [key for key in config if key.startswith('robot.')]:
@@ -176,7 +176,7 @@ def changed(
                 raise UnknownNameError('parameter', key, known, key)
     found = merged((known, changes))
     for key in CUSTOM:
-        found[key] = [_absolute(key, path) for path in found[key]]
+        found[key] = code_files(key, found[key])
     with locating(found):
         found[hazards.KEY] = hazards.texts(found[hazards.KEY])
     same = all(found[key] == value for key, value in gains.items())
@@ -248,6 +248,20 @@ def _names(values: Mapping[str, Any], key: str) -> set[str]:
 def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
     """The values of some groups: gains of laws, parameters of shapes."""
     return {key: value for key, value in values.items() if key.partition('.')[0] in groups}
+
+
+def code_files(key: str, paths: Any) -> list[str]:
+    """Absolute paths of custom modules.
+
+    Args:
+        key: Key of CUSTOM, for messages.
+        paths: Its value.
+
+    Raises:
+        InputError: it is no list of texts, or one is no path.
+    """
+    _check_paths(key, paths)
+    return [_absolute(key, path) for path in paths]
 
 
 def _check_paths(key: str, paths: Any) -> None:

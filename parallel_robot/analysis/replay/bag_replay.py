@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import arithmetic, history, run_log
+from parallel_robot.bags import arithmetic, recording
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
@@ -163,7 +163,7 @@ def prepared(
             not hold or that may not run.
         InputError: a change is wrong.
     """
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    log, past, _ = recording.read(bag, memory=memory)
     if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
         raise BagError(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:

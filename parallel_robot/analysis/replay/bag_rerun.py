@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import arithmetic, bag_difference, history, run_log
+from parallel_robot.bags import arithmetic, bag_difference, recording
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
@@ -117,11 +117,13 @@ class Experiment:
         if self.past.facts.get('start_stamp', '0') == '0':
             return Rerun(out, unlike='nodes that were started by hand', warnings=self.warnings)
         if not self.simulated or self.values['duration'] != planned_length(log, self.past):
-            until = common_end(log, run_log.read(out, memory))
+            until = common_end(log, recording.read(out, memory=memory).log)
         if until is not None:
             reach = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
         count, difference = bag_difference.compare(self.bag, out, memory, until)
-        size = bag_difference.size(log, run_log.read(out, memory)) if difference else ''
+        size = (
+            bag_difference.size(log, recording.read(out, memory=memory).log) if difference else ''
+        )
         return Rerun(out, count, difference, reach, size, warnings=self.warnings)
 
 
@@ -154,7 +156,7 @@ def prepared(
         InputError: a value is wrong.
     """
     bag = Path(os.path.realpath(bag))
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    log, past, _ = recording.read(bag, memory=memory)
     if not past.facts:
         raise BagError(f'{bag} does not say what experiment made it')
     planned = loop_of(log.config).last_index or 0

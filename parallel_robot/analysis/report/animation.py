@@ -38,18 +38,18 @@ def postures(runs: Sequence[Run], rate: float = RATE) -> Postures:
         runs: The runs.
         rate: Of the frames [Hz].
     """
-    duration = max(float(run.log.time[-1]) for run in runs)
+    duration = max(float(run.motion.time[-1]) for run in runs)
     count = min(MOST, int(duration * rate) + 1)
     times = np.linspace(0.0, duration, count)
     parts: list[tuple[str, int]] = []
     all_frames = []
     for run in runs:
         robot = robot_of(run.log.config)
-        rows = np.clip(np.searchsorted(run.log.time, times), 0, len(run.log.time) - 1)
-        pose = run.poses.actual[rows]
-        segments = robot.module.segments(robot.parameters, pose, run.log.position[rows])
+        rows = np.clip(np.searchsorted(run.motion.time, times), 0, len(run.motion.time) - 1)
+        pose = run.motion.poses.actual[rows]
+        segments = robot.module.segments(robot.parameters, pose, run.motion.position[rows])
         parts = [(part, ends.shape[1]) for part, ends in segments.items()]
-        points = (run.poses.reference[rows, :2], pose[:, :2], *segments.values())
+        points = (run.motion.poses.reference[rows, :2], pose[:, :2], *segments.values())
         all_frames.append(np.hstack([part.reshape(count, -1) for part in points]))
     return Postures(times, parts, all_frames)
 

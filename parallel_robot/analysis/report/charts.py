@@ -94,7 +94,7 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
     Those of the path and of its errors are left out for a robot that does not move in a plane.
     """
     errors = [_joint_errors(runs), _coupling_errors(runs)]
-    if not runs[0].poses.planar:
+    if not all(run.motion.poses.planar for run in runs):
         return [*(_marked(chart, runs) for chart in errors), _torques(runs)]
     errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
     return [_path(runs), *(_marked(chart, runs) for chart in errors), _torques(runs)]
@@ -108,15 +108,15 @@ def _marked(chart: Chart, runs: Sequence[Run]) -> Chart:
 
 def joint_error(run: Run) -> np.ndarray:
     """Errors reference - feedback [rad], shape (N, n)."""
-    return run.log.reference_position - run.log.position
+    return run.motion.reference_position - run.motion.position
 
 
 def _path(runs: Sequence[Run]) -> Chart:
-    starts = np.unique([1e3 * run.poses.actual[0, :2] for run in runs], axis=0)
+    starts = np.unique([1e3 * run.motion.poses.actual[0, :2] for run in runs], axis=0)
     start = Curve('start', 'start', *starts.T)
     whole = [*_tracks(runs, np.inf), start]
     panels = [Panel('', 'y', 'mm', whole, dashed=False)]
-    if min(run.log.time[-1] for run in runs) > 2.0 * FIRST:
+    if min(run.motion.time[-1] for run in runs) > 2.0 * FIRST:
         panels.append(Panel('first second', 'y', 'mm', [*_tracks(runs, FIRST), start]))
     line = {run.log.config.get('trajectory.shape') for run in runs} == {'line'}
     widths = (1.0,) * len(panels)
@@ -129,9 +129,9 @@ def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
     """Paths of references and end effectors, with the points where the errors are extreme."""
     references, paths = [], []
     for run in runs:
-        rows = run.log.time <= until
-        reference = 1e3 * run.poses.reference[rows, :2]
-        actual = 1e3 * run.poses.actual[rows, :2]
+        rows = run.motion.time <= until
+        reference = 1e3 * run.motion.poses.reference[rows, :2]
+        actual = 1e3 * run.motion.poses.actual[rows, :2]
         chosen = np.union1d(*(extremes(column) for column in reference.T))
         references.append(Curve('reference', 'reference', *reference[chosen].T))
         chosen = np.union1d(*(extremes(column) for column in (reference - actual).T))
@@ -140,9 +140,10 @@ def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
 
 
 def _path_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart:
+    poses = [run.motion.poses for run in runs]
     series = [
-        Series(run.log.time, 1e3 * (run.poses.reference - run.poses.actual)[:, axis : axis + 1])
-        for run in runs
+        Series(run.motion.time, 1e3 * (pose.reference - pose.actual)[:, axis : axis + 1])
+        for run, pose in zip(runs, poses, strict=True)
     ]
     title = f'Error of the end effector in {name}'
     panel = Panel('', f'{name} error', 'mm', _curves(runs, series, 0))
@@ -150,7 +151,7 @@ def _path_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart
 
 
 def _joint_errors(runs: Sequence[Run]) -> Chart:
-    series = [Series(run.log.time, 1e3 * joint_error(run)) for run in runs]
+    series = [Series(run.motion.time, 1e3 * joint_error(run)) for run in runs]
     panels = [
         Panel(name, 'error', 'mrad', _curves(runs, series, joint))
         for joint, name in enumerate(_joints(runs))
@@ -162,7 +163,7 @@ def _joint_errors(runs: Sequence[Run]) -> Chart:
 
 def _coupling_errors(runs: Sequence[Run]) -> Chart:
     synchronisation = [
-        Series(run.log.time, 1e3 * synchronisation_error(joint_error(run))) for run in runs
+        Series(run.motion.time, 1e3 * synchronisation_error(joint_error(run))) for run in runs
     ]
     with_coupling = [run for run in runs if run.cross_coupling is not None]
     coupling = [
@@ -186,18 +187,18 @@ def _coupling_errors(runs: Sequence[Run]) -> Chart:
 
 
 def _torques(runs: Sequence[Run]) -> Chart:
-    split = min(run.log.time[-1] for run in runs) > 2.0 * FIRST
+    split = min(run.motion.time[-1] for run in runs) > 2.0 * FIRST
     panels = []
     for run in runs:
-        first = run.log.time <= (FIRST if split else np.inf)
+        first = run.motion.time <= (FIRST if split else np.inf)
         parts = [('', first), (' afterwards', ~first)] if split else [('', first)]
         for when, rows in parts:
-            series = [Series(run.log.time[rows], run.log.effort[rows])]
+            series = [Series(run.motion.time[rows], run.motion.effort[rows])]
             curves = []
             for joint, name in enumerate(_joints(runs)):
                 (curve,) = _curves([run], series, joint)
                 curves.append(curve._replace(label=name, style=joint_style(joint)))
-            times = run.log.time[rows]
+            times = run.motion.time[rows]
             marks = tuple(time for time in run.marks if times[0] <= time <= times[-1])
             panels.append(Panel(run.label + when, 'torque', 'N m', curves, marks=marks))
     widths = (1.0, 2.5) if split else (1.0,)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot.analysis.metrics import Motion, Poses, distances
+from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.labels import joint_label, label, law_label
 from parallel_robot.analysis.report.palette import RUNS, slots
 from parallel_robot.analysis.report.scale import AUTO, logarithmic
@@ -18,6 +18,7 @@ from parallel_robot.bags.printable_output import without_mathematics
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_sim.motions import Motion, Poses
 
 FORMATS = ('.png', '.pdf', '.svg')
 COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
@@ -29,8 +30,8 @@ HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
 
 
-class NamedMotion(Motion, Protocol):
-    """What is drawn of a run: a run log, or anything with these names and arrays."""
+class Named(Protocol):
+    """The names that are drawn of a run: a run log, or anything that has them."""
 
     @property
     def scenario(self) -> str:
@@ -46,8 +47,8 @@ class NamedMotion(Motion, Protocol):
 
 
 def draw_run(
-    log: NamedMotion,
-    pose: Poses,
+    run: Named,
+    motion: Motion,
     path: str | Path,
     scale: str = AUTO,
     marks: Sequence[float] = (),
@@ -55,8 +56,8 @@ def draw_run(
     """Draw path, errors and torques of a run to a PNG or vector file.
 
     Args:
-        log: The run.
-        pose: Poses of the run.
+        run: The run.
+        motion: Its motion.
         path: File to write, which must not exist; its suffix chooses the format.
         scale: Of errors, see scale.SCALES.
         marks: Times at which something changed [s].
@@ -65,39 +66,40 @@ def draw_run(
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    save(figure_of_run(log, pose, scale, marks), path)
+    save(figure_of_run(run, motion, scale, marks), path)
 
 
 def figure_of_run(
-    log: NamedMotion, pose: Poses, scale: str = AUTO, marks: Sequence[float] = ()
+    run: Named, motion: Motion, scale: str = AUTO, marks: Sequence[float] = ()
 ) -> Any:
     """Path, errors and torques of a run as a figure of matplotlib.
 
     A robot that does not move in a plane has no path; its synchronisation errors are drawn.
 
     Args:
-        log: The run.
-        pose: Poses of the run.
+        run: The run.
+        motion: Its motion.
         scale: Of errors, see scale.SCALES.
         marks: Times at which something changed [s].
     """
+    pose = motion.poses
     figure, path, (first, joints, torque) = panels(
-        f'{label(log.scenario)}, {law_label(log.law)}', pose.planar
+        f'{label(run.scenario)}, {law_label(run.law)}', pose.planar
     )
-    names = [without_mathematics(joint_label(name)) for name in log.joints]
+    names = [without_mathematics(joint_label(name)) for name in run.joints]
     looks = [look_of(k) for k in range(len(names))]
-    error = log.reference_position - log.position
+    error = motion.reference_position - motion.position
     if pose.planar:
         _draw_paths(path, [pose], looks, 'end effector')
         offset = (pose.reference - pose.actual)[:, :2]
-        curves = _curves(log.time, 1e6 * offset, looks, ['x', 'y'])
+        curves = _curves(motion.time, 1e6 * offset, looks, ['x', 'y'])
         _draw_errors(first, curves, 'µm', scale, 'End-effector error')
     else:
-        curves = _curves(log.time, 1e6 * synchronisation_error(error), looks, names)
+        curves = _curves(motion.time, 1e6 * synchronisation_error(error), looks, names)
         _draw_errors(first, curves, 'µrad', scale, 'Synchronisation errors')
-    curves = _curves(log.time, 1e6 * error, looks, names)
+    curves = _curves(motion.time, 1e6 * error, looks, names)
     _draw_errors(joints, curves, 'µrad', scale, 'Joint errors')
-    _draw_curves(torque, _curves(log.time, log.effort, looks, names))
+    _draw_curves(torque, _curves(motion.time, motion.effort, looks, names))
     torque.set(xlabel='t [s]', ylabel='torque [N m]')
     torque.set_title('Torques', loc='left')
     for axes in (first, joints, torque):
@@ -107,34 +109,35 @@ def figure_of_run(
     return figure
 
 
-def figure_of_runs(runs: Mapping[str, tuple[NamedMotion, Poses]], scale: str = AUTO) -> Any:
+def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) -> Any:
     """Several runs over one another as a figure of matplotlib, one curve each in a panel.
 
     Of the joints, the largest magnitude at each time is drawn. Without a path if a robot does not
     move in a plane.
 
     Args:
-        runs: Name to a run and its poses, up to as many as palette.RUNS.
+        runs: Name to a run and its motion, up to as many as palette.RUNS.
         scale: Of errors, see scale.SCALES.
     """
-    logs, poses = zip(*runs.values(), strict=True)
+    named, motions = zip(*runs.values(), strict=True)
+    poses = [motion.poses for motion in motions]
     planar = all(pose.planar for pose in poses)
-    title = ', '.join(dict.fromkeys(label(log.scenario) for log in logs))
+    title = ', '.join(dict.fromkeys(label(run.scenario) for run in named))
     figure, path, (first, joints, torque) = panels(title, planar, fitted=True)
     names = [without_mathematics(label(name)) for name in runs]
     looks = [
         {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
-        for style in (RUNS[slot] for slot in slots([log.law for log in logs]))
+        for style in (RUNS[slot] for slot in slots([run.law for run in named]))
     ]
 
     def curves(columns: Iterable[np.ndarray]) -> list[Curve]:
         """One curve for each run: the largest magnitude of its columns, shape (N, k)."""
         return [
-            Curve(log.time, np.abs(values).max(axis=1), look, name)
-            for log, values, look, name in zip(logs, columns, looks, names, strict=True)
+            Curve(motion.time, np.abs(values).max(axis=1), look, name)
+            for motion, values, look, name in zip(motions, columns, looks, names, strict=True)
         ]
 
-    errors = [1e6 * (log.reference_position - log.position) for log in logs]
+    errors = [1e6 * (motion.reference_position - motion.position) for motion in motions]
     if planar:
         _draw_paths(path, poses, looks)
         distance = curves(1e6 * distances(pose)[:, np.newaxis] for pose in poses)
@@ -145,7 +148,7 @@ def figure_of_runs(runs: Mapping[str, tuple[NamedMotion, Poses]], scale: str = A
             first, synchronisation, 'µrad', scale, LARGEST + 'synchronisation error', sign=False
         )
     _draw_errors(joints, curves(errors), 'µrad', scale, LARGEST + 'joint error', sign=False)
-    _draw_curves(torque, curves(log.effort for log in logs))
+    _draw_curves(torque, curves(motion.effort for motion in motions))
     torque.set(xlabel='t [s]', ylabel='|torque| [N m]')
     torque.set_title(LARGEST + 'torque', loc='left')
     figure.legend(*torque.get_legend_handles_labels(), loc='outside lower center', ncols=COLUMNS)

@@ -95,7 +95,7 @@ def _section(
     parts = {tuple(round(time, 2) for time in run.metrics.window[:2]) for run in good}
     alike = len(parts) == 1  # else no figure is better than another
     data: dict[str, Any] = {'plots': [plot(chart, scale) for chart in charts]}
-    if runs[0].poses.planar:
+    if all(run.motion.poses.planar for run in runs):
         data['animation'] = animation(runs)
     return {
         'name': name,

@@ -15,6 +15,7 @@ from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
 
 PAGE = 'report.html'
@@ -34,7 +35,13 @@ class Report(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def make(bags: Sequence[Path], directory: Path, scale: str = AUTO, memory: int = MEMORY) -> Report:
+def make(
+    bags: Sequence[Path],
+    directory: Path,
+    scale: str = AUTO,
+    memory: int = MEMORY,
+    code: RobotCode = NONE,
+) -> Report:
     """Write the report of some bags; it appears complete or not at all.
 
     Args:
@@ -42,12 +49,13 @@ def make(bags: Sequence[Path], directory: Path, scale: str = AUTO, memory: int =
         directory: Directory of the report; must not exist.
         scale: Of errors, see scale.SCALES.
         memory: Memory that reading each bag may take [bytes].
+        code: What may run to know their robots.
 
     Raises:
         InputError: bags are too many or no bags, or the directory cannot be written.
     """
     new_files.check_directory(directory)
-    groups = read_runs(bags, memory)
+    groups = read_runs(bags, memory, code)
     try:
         figures = write(groups, directory, scale)
     except OSError as error:

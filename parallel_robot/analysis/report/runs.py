@@ -14,17 +14,19 @@ from parallel_robot.analysis.readable_metrics import early, unsettled
 from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.bags import history, run_log, stretches, telemetry
-from parallel_robot.bags.history import History
+from parallel_robot.bags import recorded_robot, run_log, stretches
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.message_arrays import physical
+from parallel_robot.bags.message_arrays import Samples, physical
 from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.recording import Recording
 from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
+from parallel_robot_sim.motions import Motion
 
 
 class Series(NamedTuple):
@@ -46,8 +48,8 @@ class Run(NamedTuple):
         bag: Path of the bag.
         label: Its name in legends, different from all others of its group.
         style: Key of palette.STYLES.
-        log: The recorded run, with the joints of its true motion where that is known.
-        poses: Poses of the robot.
+        log: The recorded run.
+        motion: Its true motion where that is known, else the one that was seen.
         metrics: Metrics of the run.
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
         timing: How the run kept its time.
@@ -61,7 +63,7 @@ class Run(NamedTuple):
     label: str
     style: str
     log: run_log.RunLog
-    poses: metrics.Poses
+    motion: Motion
     metrics: metrics.Metrics
     cross_coupling: Series | None
     timing: Timing
@@ -71,12 +73,15 @@ class Run(NamedTuple):
     marks: tuple[float, ...] = ()
 
 
-def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, list[Run]]:
+def read_runs(
+    bags: Sequence[str | Path], memory: int = MEMORY, code: RobotCode = NONE
+) -> dict[str, list[Run]]:
     """Read bags.
 
     Args:
         bags: Directories of the bags, or one file of each.
         memory: Memory that reading each may take [bytes].
+        code: What may run to know their robots.
 
     Returns:
         Scenario to its runs, in the order of `bags`; runs of one scenario with several robots
@@ -88,23 +93,23 @@ def read_runs(bags: Sequence[str | Path], memory: int = MEMORY) -> dict[str, lis
     """
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
-    logs: dict[tuple[str, str], list[tuple[Path, run_log.RunLog, History]]] = {}
+    recordings: dict[tuple[str, str], list[tuple[Path, Recording]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
-        log = run_log.read(bag, memory)
-        past = history.read(bag, memory)
-        law_titles.learn(past.sources['custom_laws'])
-        logs.setdefault((label(log.scenario), _robot(log)), []).append((bag, log, past))
-    scenarios = [scenario for scenario, _ in logs]
-    found = {}
-    for (scenario, robot), members in logs.items():
-        group = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
-        names = _labels([(bag, law_label(log.law)) for bag, log, _ in members])
-        slots = palette.slots([printable(log.law) for _, log, _ in members])
-        found[group] = [
-            _evaluate(bag, name, f'run{slot}', log, past, memory)
-            for (bag, log, past), name, slot in zip(members, names, slots, strict=True)
+        found = recorded_robot.read(bag, memory, code, (CROSS_COUPLING_ERROR,))
+        law_titles.learn(found.history.sources['custom_laws'])
+        group = label(found.log.scenario), _robot(found.log)
+        recordings.setdefault(group, []).append((bag, found))
+    scenarios = [scenario for scenario, _ in recordings]
+    groups = {}
+    for (scenario, robot), members in recordings.items():
+        title = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
+        names = _labels([(bag, law_label(found.log.law)) for bag, found in members])
+        slots = palette.slots([printable(found.log.law) for _, found in members])
+        groups[title] = [
+            _evaluate(bag, name, f'run{slot}', found)
+            for (bag, found), name, slot in zip(members, names, slots, strict=True)
         ]
-    return found
+    return groups
 
 
 def _robot(log: run_log.RunLog) -> str:
@@ -112,27 +117,26 @@ def _robot(log: run_log.RunLog) -> str:
     return f'{label(str(log.config["robot_model"]))}, {len(log.joints)} joints'
 
 
-def _evaluate(
-    bag: Path, name: str, style: str, log: run_log.RunLog, past: History, memory: int
-) -> Run:
+def _evaluate(bag: Path, name: str, style: str, found: Recording) -> Run:
+    log, past, extra = found
     timed = timing.evaluate(log, past)
     faulted = any(status.fault != NO_FAULT for status in past.statuses)
     try:
         part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
         raise BagError(f'{bag}: {error}') from None
-    log, poses, result = part.shown, part.motions.best.poses, metrics.figures(part.motions)
-    coupling = cross_coupling(bag, part.log, memory)
-    parts = stretches.of_run(past, part.log)
+    log, motion, result = part.log, part.motions.best, metrics.figures(part.motions)
+    coupling = cross_coupling(log, extra.get(CROSS_COUPLING_ERROR))
+    parts = stretches.of_run(past, log)
     laws = stretches.laws(parts)
     if len(laws) > 1:  # it is no run of its first law
         name = ', then '.join(map(law_label, laws))
         log = log._replace(law=', then '.join(laws))
-    ended = early(result.window.run_s, float(part.log.config['duration']))
+    ended = early(result.window.run_s, float(log.config['duration']))
     told = [*filter(None, [ended]), *unsettled(result), *part.remarks, *stretches.told(parts)]
     marks = tuple(one.begin for one in parts[1:])
     return Run(
-        bag, name, style, log, poses, result, coupling, timed, part.cut, told, faulted, marks
+        bag, name, style, log, motion, result, coupling, timed, part.cut, told, faulted, marks
     )
 
 
@@ -150,9 +154,8 @@ def _labels(members: list[tuple[Path, str]]) -> list[str]:
     return numbered
 
 
-def cross_coupling(bag: Path, log: run_log.RunLog, memory: int = MEMORY) -> Series | None:
-    """Cross-coupling errors of the bag that `log` was read from; None when it has none."""
-    errors = telemetry.read(bag, log, CROSS_COUPLING_ERROR, memory)
+def cross_coupling(log: run_log.RunLog, errors: Samples | None) -> Series | None:
+    """Cross-coupling errors of a run from t = 0 on; None when its bag has none."""
     if errors is None:
         return None
     used = physical(errors) & (errors.stamps >= log.start_stamp)

@@ -116,18 +116,18 @@ class _Film:
         self._curves: list[tuple[Any, Any, Any, np.ndarray]] = []
         self._add(path, scene.path.T, {'color': style})
         distance = np.maximum(1e6 * scene.error, LEAST)
-        self._add(error, np.stack([run.log.time, distance]), {'color': style})
-        looks = [look_of(k) for k in range(run.log.effort.shape[1])]
-        for torques, look in zip(run.log.effort.T, looks, strict=True):
-            torque.plot(run.log.time, torques, alpha=0.0)  # for the scale
-            self._add(torque, np.stack([run.log.time, torques]), look, 3.0)
+        self._add(error, np.stack([run.motion.time, distance]), {'color': style})
+        looks = [look_of(k) for k in range(run.motion.effort.shape[1])]
+        for torques, look in zip(run.motion.effort.T, looks, strict=True):
+            torque.plot(run.motion.time, torques, alpha=0.0)  # for the scale
+            self._add(torque, np.stack([run.motion.time, torques]), look, 3.0)
         self._links = []
         for part, ends in scene.parts.items():
             colour, width = PARTS.get(part, OTHER)
             look = {'color': colour, 'lw': width, 'mec': 'white', 'marker': 'o', 'ms': width}
             lines = [robot.plot([], [], **look, animated=True)[0] for _ in range(ends.shape[1])]
             self._links.append((robot, lines, ends))
-        self._add(robot, run.poses.actual[:, :2].T, {'color': style})
+        self._add(robot, run.motion.poses.actual[:, :2].T, {'color': style})
 
     def _add(self, axes: Any, points: np.ndarray, look: dict[str, Any], dot: float = 5.0) -> None:
         """Add a curve, shape (2, N), that grows with the frames, with a dot at its end."""

@@ -10,7 +10,8 @@ import numpy as np
 from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.animation import box
 from parallel_robot.analysis.report.runs import Run
-from parallel_robot_model.common.errors import InputError
+from parallel_robot.bags import recorded_robot
+from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.robots.configuration import robot_of
 
 MOST = 4  # runs side by side
@@ -49,7 +50,7 @@ def frame_times(runs: Sequence[Run], rate: float, speed: float, most: int) -> np
     Raises:
         InputError: they are more.
     """
-    end = max(float(run.log.time[-1]) for run in runs)
+    end = max(float(run.motion.time[-1]) for run in runs)
     count = int(end * rate / speed) + 1
     if count > most:
         raise InputError(
@@ -64,8 +65,9 @@ def magnification(runs: Sequence[Run]) -> float:
 
     The largest of the second half of all runs then takes a small part of the picture.
     """
-    largest = max(float(distances(run.poses)[len(run.log.time) // 2 :].max()) for run in runs)
-    size = box(np.concatenate([run.poses.reference[:, :2] for run in runs]), 0.0)[2]
+    poses = [run.motion.poses for run in runs]
+    largest = max(float(distances(pose)[len(pose.actual) // 2 :].max()) for pose in poses)
+    size = box(np.concatenate([pose.reference[:, :2] for pose in poses]), 0.0)[2]
     return max(1.0, _round_below(SEEN * size / largest)) if largest > 0.0 else 1.0
 
 
@@ -78,16 +80,20 @@ def scene(run: Run, times: np.ndarray, magnified: float) -> Scene:
         magnified: By how much its errors are magnified.
 
     Raises:
-        InputError: its robot does not move in a plane.
+        BagError: its robot is not known here.
+        InputError: it does not move in a plane.
     """
-    if not run.poses.planar:
+    unknown = recorded_robot.unknown(run.log.config)
+    if unknown:
+        raise BagError(f'{run.bag}: {unknown}')
+    if not run.motion.poses.planar:
         raise InputError(f'{run.bag}: its robot does not move in a plane; there is no video of it')
-    rows = np.clip(np.searchsorted(run.log.time, times), 0, len(run.log.time) - 1)
-    robot, actual = robot_of(run.log.config), run.poses.actual
-    parts = robot.module.segments(robot.parameters, actual[rows], run.log.position[rows])
-    reference = run.poses.reference[:, :2]
+    rows = np.clip(np.searchsorted(run.motion.time, times), 0, len(run.motion.time) - 1)
+    robot, actual = robot_of(run.log.config), run.motion.poses.actual
+    parts = robot.module.segments(robot.parameters, actual[rows], run.motion.position[rows])
+    reference = run.motion.poses.reference[:, :2]
     path = reference + magnified * (actual[:, :2] - reference)
-    return Scene(run, rows, parts, reference, path, distances(run.poses))
+    return Scene(run, rows, parts, reference, path, distances(run.motion.poses))
 
 
 def _round_below(value: float) -> float:

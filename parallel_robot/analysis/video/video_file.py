@@ -15,6 +15,7 @@ from parallel_robot.analysis.video.scene import MOST, frame_times, magnification
 from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
 
 RATE = 25.0  # Hz, unless told
@@ -44,6 +45,7 @@ def make(
     speed: float = 1.0,
     magnify: float | None = None,
     memory: int = MEMORY,
+    code: RobotCode = NONE,
 ) -> Video:
     """Write the video of some bags.
 
@@ -54,6 +56,7 @@ def make(
         speed: Seconds of the motion in a second of the video.
         magnify: By how much errors of the path are magnified; None: as much as they fill the view.
         memory: Memory that reading each bag may take [bytes].
+        code: What may run to know their robots.
 
     Raises:
         InputError: a value is wrong, bags are too many or no bags, or the file cannot be written.
@@ -67,7 +70,7 @@ def make(
         _check('--magnify', magnify, *MAGNIFICATIONS)
     if len(bags) > MOST:
         raise InputError(f'a video takes up to {MOST} bags, not {len(bags)}')
-    runs = list(itertools.chain(*read_runs(bags, memory).values()))
+    runs = list(itertools.chain(*read_runs(bags, memory, code).values()))
     times = frame_times(runs, rate, speed, files.MOST[out.suffix])
     magnified = magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]

@@ -27,9 +27,10 @@ from parallel_robot.analysis.readable_metrics import (
 )
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
-from parallel_robot.bags import history, new_files, run_log, stretches
+from parallel_robot.bags import history, new_files, recorded_robot, run_log, stretches
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.stretches import Stretch
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.configuration.loop import length
@@ -50,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_window_arguments(parser)
     add_scale_argument(parser)
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
@@ -63,7 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
         figures.check_format(figure)
         new_files.check(figure, '--figure')
     memory = arguments.max_memory
-    log, past = run_log.read(arguments.bag, memory), history.read(arguments.bag, memory)
+    log, past, _ = recorded_robot.read(arguments.bag, memory, robot_code(arguments))
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     timed = timing.evaluate(log, past)
@@ -88,8 +90,8 @@ def execute(arguments: argparse.Namespace) -> int:
                 written.enter_context(new_files.written(arguments.json, as_json(result)))
             if not kept:
                 marks = [one.begin for one in parts[1:]]
-                drawn, poses = part.shown._replace(law=result['law']), part.motions.best.poses
-                figures.draw_run(drawn, poses, figure, arguments.scale, marks)
+                drawn, motion = log._replace(law=result['law']), part.motions.best
+                figures.draw_run(drawn, motion, figure, arguments.scale, marks)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     if timing.verdict(timed):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
 from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,20 +29,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='copy of the bag, with description, frames (tf) and paths of the robot for Foxglove, '
         'Lichtblick and RViz; must not exist',
     )
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag, out, memory = arguments.bag, arguments.out, arguments.max_memory
+    code = robot_code(arguments)
     if arguments.foxglove:
-        copy = viewer_copy.write(bag, arguments.foxglove, memory)
+        copy = viewer_copy.write(bag, arguments.foxglove, memory, code)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
     table_file.check(out)
-    columns, warnings = table.read(bag, memory)
+    columns, warnings = table.read(bag, memory, code)
     _warn(warnings)
     table_file.write(out, columns)
     print(f'table   {out}, {len(columns["time_s"])} rows, {len(columns)} columns')

@@ -15,12 +15,13 @@ import numpy as np
 from parallel_robot.analysis import metrics, recorded_motions, timing
 from parallel_robot.analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot.analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
-from parallel_robot.bags import history, new_files, run_log
+from parallel_robot.bags import history, new_files, recorded_robot, run_log
 from parallel_robot.bags.limits import TRUSTED
+from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli import invocation
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.studies.identification import identified, recording, rest, robot_file
+from parallel_robot.studies.identification import identified, measured_motion, rest, robot_file
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import NO_FAULT
@@ -183,7 +184,8 @@ class Drill:
 
 def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Finding]:
     """What a step has shown, by its name."""
-    log, past = run_log.read(bag, TRUSTED), history.read(bag, TRUSTED)
+    code = RobotCode(files=tuple(values['custom_robots']))
+    log, past, _ = recorded_robot.read(bag, TRUSTED, code)
     if name == 'drill':
         yield from _drilled(log, past, values)
         return
@@ -238,7 +240,7 @@ def _named(name: str, finding: Finding) -> Finding:
 def _learn(bag: Path, file: Path) -> dict[str, Any]:
     """Identify the robot into a file; what it changes, without what is the plant's own."""
     try:
-        log, recorded = recording.read(bag, TRUSTED)
+        log, recorded = measured_motion.read(bag, TRUSTED)
         found = identified.identify(identified.nominal_of(log), recorded, CUTOFF)
     except ParallelRobotError as error:
         print(f'  FAILED  {error}')

@@ -9,6 +9,7 @@ from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.palette import RUNS
 from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,12 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out', type=Path, required=True, metavar='DIR', help='of the report; must not exist'
     )
     add_scale_argument(parser)
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    made = report_files.make(arguments.bags, arguments.out, arguments.scale, arguments.max_memory)
+    made = report_files.make(
+        arguments.bags, arguments.out, arguments.scale, arguments.max_memory, robot_code(arguments)
+    )
     for warning in made.warnings:
         print(warning)
     print(f'page     {made.page}\nfigures  {made.figures} files in {arguments.out}')

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot.analysis import metrics, readable_metrics, recorded_motions, timing
-from parallel_robot.bags import history, new_files, run_log, stretches
+from parallel_robot.bags import history, new_files, recorded_robot, run_log, stretches
 from parallel_robot.bags.experiment import OF_RUN, command_line
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.progress import Progress
+from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli.commands import simulate
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import (
@@ -121,12 +122,14 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         InputError: the configuration is wrong, or the bag cannot be written there.
         RunError: the run did not come to its end.
     """
-    configuration = configure(resolve(scenario, changed))
+    values = resolve(scenario, changed)
+    configuration = configure(values)
     for text in motion_doubts(configuration.trajectory):
         print(f'warning: {text}', file=sys.stderr)
     ended = move(configuration, scenario, changed, out, namespace)
     try:
-        log, past = run_log.read(out, TRUSTED), history.read(out, TRUSTED)
+        code = RobotCode(files=tuple(values['custom_robots']))
+        log, past, _ = recorded_robot.read(out, TRUSTED, code)
     except BagError:
         if ended.signal:  # before the first state
             raise StoppedError(ended.signal) from None

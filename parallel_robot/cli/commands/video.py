@@ -8,6 +8,7 @@ from pathlib import Path
 from parallel_robot.analysis.video import video_file
 from parallel_robot.analysis.video.scene import MOST
 from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 from parallel_robot_model.common.options import number
 
 
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='X',
         help='errors of the path, the same for all bags; default: as much as they fill the view',
     )
+    add_robot_arguments(parser)
     add_memory_argument(parser)
 
 
@@ -51,6 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
         arguments.speed,
         arguments.magnify,
         arguments.max_memory,
+        robot_code(arguments),
     )
     print(f'video   {made.path}, {made.frames} frames, errors magnified {made.magnified:g} times')
     return 0

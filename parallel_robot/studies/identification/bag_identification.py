@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files, run_log
+from parallel_robot.bags import new_files, recording
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.studies.identification import (
     identified,
+    measured_motion,
     readable,
-    recording,
     rest,
     robot_file,
     unexplained,
@@ -134,12 +134,12 @@ def identify(
         raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff!r}')
     if validate and validate.resolve() == bag.resolve():
         raise InputError(f'--validate needs another bag than {bag}')
-    log, recorded = recording.read(bag, memory)
+    log, recorded = measured_motion.read(bag, memory)
     nominal = identified.nominal_of(log)
     warnings: list[str] = []
     second = None
     if validate:
-        second = recording.read(validate, memory)
+        second = measured_motion.read(validate, memory)
         identified.check_same_robot(log, second[0])
         warnings += _told(validate, (*second[0].warnings, *second[1].left_out))
     warnings += _told(bag, (*log.warnings, *recorded.left_out))
@@ -170,7 +170,7 @@ def at_rest(bag: Path, memory: int = MEMORY) -> Rest:
     Raises:
         BagError: it is no bag of a run, or its robot never rests.
     """
-    found = rest.of(run_log.read(bag, memory))
+    found = rest.of(recording.read(bag, memory=memory).log)
     if found is None:
         raise BagError(f'{bag}: {rest.NONE}')
     return found

@@ -16,8 +16,8 @@ from parallel_robot.studies.identification import (
 )
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot.studies.identification.least_squares import Fit
+from parallel_robot.studies.identification.measured_motion import MeasuredMotion
 from parallel_robot.studies.identification.physical_robot import PhysicalRobot
-from parallel_robot.studies.identification.recording import Recording
 from parallel_robot.studies.identification.regression_rows import Rows
 from parallel_robot.studies.identification.unexplained import Unexplained
 from parallel_robot_control import configuration
@@ -137,12 +137,12 @@ def nominal_of(log: RunLog) -> Nominal:
     return Nominal(robot, group(log.config, FrictionParameters, 'friction'), guess)
 
 
-def identify(nominal: Nominal, recording: Recording, cutoff: float) -> Identified:
+def identify(nominal: Nominal, motion: MeasuredMotion, cutoff: float) -> Identified:
     """Identify a robot.
 
     Args:
         nominal: The nominal robot, of which the geometry is taken to be true.
-        recording: Its motion.
+        motion: Its motion.
         cutoff: Bandwidth of the regression [Hz].
 
     Raises:
@@ -150,23 +150,21 @@ def identify(nominal: Nominal, recording: Recording, cutoff: float) -> Identifie
         BagError: too little of the recording can be used, or a sample has no pose.
     """
     base_parameters.linear_model(nominal.robot)
-    base = regression_rows.base_of(recording, nominal.robot, nominal.guess)
+    base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
     values = (nominal.inertia, *nominal.both_frictions)
     before, scale = base.of(*values), base.scale(*values)
-    rows, fit, delay = _fit(nominal, base, recording, cutoff, before, scale)
+    rows, fit, delay = _fit(nominal, base, motion, cutoff, before, scale)
     robot = physical_robot.nearest(nominal.robot, base, fit, scale, nominal.both_frictions)
     poor = least_squares.poorly_determined(fit, base.names, scale)
-    return Identified(
-        nominal, base, before, scale, fit, robot, poor, rows, delay, recording.period
-    )
+    return Identified(nominal, base, before, scale, fit, robot, poor, rows, delay, motion.period)
 
 
-def predict(found: Identified, recording: Recording, guess: Array, cutoff: float) -> Prediction:
+def predict(found: Identified, motion: MeasuredMotion, guess: Array, cutoff: float) -> Prediction:
     """Predict the torques of a run by the physical robot.
 
     Args:
         found: The identified robot.
-        recording: The run, of the same robot.
+        motion: The run, of the same robot.
         guess: Pose near its first one, shape (m,).
         cutoff: Bandwidth within which torques are compared [Hz].
 
@@ -175,7 +173,7 @@ def predict(found: Identified, recording: Recording, guess: Array, cutoff: float
     """
     nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
     late = found.delay.value if found.delay.counts else 0.0
-    return compare(found, _rows(nominal, found.base, recording, cutoff, late))
+    return compare(found, _rows(nominal, found.base, motion, cutoff, late))
 
 
 def compare(found: Identified, rows: Rows) -> Prediction:
@@ -207,17 +205,21 @@ def check_same_robot(first: RunLog, second: RunLog) -> None:
 
 
 def _rows(
-    nominal: Nominal, base: BaseParameters, recording: Recording, cutoff: float, late: float = 0.0
+    nominal: Nominal,
+    base: BaseParameters,
+    motion: MeasuredMotion,
+    cutoff: float,
+    late: float = 0.0,
 ) -> Rows:
     smoothing = nominal.friction.smoothing
     robot, guess = nominal.robot, nominal.guess
-    return regression_rows.rows(recording, robot, base, guess, smoothing, cutoff, late)
+    return regression_rows.rows(motion, robot, base, guess, smoothing, cutoff, late)
 
 
 def _fit(
     nominal: Nominal,
     base: BaseParameters,
-    recording: Recording,
+    motion: MeasuredMotion,
     cutoff: float,
     before: Array,
     scale: Array,
@@ -227,12 +229,12 @@ def _fit(
     A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
     linearised in d again and again (Gauss-Newton).
     """
-    period = recording.period
+    period = motion.period
     step = 0.1 * period
     value = 0.0
     for _ in range(ITERATIONS):
-        rows = _rows(nominal, base, recording, cutoff, value)
-        moved = _rows(nominal, base, recording, cutoff, value + step)
+        rows = _rows(nominal, base, motion, cutoff, value)
+        moved = _rows(nominal, base, motion, cutoff, value + step)
         slope = (rows.torque - moved.torque) / step * period  # for a period of delay
         both = replace(rows, Y=np.concatenate((rows.Y, slope[..., np.newaxis]), axis=2))
         fit = least_squares.fit(both, np.append(before, 0.0), np.append(scale, 1.0))
@@ -245,7 +247,7 @@ def _fit(
         value = estimate
     delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
     if not delay.counts:
-        rows = _rows(nominal, base, recording, cutoff)
+        rows = _rows(nominal, base, motion, cutoff)
         return rows, least_squares.fit(rows, before, scale), delay
     kept = replace(
         fit,

@@ -22,7 +22,7 @@ from scipy.signal import firwin, savgol_filter
 
 from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
-from parallel_robot.studies.identification.recording import STILL, Recording, stretches
+from parallel_robot.studies.identification.measured_motion import STILL, MeasuredMotion, stretches
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.robots.poses import poses_of
@@ -67,7 +67,7 @@ class Rows:
 
 
 def rows(
-    recording: Recording,
+    motion: MeasuredMotion,
     robot: RobotModel,
     base: BaseParameters,
     guess: Array,
@@ -78,7 +78,7 @@ def rows(
     """Make the rows of a recording.
 
     Args:
-        recording: Joints and torques.
+        motion: Joints and torques.
         robot: The robot, of whose parameters the geometry alone counts.
         base: Its base parameters.
         guess: Pose near the first sample, shape (m,).
@@ -90,19 +90,19 @@ def rows(
         InputError: the cut-off frequency does not fit the period.
         BagError: too little of the recording can be used, or a sample has no pose.
     """
-    period, highest = recording.period, highest_cutoff(recording)
+    period, highest = motion.period, highest_cutoff(motion)
     if not 0.0 < cutoff <= (1.0 + ROUNDING) * highest:
         raise InputError(
             f'--cutoff must be positive and at most {highest:g} Hz for samples every '
             f'{period:g} s, not {cutoff:g}'
         )
-    slow = np.maximum(SLOW * recording.speed, STILL)
+    slow = np.maximum(SLOW * motion.speed, STILL)
     window = 2 * max(3, round(0.5 * WINDOW / cutoff / period)) + 1
     taps = 2 * round(0.5 * SUPPORT / cutoff / period) + 1
     found: list[Rows] = []
-    for part in stretches(recording, 2 * (window + taps)):
+    for part in stretches(motion, 2 * (window + taps)):
         try:
-            smooth = _smoothed(recording, part, period, window, late)
+            smooth = _smoothed(motion, part, period, window, late)
             pose = poses_of(robot, smooth.position, guess)
         except KinematicsError as error:
             raise BagError(str(error)) from None
@@ -112,35 +112,35 @@ def rows(
         )
         found.append(_filtered(smooth, Y, slow, len(found), taps, cutoff))
     if not found:
-        raise BagError(_too_little(0.0, recording))
+        raise BagError(_too_little(0.0, motion))
     joined = Rows(
         *(np.concatenate([getattr(one, name) for one in found]) for name in Rows.__annotations__)
     )
     if joined.known.sum() < FEWEST * joined.Y.shape[-1]:
-        raise BagError(_too_little(joined.duration, recording))
+        raise BagError(_too_little(joined.duration, motion))
     return joined
 
 
-def highest_cutoff(recording: Recording) -> float:
+def highest_cutoff(motion: MeasuredMotion) -> float:
     """Highest bandwidth for the rate of a recording [Hz]."""
-    return 1.0 / (RATIO * recording.period)
+    return 1.0 / (RATIO * motion.period)
 
 
-def base_of(recording: Recording, robot: RobotModel, guess: Array) -> BaseParameters:
+def base_of(motion: MeasuredMotion, robot: RobotModel, guess: Array) -> BaseParameters:
     """Base parameters of a robot at the positions of a recording; `guess` as in :func:`rows`.
 
     Raises:
         BagError: a sample has no pose.
     """
     try:
-        return base_parameters.find(robot, recording.position[recording.usable], guess)
+        return base_parameters.find(robot, motion.position[motion.usable], guess)
     except KinematicsError as error:
         raise BagError(str(error)) from None
 
 
-def _too_little(duration: float, recording: Recording) -> str:
-    whole = recording.time[-1] - recording.time[0]
-    why = ''.join(f'; {line}' for line in recording.left_out)
+def _too_little(duration: float, motion: MeasuredMotion) -> str:
+    whole = motion.time[-1] - motion.time[0]
+    why = ''.join(f'; {line}' for line in motion.left_out)
     return f'too little motion to identify a robot: {duration:.3g} s of {whole:.3g} s{why}'
 
 
@@ -156,7 +156,7 @@ class _Smooth:
 
 
 def _smoothed(
-    recording: Recording, part: slice, period: float, window: int, late: float
+    motion: MeasuredMotion, part: slice, period: float, window: int, late: float
 ) -> _Smooth:
     """Joints with two derivatives, and the mean torque over one period about each sample.
 
@@ -164,9 +164,9 @@ def _smoothed(
     the state. In general it is the difference of the integral of the effort. A late position
     belongs to the torque of the time at which it was measured.
     """
-    stamps, effort = recording.time[part], recording.effort[part]
+    stamps, effort = motion.time[part], motion.effort[part]
     steps = np.diff(stamps)
-    time, position = stamps, recording.position[part]
+    time, position = stamps, motion.position[part]
     if np.abs(steps - period).max() > 1e-3 * period:  # jitter, or a lost state
         count = int((stamps[-1] - stamps[0]) / period) + 1
         time = stamps[0] + period * np.arange(count)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags.run_log import RunLog
-from parallel_robot.studies.identification.recording import GAP, SPAN, STILL
+from parallel_robot.studies.identification.measured_motion import GAP, SPAN, STILL
 from parallel_robot_model.common.arrays import Array
 
 SHORTEST = 0.1  # s of a phase

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags import history, run_log
+from parallel_robot.bags import recording
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.statuses import ControllerStatus
@@ -27,7 +27,7 @@ SPAN = 0.1  # s over which its rate is taken, so that noise does not count as mo
 
 
 @dataclass(frozen=True)
-class Recording:
+class MeasuredMotion:
     """Joints and torques over time.
 
     Attributes:
@@ -58,7 +58,7 @@ class Recording:
         return np.sqrt(np.mean(rate**2, axis=0))
 
 
-def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, Recording]:
+def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, MeasuredMotion]:
     """Read a bag.
 
     Args:
@@ -68,7 +68,7 @@ def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, Recording]:
     Raises:
         BagError: not a bag of a run, or it holds no torques or no motion.
     """
-    log, past = run_log.read(bag, memory), history.read(bag, memory)
+    log, past, _ = recording.read(bag, memory=memory)
     limit = group(log.config, PlantParameters, 'plant').torque_limit
     try:
         return log, of(log, past.statuses, np.array(limit))
@@ -76,7 +76,7 @@ def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, Recording]:
         raise BagError(f'{bag}: {error}') from None
 
 
-def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -> Recording:
+def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -> MeasuredMotion:
     """What can be used of a run.
 
     Args:
@@ -96,7 +96,7 @@ def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -
     if len(time) < 2:
         raise BagError('it holds a single joint state')
     every = np.ones(len(time), bool)
-    if (Recording(time, position, effort, every).speed < STILL).all():
+    if (MeasuredMotion(time, position, effort, every).speed < STILL).all():
         raise BagError(f'the robot stood still: no joint reached {STILL:g} rad/s (rms)')
     faulted = _faulted(log.stamps[newer], statuses)
     saturated = (np.abs(effort) >= SATURATED * torque_limit).any(axis=1)
@@ -105,19 +105,19 @@ def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -
     for what, bad in (('after a fault', faulted), ('motors saturated', saturated & ~faulted)):
         if bad.any():
             lines.append(f'{bad.sum() * np.median(np.diff(time)):.3g} s: {what}')
-    return Recording(time, position, effort, usable, tuple(lines))
+    return MeasuredMotion(time, position, effort, usable, tuple(lines))
 
 
-def stretches(recording: Recording, shortest: int) -> list[slice]:
+def stretches(motion: MeasuredMotion, shortest: int) -> list[slice]:
     """Rows of a recording without gaps that can be used, each at least `shortest` rows long."""
-    period = recording.period
-    broken = ~recording.usable
-    broken[1:] |= np.diff(recording.time) > GAP * period
+    period = motion.period
+    broken = ~motion.usable
+    broken[1:] |= np.diff(motion.time) > GAP * period
     # A broken row ends a stretch; one after a gap begins the next, as its position is known.
     found = []
     edges = np.flatnonzero(broken)
     for begin, end in zip([0, *edges], [*edges, len(broken)], strict=True):
-        first = begin if begin == 0 or recording.usable[begin] else begin + 1
+        first = begin if begin == 0 or motion.usable[begin] else begin + 1
         for part in range(first, end, LONGEST):
             rows = slice(int(part), int(min(part + LONGEST, end)))
             if rows.stop - rows.start >= shortest:

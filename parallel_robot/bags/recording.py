@@ -1,0 +1,74 @@
+"""What a bag holds, read at one go: its run, what happened beside it, and telemetry."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import NamedTuple
+
+from parallel_robot.bags import bag_reader, history, message_arrays, run_log, statuses
+from parallel_robot.bags.bag_reader import Messages
+from parallel_robot.bags.history import History
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.message_arrays import LOG, Samples
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.statuses import ControllerStatus
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.messages.topics import RECORDED, STATUS, Topic
+
+
+class Recording(NamedTuple):
+    """What a bag holds.
+
+    Attributes:
+        log: The run.
+        history: What happened beside the motion.
+        extra: Messages of the other topics that were asked for; without those that the bag does
+            not have for these joints.
+    """
+
+    log: RunLog
+    history: History
+    extra: dict[Topic, Samples]
+
+
+def read(bag: str | Path, topics: Collection[Topic] = (), memory: int = MEMORY) -> Recording:
+    """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
+
+    Damaged parts are left out; the warnings of the log say so.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        topics: What else is wanted, of TELEMETRY: topics with a position for each joint.
+        memory: What may be held of it [bytes].
+
+    Raises:
+        BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
+            log needs is not in it.
+    """
+    bag = Path(bag)
+    decode, others = message_arrays.decoder(bag, {*LOG, *topics}), message_arrays.decoder(bag, ())
+    status = statuses.decoder(bag)
+    told: list[tuple[int, ControllerStatus]] = []
+
+    def condense(topic: Topic, messages: Messages) -> list[Samples]:
+        if topic == STATUS:
+            told.extend(status(topic, messages))
+        try:
+            return decode(topic, messages)
+        except BagError:
+            if topic not in topics:
+                raise
+            return others(topic, messages)  # of that name, but not the suite's
+
+    found = bag_reader.read(bag, RECORDED, condense, memory)
+    streams = run_log.streams_of(bag, found.streams)
+    past = history.of(found, told)
+    log = run_log.of(bag, found, streams, past.parameters)
+    extra = {}
+    for topic in {*topics} & streams.keys():
+        try:
+            extra[topic] = message_arrays.whole(bag, topic, streams[topic], log.joints)
+        except BagError:  # of other joints, or not the suite's
+            continue
+    return Recording(log, past, extra)
