@@ -1,6 +1,7 @@
 """Runs, bags, metrics, pictures and sweeps from Python, and the examples of its docstrings."""
 
 import doctest
+import importlib.util
 import json
 import re
 import subprocess
@@ -503,7 +504,7 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (ROOT / 'docs' / 'python.md').read_text()
     code = re.findall(r'```python\n(.*?)```', text, re.DOTALL)
-    assert len(code) == 4
+    assert len(code) == 5
     found = {}
     exec('\n'.join(code[:2]), found)
     assert found['run'].error.shape == (12001, 3)
@@ -511,8 +512,18 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     assert found['pr'].load('runs/smc').law == 'smc'
     exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), found)
     assert list(found['runs'].law) == ['smc', 's_fotsmc']
-    with pytest.raises(InputError, match=re.escape(code[3].splitlines()[1].partition(': ')[2])):
-        exec(code[3], found)
+    exec(code[3].replace('trials=40', 'trials=2, duration=0.1'), found)
+    assert len(found['frame']) == 12001 and found['tuned'].files['tuned.yaml'].is_file()
+    with pytest.raises(InputError, match=re.escape(code[4].splitlines()[1].partition(': ')[2])):
+        exec(code[4], found)
+
+
+def test_every_function_is_on_the_page_and_has_an_example():
+    text = (ROOT / 'docs' / 'python.md').read_text()
+    for name in parallel_robot.__all__:
+        if name[0].islower():
+            assert f'pr.{name}(' in text, name
+            assert importlib.util.find_spec(f'parallel_robot.{name}') is None
 
 
 def test_every_array_of_a_run_is_on_the_page():
