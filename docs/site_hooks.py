@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 OUTSIDE = {'README.md': 'index.md', 'CONTRIBUTING.md': '', 'CHANGELOG.md': ''}  # to its new name
 MODULES = {  # the public ones, and what each is for
     'parallel_robot_sim.scenario_run': 'A closed loop without ROS',
-    'parallel_robot.studies.notebook': 'Metrics, pictures and tables for notebooks',
+    'parallel_robot.python.notebook': 'Metrics, pictures and tables for notebooks',
     'parallel_robot_control.contract': 'What a control law must have',
     'parallel_robot_model.robots.contract': 'What a robot must have',
     'parallel_robot_model.compiler': 'What kernels are written with',

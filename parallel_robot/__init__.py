@@ -21,7 +21,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.presentations': ('export', 'report', 'video'),
     'parallel_robot.python.repetitions': ('replay', 'rerun'),
     'parallel_robot.python.tuning': ('tune',),
-    'parallel_robot.studies.notebook': (
+    'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
     'parallel_robot_model.common.errors': (
@@ -39,10 +39,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.identification import identify
     from parallel_robot.python.limits import limit
     from parallel_robot.python.names import laws, scenarios
-    from parallel_robot.python.presentations import export, report, video
-    from parallel_robot.python.repetitions import replay, rerun
-    from parallel_robot.python.tuning import tune
-    from parallel_robot.studies.notebook import (
+    from parallel_robot.python.notebook import (
         compare,
         grid,
         load,
@@ -51,6 +48,9 @@ if TYPE_CHECKING:
         save,
         sweep,
     )
+    from parallel_robot.python.presentations import export, report, video
+    from parallel_robot.python.repetitions import replay, rerun
+    from parallel_robot.python.tuning import tune
     from parallel_robot_model.common.errors import (
         BagError,
         InputError,

@@ -21,8 +21,15 @@ from parallel_robot import Run, simulate
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording, simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.python import identification, limits, names, presentations, repetitions, tuning
-from parallel_robot.studies import notebook
+from parallel_robot.python import (
+    identification,
+    limits,
+    names,
+    notebook,
+    presentations,
+    repetitions,
+    tuning,
+)
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
@@ -523,6 +530,7 @@ def test_every_function_is_on_the_page_and_has_an_example():
     for name in parallel_robot.__all__:
         if name[0].islower():
             assert f'pr.{name}(' in text, name
+            assert f'pr.{name}(' in getattr(parallel_robot, name).__doc__, name
             assert importlib.util.find_spec(f'parallel_robot.{name}') is None
 
 
