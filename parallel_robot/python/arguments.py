@@ -24,6 +24,11 @@ def path(what: str, given: Any) -> Path:
     return Path(given)
 
 
+def optional(what: str, given: Any) -> Path | None:
+    """A path, or None where none is given; see :func:`path`."""
+    return None if given is None else path(what, given)
+
+
 def bags(given: Any) -> list[Path]:
     """Paths of bags, one or several.
 

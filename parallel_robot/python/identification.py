@@ -100,10 +100,8 @@ def identify(
         'param-file': param_file,
     }
     mode = modes.mode(options)
-    robot, picture, second = (
-        None if given is None else arguments.path(what, given)
-        for what, given in (('out', out), ('figure', figure), ('validate', validate))
-    )
+    robot, picture = arguments.optional('out', out), arguments.optional('figure', figure)
+    second = arguments.optional('validate', validate)
     bag_identification.check_files(robot, picture)
     if mode == modes.DESIGN:
         scenario = named('design', design)

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.report.figures import check_format
-from parallel_robot.bags import new_files
+from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.python import arguments
 from parallel_robot.studies import least_errors
 from parallel_robot_model.common.data_frames import Frame, pandas
@@ -50,10 +49,9 @@ def limit(
         InputError: something is wrong in the arguments, or pandas is not installed.
     """
     frames = pandas()
-    path = None if figure is None else arguments.path('figure', figure)
+    path = arguments.optional('figure', figure)
     if path is not None:
-        check_format(path)
-        new_files.check(path, '--figure')
+        check_new(path)
     found = least_errors.compute(
         named('scenario', scenario),
         changes(param_file, values),

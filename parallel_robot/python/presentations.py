@@ -132,8 +132,7 @@ def export(
     """
     frames = pandas()
     bag = arguments.path('a bag', bag)
-    file = None if out is None else arguments.path('out', out)
-    copy = None if foxglove is None else arguments.path('foxglove', foxglove)
+    file, copy = arguments.optional('out', out), arguments.optional('foxglove', foxglove)
     if file is not None:
         table_file.check(file)
     if copy is not None:

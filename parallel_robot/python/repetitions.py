@@ -58,10 +58,9 @@ def replay(
         BagError: not a bag of a run, or it needs code that it does not hold or that may not run.
         InputError: a key or a value is wrong, or the figure cannot be written.
     """
-    path = None if figure is None else arguments.path('figure', figure)
+    path = arguments.optional('figure', figure)
     if path is not None:
-        figures.check_format(path)
-        new_files.check(path, '--figure')
+        figures.check_new(path)
     changed = changes(param_file, values | ({} if law is None else {'law': law}))
     place = arguments.path('a bag', bag)
     with bag_replay.prepared(place, changed, trust, memory, told=False) as prepared:
@@ -105,7 +104,7 @@ def rerun(
         RunError: the disk is full.
     """
     place = arguments.path('a bag', bag)
-    path = bag_rerun.default_place(place) if out is None else arguments.path('out', out)
+    path = arguments.optional('out', out) or bag_rerun.default_place(place)
     with bag_rerun.prepared(place, duration, trust, memory, told=False) as experiment:
         if not experiment.simulated:
             raise InputError(f'{bag} is of nodes, which `parallel_robot rerun` starts again')

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from parallel_robot.analysis.report.figures import check_format
+from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import new_files
 from parallel_robot.cli.commands import simulate
 from parallel_robot.studies import least_errors
@@ -40,8 +40,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.out:
         new_files.check(arguments.out, '--out')
     if arguments.figure:
-        check_format(arguments.figure)
-        new_files.check(arguments.figure, '--figure')
+        check_new(arguments.figure)
     name, calm = arguments.scenario, arguments.calm or arguments.figure is not None
     changes = (simulate.given if is_study(name) else simulate.overrides)(arguments)
     found = least_errors.compute(name, changes, arguments.runs, arguments.duration, calm)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from parallel_robot.analysis.replay import bag_replay
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -39,11 +38,11 @@ def execute(arguments: argparse.Namespace) -> int:
             raise InputError(f'--law is {arguments.law}, but --set law={changed_law}')
     figure, bag = arguments.figure, arguments.bag
     if figure is not None:
-        _check_figure(figure)
+        figures.check_new(figure)
     with bag_replay.prepared(bag, changes, arguments.trust, arguments.max_memory) as prepared:
         if changes and figure is None:
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{prepared.law}.png'
-            _check_figure(figure)
+            figures.check_new(figure)
         found = prepared.compute()
     if figure is not None:
         found.save_figure(figure)
@@ -51,8 +50,3 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {warning}', file=sys.stderr)
     print('\n'.join([*found.lines(), *([f'figure  {figure}'] if figure else [])]))
     return int(found.failed)
-
-
-def _check_figure(figure: Path) -> None:
-    figures.check_format(figure)
-    new_files.check(figure, '--figure')

@@ -111,8 +111,7 @@ def check_files(out: Path | None, figure: Path | None) -> None:
     if out:
         new_files.check(out, '--out')
     if figure:
-        figures.check_format(figure)
-        new_files.check(figure, '--figure')
+        figures.check_new(figure)
 
 
 def identify(
