@@ -45,6 +45,7 @@ setup(
         'parallel_robot.cli.commands',
         'parallel_robot.cli.top',
         'parallel_robot.live',
+        'parallel_robot.python',
         'parallel_robot.studies',
         'parallel_robot.studies.identification',
         'parallel_robot.studies.limit',

@@ -16,7 +16,13 @@ ROOT = Path(__file__).parents[1]
 OUTSIDE = {'README.md': 'index.md', 'CONTRIBUTING.md': '', 'CHANGELOG.md': ''}  # to its new name
 MODULES = {  # the public ones, and what each is for
     'parallel_robot_sim.scenario_run': 'A closed loop without ROS',
-    'parallel_robot.studies.notebook': 'Metrics, pictures and tables for notebooks',
+    'parallel_robot.python.notebook': 'Metrics, pictures and tables for notebooks',
+    'parallel_robot.python.names': 'What there is by name',
+    'parallel_robot.python.presentations': 'Reports, videos and tables of bags',
+    'parallel_robot.python.repetitions': 'Bags computed again',
+    'parallel_robot.python.limits': 'The least error of any controller',
+    'parallel_robot.python.identification': 'The robot of a bag, identified',
+    'parallel_robot.python.tuning': 'The gains of a law, tuned',
     'parallel_robot_control.contract': 'What a control law must have',
     'parallel_robot_model.robots.contract': 'What a robot must have',
     'parallel_robot_model.compiler': 'What kernels are written with',

@@ -14,13 +14,32 @@ from typing import TYPE_CHECKING, Any
 
 import parallel_robot_model  # noqa: F401, before Numba
 
+_PLACES = {  # module to what it offers
+    'parallel_robot.python.identification': ('identify',),
+    'parallel_robot.python.limits': ('limit',),
+    'parallel_robot.python.names': ('laws', 'scenarios'),
+    'parallel_robot.python.presentations': ('export', 'report', 'video'),
+    'parallel_robot.python.repetitions': ('replay', 'rerun'),
+    'parallel_robot.python.tuning': ('tune',),
+    'parallel_robot.python.notebook': (
+        'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
+    ),
+    'parallel_robot_model.common.errors': (
+        'BagError', 'InputError', 'ParallelRobotError', 'RunError',
+    ),
+    'parallel_robot_sim.scenario_run': ('Run', 'simulate'),
+}  # fmt: skip
 __all__ = [
-    'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'grid', 'load', 'metrics',
-    'plot', 'save', 'simulate', 'sweep',
+    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
+    'identify', 'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'rerun', 'save',
+    'scenarios', 'simulate', 'sweep', 'tune', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
-    from parallel_robot.studies.notebook import (
+    from parallel_robot.python.identification import identify
+    from parallel_robot.python.limits import limit
+    from parallel_robot.python.names import laws, scenarios
+    from parallel_robot.python.notebook import (
         compare,
         grid,
         load,
@@ -29,19 +48,23 @@ if TYPE_CHECKING:
         save,
         sweep,
     )
-    from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError
+    from parallel_robot.python.presentations import export, report, video
+    from parallel_robot.python.repetitions import replay, rerun
+    from parallel_robot.python.tuning import tune
+    from parallel_robot_model.common.errors import (
+        BagError,
+        InputError,
+        ParallelRobotError,
+        RunError,
+    )
     from parallel_robot_sim.scenario_run import Run, simulate
 else:
 
     def __getattr__(name: str) -> Any:
-        if name not in __all__:
-            raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-        place = 'parallel_robot.studies.notebook'
-        if name in ('Run', 'simulate'):
-            place = 'parallel_robot_sim.scenario_run'
-        elif name.endswith('Error'):
-            place = 'parallel_robot_model.common.errors'
-        return getattr(import_module(place), name)
+        for place, names in _PLACES.items():
+            if name in names:
+                return getattr(import_module(place), name)
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
     def __dir__() -> list[str]:
         return sorted([*globals(), *__all__])

@@ -17,7 +17,7 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import parameter_file
-from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
@@ -176,18 +176,26 @@ def simulate(
             motion.
         RunError: the robot left its workspace.
     """
-    name = _text('scenario', scenario)
+    name = named('scenario', scenario)
     given = {'law': law, 'duration': duration}
-    changed = merged(
-        [
-            *(parameter_file.read(path) for path in _files(param_file)),
-            values,
-            {key: value for key, value in given.items() if value is not None},
-        ]
-    )
+    asked = {key: value for key, value in given.items() if value is not None}
+    changed = merged([changes(param_file, values), asked])
     changed = with_duration(name, changed, hold)
     resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
     return run_of(resolved, simulation.simulate(configure(resolved)))
+
+
+def changes(param_file: File | Iterable[File] | None, values: Mapping[str, Any]) -> Placed:
+    """What files of parameters and values change in a configuration.
+
+    Args:
+        param_file: YAML file with keys of the configuration, or several; later ones win.
+        values: Keys and their values; they win over the files.
+
+    Raises:
+        InputError: a file cannot be read, or something is no file.
+    """
+    return merged([*(parameter_file.read(path) for path in _files(param_file)), values])
 
 
 def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
@@ -227,7 +235,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
     )
 
 
-def _text(what: str, given: Any) -> str:
+def named(what: str, given: Any) -> str:
     """A name or a path as text.
 
     Raises:
@@ -248,4 +256,4 @@ def _files(given: File | Iterable[File] | None) -> list[Path]:
         return []
     if isinstance(given, str | Path) or not isinstance(given, Iterable):
         given = [given]
-    return [Path(_text('param_file', file)) for file in given]
+    return [Path(named('param_file', file)) for file in given]

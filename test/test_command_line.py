@@ -14,10 +14,10 @@ from bags import full_disk, motion_of
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.readable_metrics import EFFORT, STEADY, TORQUE
 from parallel_robot.analysis.report import figures, runs
-from parallel_robot.bags import recording, recovery, simulation_bag
+from parallel_robot.bags import bag_difference, recording, recovery, simulation_bag
 from parallel_robot.bags.experiment import software
 from parallel_robot.cli.command_line import COMMANDS, main, module_of
-from parallel_robot.cli.commands import rerun, run, simulate
+from parallel_robot.cli.commands import run, simulate
 from parallel_robot_model.common.options import Parser
 from parallel_robot_model.configuration import config
 
@@ -216,7 +216,8 @@ def test_a_path_may_be_a_text(bag, tmp_path):
     recovery.recover(str(bag), copy)
     log = recording.read(copy).log
     assert recording.read(copy).history.facts == recording.read(bag).history.facts
-    assert rerun.compare(str(bag), copy) == (rerun.compare(bag, tmp_path / 'copy')[0], '')
+    count, _ = bag_difference.compare(bag, tmp_path / 'copy')
+    assert bag_difference.compare(str(bag), copy) == (count, '')
     figures.draw_run(log, motion_of(log), picture)
     values = config.resolve('paper_circle', {'duration': 0.01})
     simulation_bag.write(str(tmp_path / 'new'), values, simulated(values))

@@ -17,7 +17,7 @@ from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording
 from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.notebook import load, metrics
+from parallel_robot.python.notebook import load, metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND

@@ -6,7 +6,7 @@ import pytest
 
 from parallel_robot import simulate
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.notebook import metrics
+from parallel_robot.python.notebook import metrics
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot_model.common.errors import InputError

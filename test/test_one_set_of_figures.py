@@ -10,7 +10,7 @@ from parallel_robot.analysis.readable_metrics import AS_SEEN, METRICS, as_data, 
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import simulate as command
-from parallel_robot.studies import notebook
+from parallel_robot.python import notebook
 from parallel_robot.studies.sweep import table
 from parallel_robot.studies.sweep.run_chunk import run_chunk
 

@@ -1,6 +1,8 @@
 """Runs, bags, metrics, pictures and sweeps from Python, and the examples of its docstrings."""
 
 import doctest
+import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -9,17 +11,28 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
+from custom_law import LAW
 from mcap.reader import make_reader
 
 import parallel_robot
 from parallel_robot import Run, simulate
-from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording, simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.studies import notebook
+from parallel_robot.python import (
+    identification,
+    limits,
+    names,
+    notebook,
+    presentations,
+    repetitions,
+    tuning,
+)
+from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.loop import DURATION
 from parallel_robot_sim import scenario_run
 
@@ -46,8 +59,15 @@ def messages(bag):
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
 
 
-@pytest.mark.parametrize('module', [parallel_robot, scenario_run, notebook])
-def test_the_examples_of_the_docstrings_do_what_they_say(module):
+@pytest.mark.parametrize(
+    'module',
+    [
+        *(parallel_robot, scenario_run, notebook),
+        *(identification, limits, names, presentations, repetitions, tuning),
+    ],
+)
+def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     found = doctest.testmod(module)
     assert found.attempted > 0
     assert found.failed == 0
@@ -141,6 +161,37 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: notebook.plot([]), 'plot takes up to 8 runs, not 0'),
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.z': 3}), 'smc.z must have a list of'),
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.zz': [3]}), "did you mean 'smc.z'"),
+        (lambda: names.laws('mine.py'), "custom_laws must be a list of files, not 'mine.py'"),
+        (lambda: names.laws(['no.py']), 'no.py'),
+        (lambda: presentations.report(3, 'out'), 'a bag must be a path, not 3'),
+        (lambda: presentations.report([], 'out'), 'a bag is needed'),
+        (lambda: presentations.report('no', 'out'), 'no does not exist'),
+        (lambda: presentations.report('no', 'out', scale='x'), "unknown scale 'x'"),
+        (lambda: presentations.video('no', 'x.avi'), "unknown video format '.avi'"),
+        (lambda: presentations.video('no', 'x.gif', rate='5'), '--rate must be 1 to 100 Hz, not '),
+        (lambda: presentations.export('no', 'x.txt'), "unknown table format '.txt'"),
+        (lambda: presentations.export('no', 'x.csv'), 'no does not exist'),
+        (lambda: limits.limit('nowhere'), "unknown scenario 'nowhere'"),
+        (lambda: limits.limit('paper_circle', runs=2), '--runs is for studies'),
+        (lambda: limits.limit('paper_circle', figure='x.txt'), 'picture format'),
+        (lambda: repetitions.replay('no'), 'no does not exist'),
+        (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
+        (lambda: repetitions.rerun('no'), 'no does not exist'),
+        (lambda: identification.identify(), 'identify takes either a bag or --design SCENARIO'),
+        (lambda: identification.identify('no'), 'no does not exist'),
+        (lambda: identification.identify('no', trials=3), '--trials goes with --design alone'),
+        (lambda: identification.identify('no', cutoff='5'), "a frequency in Hz, not '5'"),
+        (lambda: identification.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
+        (lambda: identification.identify(design='paper_circle'), '--design needs trajectory'),
+        (lambda: identification.identify(design='excitation', trials=0), '--trials must be at'),
+        (lambda: tuning.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
+        (lambda: tuning.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
+        (lambda: tuning.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', trials=0), '--trials must be from 1'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', bounds='z=3'), 'bounds must be names'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', bounds={'z': 'x'}), 'z'),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', weights={'x': 1}), "weight 'x'"),
+        (lambda: tuning.tune('smc', 'paper_circle', 'out', search='a.b'), 'a list of keys'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -203,7 +254,7 @@ def test_metrics_are_shown_as_a_table(run):
 def test_a_run_as_a_frame_has_the_columns_of_its_bag(scenario, tmp_path):
     run = simulate(scenario, duration=0.1)
     notebook.save(run, tmp_path / 'bag')
-    frame, exported = run.to_frame(), table.to_frame(tmp_path / 'bag')
+    frame, exported = run.to_frame(), presentations.export(tmp_path / 'bag')
     assert len(frame) == 101 and set(frame) < set(exported)
     left = {column.split('_', 1)[1] for column in set(exported) - set(frame)}
     assert left == {
@@ -253,6 +304,172 @@ def test_a_picture_is_small_in_a_notebook_and_overwrites_nothing(run, tmp_path):
     assert (tmp_path / 'run.pdf').read_bytes() == before
 
 
+def test_laws_and_scenarios_are_those_of_the_command_line(tmp_path):
+    assert list(names.scenarios().index) == config.scenarios()
+    assert list(names.laws().index) == list(LAWS)
+    law = tmp_path / 'mine.py'
+    law.write_text(f"TITLE = 'Mine'\n{LAW}")
+    assert names.laws([law]).loc['mine'].tolist() == ['Mine', '', ('Kp', 'Ki', 'Kd')]
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    bag = tmp_path_factory.mktemp('python') / 'bag'
+    notebook.save(simulate('paper_circle', law='smc', duration=0.2), bag)
+    return bag
+
+
+def commanded(capsys, *words):
+    """What a command prints."""
+    assert command_line.main(list(map(str, words))) == 0
+    return capsys.readouterr().out
+
+
+def files(directory):
+    """Content of all files below a directory, by path."""
+    return {
+        path.relative_to(directory): path.read_bytes()
+        for path in directory.rglob('*')
+        if path.is_file()
+    }
+
+
+def test_a_report_is_that_of_the_command_line(bag, tmp_path, capsys):
+    made = presentations.report(bag, tmp_path / 'ours', scale='log')
+    out = commanded(capsys, 'report', bag, '--out', tmp_path / 'theirs', '--scale', 'log')
+    assert made.warnings == () and f'{made.figures} files' in out
+    ours, theirs = files(tmp_path / 'ours'), files(tmp_path / 'theirs')
+    assert ours.keys() == theirs.keys() and len(ours) == made.figures + 1
+    assert ours[Path('report.html')] == theirs[Path('report.html')]
+
+
+def test_a_video_is_that_of_the_command_line(bag, tmp_path, capsys):
+    made = presentations.video(bag, tmp_path / 'ours.gif', rate=10, speed=2)
+    out = commanded(
+        capsys, 'video', bag, '--out', tmp_path / 'theirs.gif', '--rate', 10, '--speed', 2
+    )
+    assert f'{made.frames} frames, errors magnified {made.magnified:g} times' in out
+    assert made.path.read_bytes() == (tmp_path / 'theirs.gif').read_bytes()
+
+
+def test_an_export_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = presentations.export(bag, tmp_path / 'ours.csv', foxglove=tmp_path / 'ours')
+    out = commanded(capsys, 'export', bag, '--out', tmp_path / 'theirs.csv')
+    assert f'{len(found)} rows, {len(found.columns)} columns' in out
+    assert found.attrs['warnings'] == ()
+    commanded(capsys, 'export', bag, '--foxglove', tmp_path / 'theirs')
+    assert messages(tmp_path / 'ours') == messages(tmp_path / 'theirs')
+    assert (tmp_path / 'ours.csv').read_bytes() == (tmp_path / 'theirs.csv').read_bytes()
+    assert found.equals(presentations.export(bag))
+
+
+def test_the_least_error_is_that_of_the_command_line(tmp_path, capsys):
+    noise = {'disturbance.noise': 0.1, 'sensor.resolution': 1e-5}
+    found = limits.limit('paper_circle', duration=0.5, figure=tmp_path / 'calm.svg', **noise)
+    words = [f'--set={key}={value}' for key, value in noise.items()]
+    out = tmp_path / 'limit.csv'
+    main = ['limit', 'paper_circle', '--duration', '0.5', '--calm', *words, '--out', str(out)]
+    assert command_line.main(main) == 0
+    warned = capsys.readouterr().err
+    assert [f'parallel_robot limit: warning: {text}\n' for text in found.attrs['warnings']] == [
+        f'parallel_robot limit: {warned}'
+    ]
+    pandas.testing.assert_frame_equal(pandas.read_csv(out), found)
+    assert (tmp_path / 'calm.svg').is_file()
+
+
+def test_a_replay_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = repetitions.replay(bag)
+    assert repr(found) + '\n' == commanded(capsys, 'replay', bag)
+    assert found.differing == 0 == found.late
+    np.testing.assert_array_equal(found.torque, found.recorded)
+    other = repetitions.replay(bag, law='pid', figure=tmp_path / 'ours.svg', **{'pid.Kp': 1000})
+    figure = tmp_path / 'theirs.svg'
+    words = ['--law', 'pid', '--set', 'pid.Kp=1000', '--figure', figure]
+    assert f'{other!r}\nfigure  {figure}\n' == commanded(capsys, 'replay', bag, *words)
+    assert other.torque.shape == other.recorded.shape == (201, 3) and other.differing == 201
+    assert (tmp_path / 'ours.svg').is_file()
+
+
+def test_a_rerun_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = repetitions.rerun(bag, tmp_path / 'ours')
+    said = commanded(capsys, 'rerun', bag, '--out', tmp_path / 'theirs')
+    assert found.identical and found.lines() == said.splitlines()[-1:]
+    assert messages(found.bag) == messages(tmp_path / 'theirs')
+    short = repetitions.rerun(bag, tmp_path / 'short', duration=0.1)
+    assert repr(short).startswith(f'identical: {short.messages} messages, as far as both bags go')
+    with pytest.raises(BagError, match='exists'):
+        repetitions.rerun(bag, tmp_path / 'ours')
+
+
+def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
+    first, second = tmp_path / 'first', tmp_path / 'second'
+    notebook.save(simulate('excitation', duration=3, **{'true_robot.mp': 4.0}), first)
+    notebook.save(simulate('paper_circle', duration=2, **{'true_robot.mp': 4.0}), second)
+    ours, theirs = tmp_path / 'ours.yaml', tmp_path / 'theirs.yaml'
+    found = identification.identify(
+        first, validate=second, out=ours, figure=tmp_path / 'ours.svg', cutoff=9.0
+    )
+    words = ['--validate', second, '--cutoff', '9', '--out', theirs]
+    out = commanded(capsys, 'identify', first, *words)
+    assert '\n'.join([*found.lines(), f'robot   {theirs}', '']) == out
+    assert ours.read_bytes() == theirs.read_bytes()
+    read = simulate('paper_circle', duration=0.01, param_file=ours).values
+    assert found.values.items() <= read.items()
+    words = ['--validate', second, '--cutoff', '9', '--format', 'json']
+    assert json.loads(commanded(capsys, 'identify', first, *words)) == found.as_data()
+    with pytest.raises(BagError, match='no phase of rest'):
+        identification.identify(first, rest=True)
+    motion = identification.identify(
+        design='excitation', trials=3, seed=1, out=ours.with_stem('x')
+    )
+    words = [
+        '--design',
+        'excitation',
+        '--trials',
+        '3',
+        '--seed',
+        '1',
+        '--out',
+        theirs.with_stem('y'),
+    ]
+    out = commanded(capsys, 'identify', *words)
+    assert repr(motion) == '\n'.join(out.splitlines()[:-1])
+    assert ours.with_stem('x').read_bytes() == theirs.with_stem('y').read_bytes()
+
+
+def test_tuned_gains_are_those_of_the_command_line(tmp_path, capsys):
+    ours, theirs = tmp_path / 'ours', tmp_path / 'theirs'
+    asked = {'duration': 0.1, 'trials': 3, 'workers': 1, 'weights': {'error': 2, 'chattering': 1}}
+    found = tuning.tune('smc', 'paper_circle', ours, bounds={'z': (10, 50), 'G': 12}, **asked)
+    words = ['--duration', '0.1', '--trials', '3', '--workers', '1', '--out', theirs]
+    words += ['--weights', 'error=2,chattering=1', '--bounds', 'z=10:50', '--bounds', 'G=12']
+    out = commanded(capsys, 'tune', 'smc', 'paper_circle', *words)
+    assert found.lines() == out.splitlines()[:-3]
+    for name in ('tuned.yaml', 'front.csv', 'trials.csv'):
+        assert (ours / name).read_bytes() == (theirs / name).read_bytes()
+    assert (
+        found.values.items()
+        <= simulate('paper_circle', duration=0.01, param_file=ours / 'tuned.yaml').values.items()
+    )
+    assert len(found.trials()) == 3 and found.front().chosen.sum() == 1
+    assert not found.verdict.converged
+
+
+def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
+    law, bag = tmp_path / 'mine.py', tmp_path / 'bag'
+    law.write_text(LAW)
+    notebook.save(simulate('paper_circle', law='mine', duration=0.02, custom_laws=[law]), bag)
+    law.unlink()
+    with pytest.raises(BagError, match='holds the code of the law mine'):
+        repetitions.replay(bag)
+    with pytest.raises(BagError, match='holds the code of the law mine'):
+        repetitions.rerun(bag)
+    assert repetitions.replay(bag, trust=True).differing == 0
+    assert repetitions.rerun(bag, trust=True).identical
+    assert capsys.readouterr() == ('', '')
+
+
 def test_a_study_of_keys_and_values_is_swept(tmp_path):
     found = notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
     assert found.law.tolist() == ['smc', 's_smc'] * 2
@@ -294,16 +511,27 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (ROOT / 'docs' / 'python.md').read_text()
     code = re.findall(r'```python\n(.*?)```', text, re.DOTALL)
-    assert len(code) == 4
-    names = {}
-    exec('\n'.join(code[:2]), names)
-    assert names['run'].error.shape == (12001, 3)
+    assert len(code) == 5
+    found = {}
+    exec('\n'.join(code[:2]), found)
+    assert found['run'].error.shape == (12001, 3)
     assert (tmp_path / 'run.pdf').is_file()
-    assert names['pr'].load('runs/smc').law == 'smc'
-    exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), names)
-    assert list(names['runs'].law) == ['smc', 's_fotsmc']
-    with pytest.raises(InputError, match=re.escape(code[3].splitlines()[1].partition(': ')[2])):
-        exec(code[3], names)
+    assert found['pr'].load('runs/smc').law == 'smc'
+    exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), found)
+    assert list(found['runs'].law) == ['smc', 's_fotsmc']
+    exec(code[3].replace('trials=40', 'trials=2, duration=0.1'), found)
+    assert len(found['frame']) == 12001 and found['tuned'].files['tuned.yaml'].is_file()
+    with pytest.raises(InputError, match=re.escape(code[4].splitlines()[1].partition(': ')[2])):
+        exec(code[4], found)
+
+
+def test_every_function_is_on_the_page_and_has_an_example():
+    text = (ROOT / 'docs' / 'python.md').read_text()
+    for name in parallel_robot.__all__:
+        if name[0].islower():
+            assert f'pr.{name}(' in text, name
+            assert f'pr.{name}(' in getattr(parallel_robot, name).__doc__, name
+            assert importlib.util.find_spec(f'parallel_robot.{name}') is None
 
 
 def test_every_array_of_a_run_is_on_the_page():

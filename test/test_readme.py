@@ -8,8 +8,8 @@ import pytest
 from PIL import Image
 
 from parallel_robot.cli.command_line import build_parser
-from parallel_robot.cli.commands.limit import is_study
 from parallel_robot.cli.commands.simulate import given
+from parallel_robot.studies.least_errors import is_study
 from parallel_robot_model.configuration import assignments, config
 from parallel_robot_model.messages import topics
 

@@ -5,9 +5,9 @@ import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
+from parallel_robot.analysis.replay import bag_rerun
 from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands import rerun
 from parallel_robot_model.messages import topics
 
 pytest_plugins = ['ros_fixtures']
@@ -49,7 +49,7 @@ def test_the_bag_tells_each_change_and_what_cannot_be_repeated(bag, capsys):
     assert told[1]['granted.motion'].endswith(', in 1 s')
     assert tuple(c.values for c in found if 'granted.motion' not in c.values) == CHANGES
     assert log.config['circle.radius'] == 0.03  # as at the start
-    assert 'the motion was changed 2 times' in rerun.doubts(log.config, past)[-1]
+    assert 'the motion was changed 2 times' in bag_rerun.doubts(log.config, past)[-1]
     stamp = int(told[0]['granted.motion'].split(' stamp ')[1].split()[0])
     assert (np.abs(np.diff(log.reference_acceleration, axis=0)) < 0.1).all()
     assert 0 < stamp - log.start_stamp < 8 * 10**9

@@ -8,7 +8,7 @@ from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import bag_reader, recording
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies import notebook
+from parallel_robot.python import notebook
 from parallel_robot_control.messages import telemetry_layouts
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, SLIDING_VARIABLE

@@ -11,7 +11,7 @@ from browser import requests, started
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report import page, paper_figures, runs
+from parallel_robot.analysis.report import page, paper_figures, report_files, runs
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.paper_figures import draw
 from parallel_robot.cli.command_line import main
@@ -287,11 +287,9 @@ def test_names_of_a_bag_are_text(hostile, tmp_path):
 
 
 def test_scenario_names_make_no_paths(bags, tmp_path, monkeypatch):
-    from parallel_robot.cli.commands import report
-
-    monkeypatch.setattr(report, 'charts', lambda found: charts(found)[1:2])
+    monkeypatch.setattr(report_files, 'charts', lambda found: charts(found)[1:2])
     groups = {'../../x y': runs.read_runs(bags[:1])['paper_circle']}
-    assert report.write(groups, tmp_path / 'out') == 2
+    assert report_files.write(groups, tmp_path / 'out') == 2
     assert (tmp_path / 'out' / 'figure_4_x_error_______x_y.pdf').is_file()
     assert list(tmp_path.iterdir()) == [tmp_path / 'out']
 

@@ -9,7 +9,8 @@ from bags import content
 from mcap.reader import make_reader
 from test_replay import live, switch
 
-from parallel_robot.bags import arithmetic, history, limits, recording
+from parallel_robot.analysis.replay import bag_rerun
+from parallel_robot.bags import arithmetic, bag_difference, history, limits, recording
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.record_names import MISSING
 from parallel_robot.bags.recorder import Recorder
@@ -181,18 +182,18 @@ def test_another_duration_is_run(tmp_path, capsys):
 
 def test_what_differs_first_is_said(tmp_path):
     one, other = simulated(tmp_path / 'one'), simulated(tmp_path / 'other', '--law', 'smc')
-    assert rerun.compare(one, one) == (382, '')
-    _, difference = rerun.compare(one, other)
+    assert bag_difference.compare(one, one) == (382, '')
+    _, difference = bag_difference.compare(one, other)
     assert 'at t = 0.000 s: other bytes' in difference and difference.startswith('first on /')
     longer = tmp_path / 'longer'
     assert main(['simulate', 'paper_circle', '--duration', '0.2', '--out', str(longer)]) == 0
-    assert 'at t = 0.101 s: 101 messages, now 201' in rerun.compare(one, longer)[1]
+    assert 'at t = 0.101 s: 101 messages, now 201' in bag_difference.compare(one, longer)[1]
 
 
 def test_a_bag_of_another_version_and_a_difference(tmp_path, capsys, monkeypatch):
     bag = simulated(tmp_path / 'bag')
-    monkeypatch.setattr(rerun, 'software', lambda: {'version': '9.9.9'})
-    monkeypatch.setattr(rerun, 'compare', lambda *_: (3, 'first on /pose'))
+    monkeypatch.setattr(bag_rerun, 'software', lambda: {'version': '9.9.9'})
+    monkeypatch.setattr(bag_difference, 'compare', lambda *_: (3, 'first on /pose'))
     assert main(['rerun', str(bag)]) == 1
     out, err = capsys.readouterr()
     assert 'differs: first on /pose' in out
@@ -224,7 +225,7 @@ def test_changes_during_the_run_are_not_repeated(tmp_path):
         {50: switch(law='pid'), 90: lambda controller: controller.trip(faults.EMERGENCY_STOP)},
     )
     log, past, _ = recording.read(bag)
-    assert '2 changes of law' in rerun.doubts(log.config, past)[-1]
+    assert '2 changes of law' in bag_rerun.doubts(log.config, past)[-1]
     remarks = history.remarks(past, log.start_stamp)
     assert remarks[-1].startswith('fault at t = 0.090 s') and 'emergency stop' in remarks[-1]
 

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands.limit import is_study
+from parallel_robot.studies.least_errors import is_study
 from parallel_robot.studies.sweep import study, table, uncertainty
 from parallel_robot.studies.sweep.plan import plan, sample, sampling
 from parallel_robot_control.configuration import resolve

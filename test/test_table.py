@@ -9,6 +9,7 @@ from bags import JOINTS, MS, START, streams, write_foreign
 
 from parallel_robot.analysis import table
 from parallel_robot.bags import simulation_bag
+from parallel_robot.python.presentations import export
 from parallel_robot_control.messages import telemetry_layouts
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
@@ -62,7 +63,7 @@ def test_columns_name_their_units(tmp_path):
     wanted = simulation.reference.position[: COUNT + 1, 1]
     assert np.array_equal(columns['joint2_reference_position_rad'], wanted)
     assert np.array_equal(columns['joint3_command_nm'], simulation.run.command[:, 2])
-    frame = table.to_frame(tmp_path / 'bag')
+    frame = export(tmp_path / 'bag')
     assert list(frame.columns) == list(columns) and len(frame) == COUNT + 1
     assert np.array_equal(frame['stamp_ns'], columns['stamp_ns'])
 
@@ -128,4 +129,4 @@ def test_where_there_is_no_pose_its_columns_are_empty(bad, tmp_path):
 def test_a_frame_without_pandas_costs_one_line(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'pandas', None)
     with pytest.raises(InputError, match='pandas is not installed'):
-        table.to_frame(tmp_path / 'bag')
+        export(tmp_path / 'bag')

@@ -71,7 +71,7 @@ def test_a_search_makes_enough_trials_to_converge_unless_told(
         found.append(count)
         raise RunError('enough')
 
-    monkeypatch.setattr('parallel_robot.cli.commands.tune.run', run)
+    monkeypatch.setattr('parallel_robot.studies.tuning.tuned.run', run)
     assert main(['tune', 'pid', 'paper_circle', '--out', str(tmp_path / 'out'), *words]) == 1
     assert found == [trials]
 
@@ -127,7 +127,8 @@ def test_a_search_on_another_seed_has_other_samples_of_the_same_study():
     tune.add_arguments(parser)
     words = ['pid', 'paper_circle', '--out', 'unused', '--study', 'laboratory', '--runs', '2']
     own, other = (
-        tune._study(parser.parse_args([*words, *more]), {}) for more in ([], ['--study-seed', '3'])
+        tune.asked(parser.parse_args([*words, *more])).varied({})
+        for more in ([], ['--study-seed', '3'])
     )
     assert replace(other, seed=own.seed) == own and other.seed == 3
 

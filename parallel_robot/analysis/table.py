@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,6 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_model.robots.configuration import robot_of
@@ -90,23 +89,6 @@ def columns(
         }
         | dict(poses)
     )
-
-
-def to_frame(bag: Path, *, trust: bool = False, custom_robots: Sequence[str | Path] = ()) -> Frame:
-    """A bag as a pandas DataFrame, see :func:`read`.
-
-    Args:
-        bag: Directory of the bag, or its MCAP file.
-        trust: Whether the code of its robot may run, where the bag holds it: with all your rights.
-        custom_robots: Files of robots of yours, which take the place of that in the bag.
-
-    Raises:
-        InputError: pandas is not installed.
-        BagError: not a bag, or a topic that the table needs is not in it.
-    """
-    code = recorded_robot.chosen(trust, custom_robots)
-    frame: Frame = pandas().DataFrame(read(bag, code=code).columns)
-    return frame
 
 
 def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:

@@ -31,6 +31,12 @@ OWNERS = {  # nodes whose parameters count, the later overriding; and common key
     'plant': ('robot_model', 'joints', 'period', 'duration', 'seed', 'time_mode'),
     'controller': ('law', 'preset'),
 }
+OF_RUN = (
+    'start_stamp',
+    'subscribers',
+    'recorder.out',
+    'recorder.command_line',
+)  # keys that the command `run` gives to its nodes
 OF_ROBOT = {'robot', 'true_robot', 'safety', 'trajectory'}  # groups with keys of a robot
 GIT = ('git', 'describe', '--always', '--dirty')
 GIT_PATIENCE = 10.0  # s, of a busy machine

@@ -33,10 +33,12 @@ class RobotCode(NamedTuple):
     Attributes:
         trust: Whether its file in the bag may.
         files: Files of the user's, which come first.
+        told: Whether the user is told what runs, see :func:`custom_files`.
     """
 
     trust: bool = False
     files: tuple[str, ...] = ()
+    told: bool = True
 
 
 NONE = RobotCode()
@@ -50,7 +52,7 @@ def chosen(trust: bool, custom_robots: Sequence[str | Path]) -> RobotCode:
     """
     if isinstance(custom_robots, str | Path):
         raise InputError(f'{KEY} must be a list of files, not {custom_robots!r}')
-    return RobotCode(trust, tuple(map(str, custom_robots)))
+    return RobotCode(trust, tuple(map(str, custom_robots)), told=False)
 
 
 def read(
@@ -78,7 +80,7 @@ def read(
     values = log.config | {KEY: config.code_files(KEY, list(code.files))}
     name = values['robot_model']
     if not is_known(values):
-        values[KEY] = values[KEY] + _of_bag(Path(bag), past, log.config, code.trust)
+        values[KEY] = values[KEY] + _of_bag(Path(bag), past, log.config, code)
         if not is_known(values) and code.trust:
             raise BagError(f'{bag} does not hold the robot {name}; --set {KEY}=[FILE] gives it')
         if not is_known(values) and code.files:
@@ -91,15 +93,14 @@ def unknown(values: Mapping[str, Any]) -> str:
     return '' if is_known(values) else UNKNOWN.format(values['robot_model'])
 
 
-def _of_bag(bag: Path, past: History, values: Mapping[str, Any], trust: bool) -> list[str]:
+def _of_bag(bag: Path, past: History, values: Mapping[str, Any], code: RobotCode) -> list[str]:
     """The file of the robot of a bag, there until this process ends; none if it may not run."""
     directory = tempfile.mkdtemp()
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    own = {KEY: past.sources.get(KEY, {})}
     try:
-        return custom_files(bag, {KEY: past.sources.get(KEY, {})}, values, Path(directory), trust)[
-            KEY
-        ]
+        return custom_files(bag, own, values, Path(directory), code.trust, code.told)[KEY]
     except BagError:
-        if trust:
+        if code.trust:
             raise
         return []

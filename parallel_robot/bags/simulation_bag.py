@@ -25,12 +25,26 @@ from parallel_robot_control.messages import (
     telemetry_messages,
     told_limits,
 )
+from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.messages import state_layout, state_messages
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.messages import pose_messages, reference_messages
+
+
+def save(directory: str | Path, values: Mapping[str, Any], simulation: Simulation) -> None:
+    """Write a simulation as a bag, see :func:`write`.
+
+    Raises:
+        BagError: the directory exists or cannot be created.
+        RunError: the disk is full or gone.
+    """
+    try:
+        write(directory, values, simulation)
+    except OSError as error:
+        raise RunError(f'cannot write {directory}: {error.strerror}') from None
 
 
 def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulation) -> None:

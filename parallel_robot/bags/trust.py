@@ -30,7 +30,12 @@ def add_trust_argument(
 
 
 def custom_files(
-    bag: Path, sources: Sources, values: Mapping[str, Any], directory: Path, trust: bool
+    bag: Path,
+    sources: Sources,
+    values: Mapping[str, Any],
+    directory: Path,
+    trust: bool,
+    told: bool = True,
 ) -> dict[str, list[str]]:
     """Write the custom laws, robot and trajectory of a bag to files, if they may run.
 
@@ -42,7 +47,8 @@ def custom_files(
         sources: What it holds; all laws are written, since any may become active.
         values: Its configuration: other robots and trajectories than it names are left out.
         directory: Where to write them.
-        trust: Whether the user allowed it; on a terminal, they are asked once more.
+        trust: Whether the user allowed it.
+        told: Whether the user is told what runs and, on a terminal, asked once more.
 
     Returns:
         The files by key of the configuration.
@@ -83,10 +89,10 @@ def custom_files(
             f'{bag}: {name}.py', source
         )
     near_modules.refuse(bag, texts)
-    if count and sys.stdin.isatty() and sys.stderr.isatty():
+    if told and count and sys.stdin.isatty() and sys.stderr.isatty():
         _ask(texts)
     names = [name for found in used.values() for name in found]
-    if names:
+    if told and names:
         print(f'runs the code of {", ".join(names)}, which the bag holds', file=sys.stderr)
     return {key: _write(found, directory / key) for key, found in used.items()}
 

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis import recorded_motions
-from parallel_robot.analysis.replay import replayed
+from parallel_robot.analysis.replay import bag_replay, replayed
 from parallel_robot.bags import recording, stretches
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
-from parallel_robot.cli.commands import replay
 from parallel_robot.live import readable_state
 from parallel_robot.live.frames import Camera, Motion
 from parallel_robot.live.source import RefusedError
@@ -216,7 +215,7 @@ def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource
     log, past, _ = recording.read(bag, memory=memory)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     files = custom_files(bag, past.sources, log.config, folder, trust)
-    values = replay.configuration(log, past, files, {})
+    values = bag_replay.configuration(log, past, files, {})
     if not is_known(values):
         raise BagError(f'{bag} does not hold the robot {values["robot_model"]}')
     if values['trajectory.shape'] not in shapes(values['custom_trajectories']):

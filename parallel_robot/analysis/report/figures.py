@@ -326,6 +326,16 @@ def save(figure: Any, path: str | Path) -> None:
     new_files.write(Path(path), content.getbuffer())
 
 
+def check_new(path: Path) -> None:
+    """Refuse a file of a picture that exists, cannot be made, or is of no picture format.
+
+    Raises:
+        InputError: with the reason.
+    """
+    check_format(path)
+    new_files.check(path, '--figure')
+
+
 def check_format(path: str | Path) -> None:
     """Refuse a file whose suffix is of no picture format.
 

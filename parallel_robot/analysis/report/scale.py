@@ -23,13 +23,22 @@ def logarithmic(scale: str, curves: Iterable[np.ndarray]) -> bool:
     Raises:
         UnknownNameError: there is no such scale.
     """
-    if scale not in SCALES:
-        raise UnknownNameError('scale', scale, SCALES)
+    check(scale)
     if scale != AUTO:
         return scale == LOG
     sizes = [np.abs(curve) for curve in curves]
     typical = [float(np.median(size)) for size in sizes if size.any()]
     return bool(typical) and min(typical) < FLAT * max(float(size.max()) for size in sizes)
+
+
+def check(scale: str) -> None:
+    """Refuse what is no scale.
+
+    Raises:
+        UnknownNameError: there is no such scale.
+    """
+    if scale not in SCALES:
+        raise UnknownNameError('scale', str(scale), SCALES)
 
 
 def add_scale_argument(parser: argparse.ArgumentParser) -> None:

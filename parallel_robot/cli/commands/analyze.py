@@ -62,8 +62,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         new_files.check(arguments.json, '--json')
     if arguments.figure:
-        figures.check_format(figure)
-        new_files.check(figure, '--figure')
+        figures.check_new(figure)
     memory = arguments.max_memory
     log, past, _ = recorded_robot.read(arguments.bag, memory, robot_code(arguments))
     for warning in log.warnings:

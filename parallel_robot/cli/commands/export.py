@@ -3,28 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import IO
 
-import numpy as np
-
-from parallel_robot.analysis import recorded_motions, table
-from parallel_robot.analysis.frames import Frames
-from parallel_robot.bags import new_files, recorded_robot
+from parallel_robot.analysis import table, table_file, viewer_copy
 from parallel_robot.bags.limits import add_memory_argument
-from parallel_robot.bags.progress import tracked
-from parallel_robot.bags.recorded_robot import RobotCode
-from parallel_robot.bags.recovery import recover
 from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
-from parallel_robot_model.common.errors import BagError, InputError, UnknownNameError
-from parallel_robot_sim.motions import differs
-
-FORMULA = ('=', '+', '-', '@', '\t', '\r')
-Columns = Mapping[str, np.ndarray]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,72 +35,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag, memory, code = arguments.bag, arguments.max_memory, robot_code(arguments)
+    bag, out, memory = arguments.bag, arguments.out, arguments.max_memory
+    code = robot_code(arguments)
     if arguments.foxglove:
-        return _copy(bag, arguments.foxglove, memory, code)
-    out: Path = arguments.out
-    if out.suffix not in FORMATS:
-        raise UnknownNameError('table format', out.suffix, FORMATS)
-    new_files.check(out, '--out')
-    found, warnings = table.read(bag, memory, code)
+        copy = viewer_copy.write(bag, arguments.foxglove, memory, code)
+        _warn(copy.warnings)
+        seen = ', seen' if copy.seen else ''
+        print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
+        return 0
+    table_file.check(out)
+    columns, warnings = table.read(bag, memory, code)
+    _warn(warnings)
+    table_file.write(out, columns)
+    print(f'table   {out}, {len(columns["time_s"])} rows, {len(columns)} columns')
+    return 0
+
+
+def _warn(warnings: Iterable[str]) -> None:
     for warning in warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    content = io.BytesIO()
-    FORMATS[out.suffix](found, content)
-    new_files.save(out, content.getbuffer())
-    print(f'table   {out}, {len(found["time_s"])} rows, {len(found)} columns')
-    return 0
-
-
-def _copy(bag: Path, out: Path, memory: int, code: RobotCode) -> int:
-    """Write a bag with all that viewers need to draw the robot."""
-    log, past, _ = recorded_robot.read(bag, memory, code)
-    for warning in log.warnings:
-        print(f'warning: {warning}', file=sys.stderr)
-    unknown = recorded_robot.unknown(log.config)
-    if unknown:
-        raise BagError(f'{bag}: {unknown}')
-    seen = not recorded_motions.of_plant(past) or differs(log.config)
-    frames = Frames(log, seen)
-    recover(bag, out, memory, frames.write)
-    print(f'bag     {out}, with {frames.count} frames of the robot{", seen" if seen else ""}')
-    return 0
-
-
-def write_csv(columns: Columns, stream: IO[bytes]) -> None:
-    """Write comma-separated values; numbers in their shortest form that reads back the same."""
-    text = io.TextIOWrapper(stream, newline='', write_through=True)
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(map(harmless, columns))
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    count = len(next(iter(columns.values())))
-    writer.writerows(tracked(rows, count, 'rows'))
-    text.detach()
-
-
-def harmless(text: str) -> str:
-    """Text for a cell, quoted if a spreadsheet would take it for a formula."""
-    return f"'{text}" if text.startswith(FORMULA) else text
-
-
-def write_parquet(columns: Columns, stream: IO[bytes]) -> None:
-    """Write Apache Parquet.
-
-    Raises:
-        InputError: pyarrow is not installed.
-    """
-    try:
-        import pyarrow  # optional
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(
-            'pyarrow is not installed; pip install pyarrow, or export to .csv'
-        ) from None
-    arrays = {name: np.ascontiguousarray(column) for name, column in columns.items()}
-    pyarrow.parquet.write_table(pyarrow.table(arrays), stream)
-
-
-FORMATS: dict[str, Callable[[Columns, IO[bytes]], None]] = {
-    '.csv': write_csv,
-    '.parquet': write_parquet,
-}

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot.analysis import metrics, readable_metrics, recorded_motions, timing
 from parallel_robot.bags import history, new_files, recorded_robot, run_log, stretches
-from parallel_robot.bags.experiment import command_line
+from parallel_robot.bags.experiment import OF_RUN, command_line
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.progress import Progress
 from parallel_robot.bags.recorded_robot import RobotCode
@@ -50,12 +50,6 @@ if TYPE_CHECKING:
 READY = 60.0  # s, for nodes that do nothing and yet are not ready
 LEAD = 3 * NANOSECONDS // 2  # ns, from the common start being set to t = 0
 STANDSTILL = 30.0  # s, without progress of the plant before the run is given up
-OWN = (
-    'start_stamp',
-    'subscribers',
-    'recorder.out',
-    'recorder.command_line',
-)  # keys that run gives to its nodes
 LOOK = 0.1  # s, between two looks at the processes
 # What acts on a run from outside: its processes, a session, seconds since t = 0 (wall time).
 During = Callable[[NodeProcesses, 'Session', float], None]
@@ -80,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
     changed = simulate.overrides(arguments)
     if arguments.time_mode is not None:
         changed = changed | {'time_mode': arguments.time_mode}
-    for key in OWN:
+    for key in OF_RUN:
         if key in assignments.parse(arguments.assignments):
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
         changed.pop(key, None)  # of a parameter file, which may be one for other runs

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.monitor import MonitorParameters
-from parallel_robot.cli.commands.run import OWN
+from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.cli.commands.simulate import (
     add_scenario_argument,
     add_set_argument,
@@ -31,7 +31,7 @@ from parallel_robot_sim.fastest import fastest
 from parallel_robot_sim.parameter_groups import members
 from trajectory_gen.shapes import shapes
 
-BY_COMMANDS = (*OWN, 'duration')  # left out of files unless set
+BY_COMMANDS = (*OF_RUN, 'duration')  # left out of files unless set
 UNKNOWN = Field('', '')  # of the keys of the recorder
 
 

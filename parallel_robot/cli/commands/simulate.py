@@ -229,10 +229,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     simulation = attempt(configuration)
     for text in (*noise_doubts(configuration), *remarks(simulation)):
         print(f'warning: {text}', file=sys.stderr)
-    try:
-        simulation_bag.write(out, values, simulation)
-    except OSError as error:
-        raise RunError(f'cannot write {out}: {error.strerror}') from None
+    simulation_bag.save(out, values, simulation)
     duration = (simulation.run.steps - 1) * simulation.experiment.loop.period
     rate = duration / simulation.loop_time
     delay = told_delay(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))

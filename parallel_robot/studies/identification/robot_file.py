@@ -50,15 +50,20 @@ def text(found: Identified, bag: str, noise: Mapping[str, list[float]]) -> str:
             'No robot that can be built has the estimates themselves: this one is the nearest, '
             f'{robot.misfit:.2g} standard errors away.'
         )
-    tree: dict[str, Any] = {
+    if noise:
+        lines.append('The noise of the sensors is that at rest.')
+    comment = ''.join(f'# {line}\n' for line in lines)
+    return comment + dump(groups(found, noise))
+
+
+def groups(found: Identified, noise: Mapping[str, list[float]]) -> dict[str, dict[str, Any]]:
+    """The robot as groups of the configuration, see :func:`text`."""
+    robot = found.robot
+    tree: dict[str, dict[str, Any]] = {
         'robot': {key: _rounded(value) for key, value in robot.robot.items()},
         'friction': {'viscous': _rounded(robot.viscous), 'coulomb': _rounded(robot.coulomb)},
     }
-    if noise:
-        lines.append('The noise of the sensors is that at rest.')
-        tree['estimator'] = dict(noise)
-    comment = ''.join(f'# {line}\n' for line in lines)
-    return comment + dump(tree)
+    return tree | ({'estimator': dict(noise)} if noise else {})
 
 
 def dump(tree: Mapping[str, Any]) -> str:

@@ -89,6 +89,11 @@ def load(
 ) -> Run:
     """Read a bag as a run.
 
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.1), 'runs/loaded')
+    >>> pr.load('runs/loaded').error.shape
+    (101, 3)
+
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
@@ -136,6 +141,9 @@ def load(
 def save(run: Run, bag: str | Path) -> None:
     """Write a simulated run as a bag, the one that ``parallel_robot simulate`` writes.
 
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.1), 'runs/saved')
+
     Args:
         run: What ``simulate`` returned.
         bag: Its directory, which must not exist.
@@ -146,10 +154,7 @@ def save(run: Run, bag: str | Path) -> None:
     """
     if run.simulation is None:
         raise InputError('only a simulated run can be saved; this one is from a bag')
-    try:
-        simulation_bag.write(bag, run.values, run.simulation)
-    except OSError as error:
-        raise RunError(f'cannot write {bag}: {error.strerror}') from None
+    simulation_bag.save(bag, run.values, run.simulation)
 
 
 class RunMetrics(Metrics):
@@ -282,6 +287,9 @@ def grid(
 def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) -> Picture:
     """Path, errors and torques as a picture, which a notebook shows.
 
+    >>> import parallel_robot as pr
+    >>> pr.plot(pr.simulate('paper_circle', law='smc', duration=0.1)).save('smc.pdf')
+
     Args:
         runs: A run; or several, which are drawn over one another, or name to run.
         scale: Of errors: 'linear'; 'log', their magnitude; 'auto', log where a curve would look
@@ -309,6 +317,11 @@ def sweep(
     **values: Any,
 ) -> Frame:
     """Run a study on several cores, or what is left of it, as ``parallel_robot sweep`` does.
+
+    >>> import parallel_robot as pr
+    >>> study = {'scenarios': ['paper_circle'], 'laws': ['smc', 'pid'], 'runs': 1, 'duration': 0.1}
+    >>> pr.sweep(study, 'runs/swept', workers=1).law.tolist()
+    ['smc', 'pid']
 
     Args:
         study: File of a study, name of one in ``config/studies``, or its keys and values.

@@ -1,0 +1,260 @@
+"""The torques of a bag computed again, by its law or another, and what comes of it in words."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.analysis.replay.replayed import Replay
+from parallel_robot.analysis.report import figures
+from parallel_robot.bags import arithmetic, recording
+from parallel_robot.bags.history import History
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.trust import custom_files
+from parallel_robot_control.configuration import available, configure, custom_defaults
+from parallel_robot_control.laws import LAWS
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.configuration import is_known
+from trajectory_gen.shapes import shapes
+
+# Beginnings of keys on which torques depend, beside those of the laws.
+GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'safety')
+USED = ('law', *config.CUSTOM, 'robot', *GROUPS)
+
+
+@dataclass(frozen=True, repr=False)
+class BagReplay:
+    """Torques of a bag that were computed again: N states, n joints.
+
+    Attributes:
+        log: The run of the bag.
+        law: The law that computed them.
+        result: The torques.
+        changed: Whether it was another law, or other gains.
+        warnings: What to know of the bag and of differences, one line each.
+    """
+
+    log: RunLog
+    law: str
+    result: Replay
+    changed: bool
+    warnings: tuple[str, ...]
+
+    @property
+    def time(self) -> Array:
+        """Since the start [s], shape (N,)."""
+        return self.log.time
+
+    @property
+    def torque(self) -> Array:
+        """Torques computed again, NaN where no command was [N m], shape (N, n)."""
+        return self.result.torque
+
+    @property
+    def recorded(self) -> Array:
+        """The recorded commands, NaN where there is none [N m], shape (N, n)."""
+        return self.result.recorded
+
+    @property
+    def differing(self) -> int:
+        """How many commands are not the recorded ones, bit for bit."""
+        return int(self.result.differing.sum())
+
+    @property
+    def late(self) -> int:
+        """How many states were answered with a reference that came late."""
+        return self.result.late
+
+    @property
+    def failed(self) -> bool:
+        """Whether commands differ that should not."""
+        return not self.changed and self.result.remembered and self.differing > 0
+
+    def lines(self) -> list[str]:
+        """What came of it."""
+        answered = int((~np.isnan(self.torque[:, 0])).sum())
+        head = (
+            f'{self.log.scenario}, {self.log.law}: {answered} states answered again by {self.law}'
+        )
+        found = table if self.changed else verdict
+        return [head, *found(self.log, self.result)]
+
+    def save_figure(self, path: Path) -> None:
+        """Draw both torques into a file, which must not exist.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        try:
+            figures.draw_torques(self.log, self.torque, self.law, path)
+        except OSError as error:
+            raise InputError(f'cannot write {path}: {error.strerror}') from None
+
+    def __repr__(self) -> str:
+        """What came of it, and warnings."""
+        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A bag that is to be replayed, and the configuration of its controller.
+
+    Attributes:
+        log: The run.
+        past: What happened beside the motion.
+        values: The configuration.
+        changed: Whether it is another than the recorded one.
+    """
+
+    log: RunLog
+    past: History
+    values: Mapping[str, Any]
+    changed: bool
+
+    @property
+    def law(self) -> str:
+        """The law that is to compute the torques."""
+        return str(self.values['law'])
+
+    def compute(self) -> BagReplay:
+        """Compute the torques.
+
+        Raises:
+            BagError: a state has no pose.
+            InputError: a value is wrong.
+        """
+        compute = replayed.instead if self.changed else replayed.again
+        result = compute(self.log, self.past, configure(self.values))
+        warnings = self.log.warnings
+        if not self.changed and result.differing.any():
+            warnings += tuple(filter(None, [arithmetic.doubt(self.past.facts)]))
+        return BagReplay(self.log, self.law, result, self.changed, warnings)
+
+
+@contextmanager
+def prepared(
+    bag: Path,
+    changes: Mapping[str, Any],
+    trust: bool = False,
+    memory: int = MEMORY,
+    told: bool = True,
+) -> Iterator[Prepared]:
+    """Read a bag that is to be replayed; the code that it holds stands in files meanwhile.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        changes: Key to value, of what changes in the configuration of its controller.
+        trust: Whether its code may run.
+        memory: What may be held of it [bytes].
+        told: Whether the user is told what code runs, see :func:`custom_files`.
+
+    Raises:
+        BagError: it is no bag of a run, no command answers a state, or it needs code that it does
+            not hold or that may not run.
+        InputError: a change is wrong.
+    """
+    log, past, _ = recording.read(bag, memory=memory)
+    if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
+        raise BagError(f'{bag}: no command answers a state')
+    with tempfile.TemporaryDirectory() as directory:
+        needed = {key: found for key, found in past.sources.items() if key not in changes}
+        if changes.get('law') in LAWS:
+            needed.pop('custom_laws', None)
+        files = custom_files(bag, needed, log.config, Path(directory), trust, told)
+        values = configuration(log, past, files, changes)
+        law = str(values['law'])
+        if law not in available(values['custom_laws']) and not changes:
+            what = 'say which law ran' if law == 'unknown' else f'hold the law {law}'
+            raise BagError(
+                f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
+            )
+        if not is_known(values):
+            raise BagError(
+                f'{bag} does not hold the robot {values["robot_model"]}; '
+                '--set custom_robots=[FILE] adds one'
+            )
+        shape = values['trajectory.shape']
+        if shape not in shapes(values['custom_trajectories']):
+            raise BagError(
+                f'{bag} does not hold the trajectory {shape}; '
+                '--set custom_trajectories=[FILE] adds one'
+            )
+        yield Prepared(log, past, values, bool(changes))
+
+
+def configuration(
+    log: RunLog, past: History, files: Mapping[str, list[str]], changes: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Configuration of a bag's controller at the first state, with changes.
+
+    Args:
+        log: The run.
+        past: What happened beside the motion.
+        files: Custom modules by key; files that the bag only names are not loaded.
+        changes: Key to value.
+
+    Raises:
+        InputError: a key does not exist, is not one of the controller, or its value is wrong.
+    """
+    known = log.config | {key: [] for key in config.CUSTOM}
+    values = config.changed(known, files, custom_defaults)
+    for node, parameters in past.parameters.items():
+        if node.endswith('/controller'):
+            values |= {
+                key: value
+                for key, value in parameters.items()
+                if key in values and key not in config.CUSTOM
+            }
+    values = config.changed(values, changes, custom_defaults)
+    for key in changes:
+        if key.partition('.')[0] not in (*USED, *available(values['custom_laws'])):
+            raise InputError(f'{key} does not change the torques on a recorded motion')
+    return values
+
+
+def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
+    """Whether the torques are the recorded commands."""
+    count, differing = int(result.known.sum()), np.flatnonzero(result.differing)
+    lines = []
+    if result.late:
+        lines.append(f'{result.late} states were answered with a reference that came late')
+    if count < len(result.known):
+        what = 'have no recorded command' if log.used is None else 'were not answered'
+        lines.append(f'{len(result.known) - count} states {what}')
+    if not differing.size:
+        return [*lines, f'identical: {count} commands']
+    difference = np.abs(result.torque - result.recorded)[differing].max()
+    if not result.remembered:
+        lines.append(
+            'not compared: the bag begins while the controller ran, and what law and estimator '
+            'remembered then is not in it; with an empty memory:'
+        )
+    return [
+        *lines,
+        f'{differing.size} of {count} commands differ, by up to {difference:.3g} N m, '
+        f'from t = {log.time[differing[0]]:.3f} s on',
+    ]
+
+
+def table(log: RunLog, result: replayed.Replay) -> list[str]:
+    """Difference to the recorded commands, joint by joint."""
+    difference = (result.torque - result.recorded)[result.known]
+    rows = {
+        'rms': np.sqrt((difference**2).mean(axis=0)),
+        'max': np.abs(difference).max(axis=0),
+    }
+    lines = ['difference of torques [N m]' + ''.join(f'{joint:>12}' for joint in log.joints)]
+    return lines + [
+        f'  {name:<25}' + ''.join(f'{value:>12.3f}' for value in values)
+        for name, values in rows.items()
+    ]

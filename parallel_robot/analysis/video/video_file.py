@@ -1,0 +1,94 @@
+"""A video of bags, side by side: asked for, checked, written."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from numbers import Real
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.analysis.video import files, film
+from parallel_robot.analysis.video.scene import MOST, frame_times, magnification, scene
+from parallel_robot.bags import new_files
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot_model.common.errors import InputError
+
+RATE = 25.0  # Hz, unless told
+RATES = 1.0, 100.0  # Hz
+SPEEDS = 0.001, 1000.0
+MAGNIFICATIONS = 1.0, 1e9
+
+
+class Video(NamedTuple):
+    """A video that was written.
+
+    Attributes:
+        path: Its file.
+        frames: Number of its frames.
+        magnified: By how much errors of the path are magnified.
+    """
+
+    path: Path
+    frames: int
+    magnified: float
+
+
+def make(
+    bags: Sequence[Path],
+    out: Path,
+    rate: float = RATE,
+    speed: float = 1.0,
+    magnify: float | None = None,
+    memory: int = MEMORY,
+    code: RobotCode = NONE,
+) -> Video:
+    """Write the video of some bags.
+
+    Args:
+        bags: Directories of the bags, or one file of each.
+        out: Its file, .mp4 or .gif, which must not exist.
+        rate: Frames of a second of the video [Hz].
+        speed: Seconds of the motion in a second of the video.
+        magnify: By how much errors of the path are magnified; None: as much as they fill the view.
+        memory: Memory that reading each bag may take [bytes].
+        code: What may run to know their robots.
+
+    Raises:
+        InputError: a value is wrong, bags are too many or no bags, or the file cannot be written.
+        RunError: the disk is full.
+    """
+    files.check_format(out.suffix)
+    new_files.check(out, '--out')
+    _check('--rate', rate, *RATES, 'Hz')
+    _check('--speed', speed, *SPEEDS)
+    if magnify is not None:
+        _check('--magnify', magnify, *MAGNIFICATIONS)
+    if len(bags) > MOST:
+        raise InputError(f'a video takes up to {MOST} bags, not {len(bags)}')
+    runs = list(itertools.chain(*read_runs(bags, memory, code).values()))
+    times = frame_times(runs, rate, speed, files.MOST[out.suffix])
+    magnified = magnify or magnification(runs)
+    scenes = [scene(run, times, magnified) for run in runs]
+    frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
+    last = film.frames(scenes, times[-1:], magnified)
+    content = files.encode(frames, out.suffix, rate, last)
+    new_files.save(out, content.getbuffer())
+    return Video(out, len(times), magnified)
+
+
+def _check(option: str, value: Any, least: float, most: float, unit: str = '') -> None:
+    """Refuse a number that is out of its range.
+
+    Raises:
+        InputError: it is, or it is no number.
+    """
+    known = isinstance(value, Real) and math.isfinite(value)
+    if not (known and least <= value <= most):
+        span = f'{least:g} to {most:g} {unit}'.rstrip()
+        given = f'{value:g}' if isinstance(value, Real) else repr(value)
+        raise InputError(f'{option} must be {span}, not {given}')

@@ -1,0 +1,53 @@
+"""A copy of a bag, with all that viewers such as Foxglove need to draw the robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis.frames import Frames
+from parallel_robot.bags import recorded_robot
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.recovery import recover
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_sim.motions import differs
+
+
+class ViewerCopy(NamedTuple):
+    """A copy that was written.
+
+    Attributes:
+        path: Its directory.
+        frames: Number of frames of the robot.
+        seen: Whether they are of the joints as they are seen, not of the true ones.
+        warnings: Defects of the bag, one line each.
+    """
+
+    path: Path
+    frames: int
+    seen: bool
+    warnings: tuple[str, ...]
+
+
+def write(bag: Path, out: Path, memory: int = MEMORY, code: RobotCode = NONE) -> ViewerCopy:
+    """Write the copy of a bag.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        out: Directory of the copy, which must not exist.
+        memory: What may be held of the bag [bytes].
+        code: What may run to know its robot.
+
+    Raises:
+        BagError: not a bag of a run, its robot is not known, or the copy cannot be written.
+    """
+    log, past, _ = recorded_robot.read(bag, memory, code)
+    unknown = recorded_robot.unknown(log.config)
+    if unknown:
+        raise BagError(f'{bag}: {unknown}')
+    seen = not recorded_motions.of_plant(past) or differs(log.config)
+    frames = Frames(log, seen)
+    recover(bag, out, memory, frames.write)
+    return ViewerCopy(out, frames.count, seen, log.warnings)

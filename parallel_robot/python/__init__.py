@@ -1,0 +1,1 @@
+"""The command line without ROS, as functions that ``import parallel_robot`` offers."""

@@ -1,0 +1,117 @@
+"""The robot of a bag, identified."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Literal, overload
+
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.python import arguments
+from parallel_robot.studies.identification import bag_identification, designed, modes
+from parallel_robot.studies.identification.bag_identification import Identification
+from parallel_robot.studies.identification.designed import Designed
+from parallel_robot.studies.identification.rest import Rest
+from parallel_robot_sim.scenario_run import changes, named
+
+Place = str | Path
+
+
+@overload
+def identify(
+    bag: Place,
+    *,
+    validate: Place | None = None,
+    out: Place | None = None,
+    figure: Place | None = None,
+    cutoff: float | None = None,
+    memory: int = MEMORY,
+) -> Identification: ...
+@overload
+def identify(bag: Place, *, rest: Literal[True], memory: int = MEMORY) -> Rest: ...
+@overload
+def identify(
+    *,
+    design: Place,
+    out: Place | None = None,
+    trials: int | None = None,
+    seed: int | None = None,
+    param_file: Place | Iterable[Place] | None = None,
+    **values: Any,
+) -> Designed: ...
+def identify(
+    bag: Place | None = None,
+    *,
+    validate: Place | None = None,
+    rest: bool = False,
+    out: Place | None = None,
+    figure: Place | None = None,
+    cutoff: float | None = None,
+    design: Place | None = None,
+    trials: int | None = None,
+    seed: int | None = None,
+    memory: int = MEMORY,
+    param_file: Place | Iterable[Place] | None = None,
+    **values: Any,
+) -> Identification | Rest | Designed:
+    """Identify inertia and friction of the robot of a bag, as ``parallel_robot identify`` does.
+
+    >>> import parallel_robot as pr
+    >>> heavy = {'true_robot.mp': 4.0}
+    >>> pr.save(pr.simulate('excitation', law='pid', duration=3, **heavy), 'runs/excited')
+    >>> found = pr.identify('runs/excited')
+    >>> round(found.values['robot.mp'], 1)
+    4.0
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        validate: Another bag of the same robot, whose torques are predicted.
+        rest: Whether only the noise of the sensors is asked for, of a robot that rests.
+        out: YAML file of the robot, for ``param_file``, which must not exist; default: none.
+        figure: Picture of the torques, measured and predicted; likewise.
+        cutoff: Bandwidth of the regression [Hz]; default: 10, or a tenth of the rate.
+        design: Scenario with an exciting motion of which better coefficients are searched for: in
+            place of a bag.
+        trials: Number of motions to try for it; default: 2500.
+        seed: Seed of that search; default: 0.
+        memory: What may be held of each bag [bytes].
+        param_file: YAML file with keys of the configuration of `design`, or several.
+        values: Keys of that configuration and their values.
+
+    Returns:
+        The robot as keys of the configuration, ``values``, with tables and warnings; with `rest`
+        the noise of the sensors; with `design` the motion.
+
+    Raises:
+        BagError: not a bag of a run, too little of it can be used, or of another robot.
+        InputError: arguments do not go together, a value is wrong, or a file cannot be written.
+    """
+    options = {
+        'bag': bag,
+        'design': design,
+        'rest': rest,
+        'out': out,
+        'validate': validate,
+        'figure': figure,
+        'cutoff': cutoff,
+        'trials': trials,
+        'seed': seed,
+        'set': values,
+        'param-file': param_file,
+    }
+    mode = modes.mode(options)
+    robot, picture = arguments.optional('out', out), arguments.optional('figure', figure)
+    second = arguments.optional('validate', validate)
+    bag_identification.check_files(robot, picture)
+    if mode == modes.DESIGN:
+        scenario = named('design', design)
+        motion = designed.search(scenario, changes(param_file, values), trials, seed)
+        if robot is not None:
+            motion.write(robot)
+        return motion
+    place = arguments.path('a bag', bag)
+    if mode == modes.REST:
+        return bag_identification.at_rest(place, memory)
+    found = bag_identification.identify(place, second, cutoff, memory)
+    found.write(robot, picture)
+    return found

@@ -1,0 +1,191 @@
+"""The robot of a bag identified, checked on a second bag, told and written."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis.report import figures
+from parallel_robot.bags import new_files, recording
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.studies.identification import (
+    identified,
+    measured_motion,
+    readable,
+    rest,
+    robot_file,
+    unexplained,
+)
+from parallel_robot.studies.identification.identified import Identified, Prediction
+from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
+from parallel_robot.studies.identification.rest import Rest
+from parallel_robot_model.common.errors import BagError, InputError
+
+
+@dataclass(frozen=True, repr=False)
+class Identification:
+    """What a bag tells of its robot.
+
+    Attributes:
+        bag: The bag.
+        joints: Names of the actuated joints.
+        found: What was identified.
+        checked: Torques as the identified robot predicts them, of the second bag if there is one.
+        validated: Whether there is.
+        rest: Noise of the sensors; None if the robot never rests.
+        warnings: What was not used, and what to doubt, one line each.
+    """
+
+    bag: Path
+    joints: tuple[str, ...]
+    found: Identified
+    checked: Prediction
+    validated: bool
+    rest: Rest | None
+    warnings: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The robot as keys of the configuration and their values."""
+        groups = robot_file.groups(self.found, self._noise)
+        return {f'{group}.{key}': each for group, of in groups.items() for key, each in of.items()}
+
+    @property
+    def _noise(self) -> dict[str, list[float]]:
+        return self.rest.parameters() if self.rest else {}
+
+    def lines(self) -> list[str]:
+        """The results as tables."""
+        of = 'validation' if self.validated else 'same bag'
+        title = f'torque error, rms, {of} [N m]'
+        return [
+            *readable.table(self.found),
+            *readable.prediction(title, self.checked, self.joints),
+            *(self.rest.lines() if self.rest else [rest.NONE]),
+        ]
+
+    def as_data(self) -> dict[str, Any]:
+        """The results as plain data, as ``--format json`` has them."""
+        data = readable.as_data(self.found, self.checked, self.joints)
+        return data | {'rest': self.rest.as_data() if self.rest else None}
+
+    def write(self, out: Path | None, figure: Path | None) -> None:
+        """Write the robot as YAML, for ``--param-file``, and a picture of the torques, or neither.
+
+        Args:
+            out: File of the robot, which must not exist.
+            figure: That of the picture, likewise.
+
+        Raises:
+            InputError: one cannot be written.
+        """
+        try:
+            with contextlib.ExitStack() as written:
+                if out:
+                    content = robot_file.text(self.found, str(self.bag), self._noise).encode()
+                    written.enter_context(new_files.written(out, content))
+                if figure:
+                    rows, torque = self.checked.rows, self.checked.torque
+                    figures.draw_prediction(rows.time, self.joints, rows.torque, torque, figure)
+        except OSError as error:
+            raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+
+    def __repr__(self) -> str:
+        """The tables, and warnings."""
+        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
+
+
+def check_files(out: Path | None, figure: Path | None) -> None:
+    """Refuse files of the results that exist, or cannot be made.
+
+    Raises:
+        InputError: with the reason.
+    """
+    if out:
+        new_files.check(out, '--out')
+    if figure:
+        figures.check_new(figure)
+
+
+def identify(
+    bag: Path, validate: Path | None = None, cutoff: float | None = None, memory: int = MEMORY
+) -> Identification:
+    """Identify the robot of a bag.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        validate: Another bag of the same robot, whose torques are predicted.
+        cutoff: Bandwidth of the regression [Hz]; None: CUTOFF, or a tenth of the rate.
+        memory: What may be held of each bag [bytes].
+
+    Raises:
+        BagError: one is no bag of a run, too little of it can be used, or of another robot.
+        InputError: a value is wrong, or the robot has no linear model.
+    """
+    if cutoff is not None and not (isinstance(cutoff, Real) and math.isfinite(cutoff)):
+        raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff!r}')
+    if validate and validate.resolve() == bag.resolve():
+        raise InputError(f'--validate needs another bag than {bag}')
+    log, recorded = measured_motion.read(bag, memory)
+    nominal = identified.nominal_of(log)
+    warnings: list[str] = []
+    second = None
+    if validate:
+        second = measured_motion.read(validate, memory)
+        identified.check_same_robot(log, second[0])
+        warnings += _told(validate, (*second[0].warnings, *second[1].left_out))
+    warnings += _told(bag, (*log.warnings, *recorded.left_out))
+    if cutoff is None:
+        cutoff = min(CUTOFF, highest_cutoff(recorded))
+    with _naming(bag):
+        found = identified.identify(nominal, recorded, cutoff)
+    if found.left.doubt:
+        warnings.append(f'{bag}: {found.left.doubt}')
+    if second is None or validate is None:
+        checked = identified.compare(found, found.rows)
+    else:
+        with _naming(validate):
+            guess = identified.nominal_of(second[0]).guess
+            checked = identified.predict(found, second[1], guess, cutoff)
+    return Identification(
+        bag, log.joints, found, checked, second is not None, rest.of(log), tuple(warnings)
+    )
+
+
+def at_rest(bag: Path, memory: int = MEMORY) -> Rest:
+    """Noise of the sensors of a bag, where the robot rests.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        memory: What may be held of it [bytes].
+
+    Raises:
+        BagError: it is no bag of a run, or its robot never rests.
+    """
+    found = rest.of(recording.read(bag, memory=memory).log)
+    if found is None:
+        raise BagError(f'{bag}: {rest.NONE}')
+    return found
+
+
+def _told(bag: Path, lines: Iterable[str]) -> list[str]:
+    """Warnings of a bag, with its name."""
+    return [line if line.startswith(str(bag)) else f'{bag}: not used: {line}' for line in lines]
+
+
+@contextlib.contextmanager
+def _naming(bag: Path) -> Iterator[None]:
+    """Errors of a bag with its name."""
+    try:
+        yield
+    except BagError as error:
+        raise BagError(f'{bag}: {error}') from None
+    except np.linalg.LinAlgError as error:
+        raise BagError(f'{bag}: {unexplained.UNKNOWN}: {error}') from None

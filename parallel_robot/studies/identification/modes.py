@@ -1,0 +1,41 @@
+"""What identifying is asked for: a robot, only the noise at rest, or an exciting motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from parallel_robot_model.common.errors import InputError
+
+ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
+
+
+def mode(options: Mapping[str, Any]) -> str:
+    """Which of ROBOT, REST and DESIGN some options ask for.
+
+    Args:
+        options: What was given, by the names of the command's options; None, False or an empty
+            list or mapping where nothing was.
+
+    Raises:
+        InputError: options do not go together.
+    """
+    if (options['bag'] is None) == (options['design'] is None):
+        raise InputError('identify takes either a bag or --design SCENARIO')
+    if options['design'] is not None:
+        refused, why = ('rest', 'validate', 'figure', 'cutoff'), '--design reads no bag: no {}'
+        _refuse(options, refused, why)
+        return DESIGN
+    _refuse(options, ('set', 'param-file', 'trials', 'seed'), '{} goes with --design alone')
+    if options['rest']:
+        refused, why = ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
+        _refuse(options, refused, why)
+        return REST
+    return ROBOT
+
+
+def _refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
+    for option in refused:
+        given = options[option]
+        if not (given is None or given is False or given in ([], {})):
+            raise InputError(why.format(f'--{option}'))

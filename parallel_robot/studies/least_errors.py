@@ -1,0 +1,194 @@
+"""The least errors of the robots of a scenario, or of a study: as tables, rows and a picture."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot.analysis.readable_metrics import shown
+from parallel_robot.analysis.report.figures import save
+from parallel_robot.bags.progress import tracked
+from parallel_robot.studies.limit.causes import CAUSES, LeastError, least_error
+from parallel_robot.studies.limit.picture import draw
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import config, plain_data
+from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.scenario_file import DEEPEST, absolute, stem
+from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.simulation import ENDLESS
+from trajectory_gen.motion_length import with_duration
+
+LEVELS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)  # N m, of chattering
+ESTIMATE = 'sensor.resolution: the step of an encoder counts as noise: an estimate, no bound'
+TRAVELLED = 'travelled while a state is late'
+
+
+class LeastErrors(NamedTuple):
+    """The least errors of some robots.
+
+    Attributes:
+        members: Name of a scenario to its robots.
+        planar: Whether errors are those of an end effector in a plane [m], not of joints [rad].
+        calm: Whether the price of calm was asked for.
+        warnings: What to know of them, one line each.
+    """
+
+    members: Mapping[str, list[LeastError]]
+    planar: bool
+    calm: bool
+    warnings: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """The tables, as lines."""
+        lines = []
+        for scenario, members in self.members.items():
+            lines += _table(scenario, members, self.planar)
+            if self.calm:
+                lines += _calm_table(members, self.planar)
+        return lines
+
+    def rows(self) -> tuple[list[str], list[list[Any]]]:
+        """Names of columns, and one row for each robot in SI units; NaN for what is not known."""
+        unit = 'm' if self.planar else 'rad'
+        errors = [f'{name.replace(" ", "_")}_{unit}' for name in CAUSES]
+        calm = any(one.calm for members in self.members.values() for one in members)
+        levels = LEVELS if calm else ()
+        head = ['scenario', 'sample', *errors, 'travelled_m']
+        head += [f'at_{level:g}_nm_{unit}' for level in levels]
+        rows = []
+        for scenario, members in self.members.items():
+            for k, one in enumerate(members):
+                prices = [one.calm.at(level) if one.calm else math.nan for level in levels]
+                rows.append([scenario, k, *one.errors.values(), one.travelled, *prices])
+        return head, rows
+
+    def csv(self) -> str:
+        """The rows as comma-separated values."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator='\n')
+        head, rows = self.rows()
+        writer.writerow(head)
+        writer.writerows(['' if value != value else value for value in row] for row in rows)
+        return stream.getvalue()
+
+    def save_figure(self, path: Path) -> None:
+        """Draw the price of calm into a file, which must not exist.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        unit = 'end-effector error, rms [µm]' if self.planar else 'joint error, rms [µrad]'
+        try:
+            save(draw(self.members, unit), path)
+        except OSError as error:
+            raise InputError(f'cannot write {path}: {error.strerror}') from None
+
+
+def compute(
+    name: str,
+    changes: Mapping[str, Any],
+    runs: int | None = None,
+    duration: float | None = None,
+    calm: bool = False,
+) -> LeastErrors:
+    """Compute the least errors of the robots of a scenario or a study.
+
+    Args:
+        name: Name or file of either.
+        changes: What changes in the configuration.
+        runs: Robots of each scenario of a study; None: the study's.
+        duration: Length of the motion of a scenario [s]; None: its own.
+        calm: Whether the price of calm is asked for.
+
+    Raises:
+        InputError: there is no such scenario or study, or an argument is wrong.
+    """
+    found: dict[str, list[LeastError]] = {}
+    planar, encoders = True, False
+    for scenario, configuration in _experiments(name, changes, runs, duration):
+        if not configuration.loop.duration:
+            raise InputError(ENDLESS)
+        planar &= configuration.plant.robot.module.PLANAR
+        encoders |= bool(np.any(configuration.values['sensor.resolution']))
+        found.setdefault(scenario, []).append(least_error(configuration, calm=calm))
+    return LeastErrors(found, planar, calm, (ESTIMATE,) if encoders else ())
+
+
+def _experiments(
+    name: str, changes: Mapping[str, Any], runs: int | None, duration: float | None
+) -> Iterator[tuple[str, Configuration]]:
+    """Each robot with its motion, and the name of its scenario."""
+    if not is_study(name):
+        if runs is not None:
+            raise InputError(f'--runs is for studies; {name} is a scenario')
+        changed = merged([changes, {} if duration is None else {'duration': duration}])
+        yield stem(name), configure(resolve(name, with_duration(name, changed, None)))
+        return
+    from parallel_robot.studies.sweep import study  # they take long to import
+    from parallel_robot.studies.sweep.plan import plan
+
+    file = study.file_of(name)
+    if duration is not None:
+        raise InputError(f'--duration is for scenarios; the study {name} has its own')
+    asked = study.parse(study.read(file), str(file), file.parent).changed(runs, changes)
+    planned = plan(asked)
+    first = {case.scenario: k for k, case in reversed([*enumerate(planned.cases)])}
+    rows = [row for k in first.values() for row in planned.rows(k, 0, asked.runs)]
+    for row in tracked(rows, len(rows), 'robots'):
+        yield stem(row.scenario), configure(resolve(row.scenario, row.overrides))
+
+
+def is_study(name: str, bases: int = DEEPEST) -> bool:
+    """Whether a name or a file is that of a study, which may have so many bases."""
+    if (config.directory() / 'studies' / f'{name}.yaml').is_file():
+        return True
+    path = Path(name)
+    if not path.is_file():
+        return False
+    from parallel_robot.studies.sweep.study import read
+
+    found = plain_data.mapping(read(path))
+    base = found.get('base')
+    if 'scenarios' in found or not isinstance(base, str) or not bases:
+        return 'scenarios' in found
+    return is_study(absolute(base, path.parent), bases - 1)
+
+
+def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:
+    """The least errors of some robots, as lines."""
+    what, unit = ('end-effector error', 'µm') if planar else ('joint error', 'µrad')
+    count = f', {len(members)} robots' if len(members) > 1 else ''
+    head = f'{scenario}{count}: least {what} of any controller, rms [{unit}], second half'
+    columns = {name: [1e6 * one.errors[name] for one in members] for name in CAUSES}
+    travelled = [1e6 * one.travelled for one in members]
+    if np.isfinite(travelled).all():
+        columns[TRAVELLED] = travelled
+    lines = [head]
+    if len(members) > 1:
+        lines.append(f'  {"":<34}{"median":>10}{"5 %":>10}{"95 %":>10}')
+    for name, values in columns.items():
+        figures = np.percentile(values, [50, 5, 95] if len(members) > 1 else [50])
+        lines.append(f'  {name:<34}' + ''.join(f'{shown(float(each)):>10}' for each in figures))
+    return lines
+
+
+def _calm_table(members: list[LeastError], planar: bool) -> list[str]:
+    """The least errors with at most some chattering, as lines."""
+    known = [one.calm for one in members if one.calm is not None]
+    if not known:
+        return ['  no noise: calm costs nothing']
+    lines = [f'  with a chattering of at most [N m]; {len(known)} robots with noise']
+    for level in LEVELS:
+        values = [1e6 * each.at(level) for each in known]
+        if np.isnan(values).any():
+            continue  # calmer than the calmest controller that was computed for some robot
+        figures = np.percentile(values, [50, 5, 95] if len(members) > 1 else [50])
+        lines.append(f'  {level:<34g}' + ''.join(f'{shown(float(each)):>10}' for each in figures))
+    return lines
