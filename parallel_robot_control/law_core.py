@@ -1,7 +1,7 @@
-"""What a controller keeps from one state to the next, as a compiled object for each law.
+"""What a controller keeps from one state to the next, as a compiled object.
 
-Its arrays are shared with Python, which reads and changes them between two calls; what
-a law keeps is in its memory.
+Python reads and changes its state and its arrays between two calls; what a law keeps is in the
+memory of the law. All laws have one type, so its kernels are compiled once for a robot.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Common(structref.StructRefProxy):  # type: ignore[misc]
 
 @structref.register
 class CoreType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Core: one for each law."""
+    """Numba's type of a Core, for all laws."""
 
 
 class Core(structref.StructRefProxy):  # type: ignore[misc]

@@ -1,7 +1,8 @@
 """The private parts of Numba that the compiler is built on, each with its reason.
 
 Numba promises none of them. Tried with 0.67.0 and 0.68.1. For another release these have to pass:
-test_kernel.py, test_vectors.py, test_kernel_cache.py, test_interpreted.py, test_integrators.py.
+test_kernel.py, test_vectors.py, test_kept_value.py, test_kernel_cache.py, test_interpreted.py,
+test_integrators.py.
 """
 
 from __future__ import annotations
