@@ -7,11 +7,12 @@ import pytest
 from rig import Rig
 
 from parallel_robot_control import assembly as control
-from parallel_robot_control import configuration
+from parallel_robot_control import configuration, cycle_memory
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import RAMP
 from parallel_robot_control.transitions import taking_over
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, config_files
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
@@ -98,9 +99,11 @@ def tour(names):
     return walk
 
 
-def test_all_pairs_one_after_the_other_as_parameters_change(parts, controls):
+def test_all_pairs_one_after_the_other_as_parameters_change(parts):
     """Through the changes of the controller; the compiled loop has the same bits."""
     laws = [law for law in LAWS if law != 'lqg_tracking']  # has its filter from another law
+    memory = cycle_memory.made_for(vector(np.zeros(3)))  # of the cycle: one for all laws
+    controls = {name: control.assemble(CONFIGURATION.control, name, memory) for name in laws}
     names = tour(laws)
     assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)
     rig, dwell = Rig('lockstep', law=names[0]), 7
