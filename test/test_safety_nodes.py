@@ -106,6 +106,19 @@ class Loop:
         name = f'controller/{service}'
         return self.peer.call(Trigger, name, Trigger.Request(), self.nodes['controller'])
 
+    def clear(self):
+        """Clear the fault as soon as its cause is gone."""
+        answers = []
+
+        def cleared():
+            answers.append(self.call('clear_fault'))
+            return answers[-1].success
+
+        try:
+            self.until(cleared)
+        except AssertionError:
+            pytest.fail(f'{len(answers)} times: {answers[-1].message}')
+
     def until_told(self, node, level, *marks):
         """Wait for diagnostics of a node that say all of this."""
 
@@ -227,7 +240,7 @@ def test_states_that_stop_are_a_fault_that_only_states_and_a_call_end(loop):
     loop.begin('plant')
     loop.until(lambda: len(loop.states) > count + 100)
     loop.until_fault(STATES_STALE)  # still, though states are there
-    loop.until(lambda: loop.call('clear_fault').success)  # when the controller hears them too
+    loop.clear()  # when the controller hears them too
     loop.until_steady()
 
 
@@ -245,7 +258,7 @@ def test_of_two_controllers_the_first_is_safe_and_the_second_never_acts(loop):
     loop.until(lambda: len(loop.states) > begun + ENOUGH and loop.damps(-ENOUGH))
     assert other.end(signal.SIGINT) == 0
     assert loop.status()[0] == DiagnosticStatus.ERROR  # until a person says so
-    loop.until(lambda: loop.call('clear_fault').success)
+    loop.clear()
     loop.until_steady()
     assert 'fault: another node publishes' in other.stderr
     assert np.abs(efforts(loop.states[states:])).max() < 50.0  # N m
@@ -279,7 +292,7 @@ def test_a_command_of_a_stranger_never_acts_however_rare(loop):
     loop.until_fault(COMMANDS_DISAGREE)
     disturb_until(told + 9)
     loop.peer.node.destroy_publisher(stranger)
-    loop.until(lambda: loop.call('clear_fault').success)
+    loop.clear()
     loop.until_steady()
     assert np.abs(efforts(loop.states[states:])).max() < 100.0  # N m
 
@@ -316,7 +329,7 @@ def test_two_plants_are_seen_and_the_second_is_not_controlled(loop):
         not answer.success and '/joint_states has 2 publishers: /other, /plant' in answer.message
     )
     assert other.end(signal.SIGINT) == 0
-    loop.until(lambda: loop.call('clear_fault').success)
+    loop.clear()
     loop.until_steady()
 
 
