@@ -118,6 +118,8 @@ def test_a_row_of_the_table_says_what_failed():
     assert page.row(late).split(' | ')[2:4] == ['250 µm', '1.23 s']
     text = page.faults([good, bad], ['period=0.002'])
     assert '`period=0.002`' in text and text.endswith('happened: 5 ms late.')
+    assert page.row(bad) in text and page.row(good) not in text
+    assert 'Ridden through with at most 42 µm and 1.8 N m: 5 ms late.' in text
     assert page.faults([good], []).endswith('Nothing that must not happen happened.')
 
 

@@ -28,7 +28,12 @@ def faults(outcomes: Sequence[Outcome], changed: Sequence[str]) -> str:
         changed: What differs from the defaults, as KEY=VALUE.
     """
     condition = f' with {", ".join(f"`{pair}`" for pair in changed)}' if changed else ''
-    lines = [f'Measured{condition} on {machine()}.\n', HEAD.rstrip(), *map(row, outcomes)]
+    brief = [outcome._replace(reaction=said(outcome)) for outcome in outcomes]
+    quiet = [outcome for outcome in brief if is_quiet(outcome)]
+    rows = [row(outcome) for outcome in brief if outcome not in quiet]
+    lines = [f'Measured{condition} on {machine()}.\n', HEAD.rstrip(), *rows]
+    if quiet:
+        lines += ['', ridden_through(quiet)]
     failed = [outcome.fault for outcome in outcomes if outcome.failures]
     verdict = (
         f'What must not happen happened: {"; ".join(failed)}.'
@@ -36,6 +41,25 @@ def faults(outcomes: Sequence[Outcome], changed: Sequence[str]) -> str:
         else 'Nothing that must not happen happened.'
     )
     return '\n'.join([*lines, '', verdict])
+
+
+def said(outcome: Outcome) -> str:
+    """The reaction without what the nodes counted besides."""
+    parts = outcome.reaction.split('; ')
+    return '; '.join(part for part in parts if not part.startswith(('controller: ', 'plant: ')))
+
+
+def is_quiet(outcome: Outcome) -> bool:
+    """Whether nothing came of a fault that is worth a row."""
+    return outcome.reaction == 'ridden through' and outcome.worst < BOUND and not outcome.failures
+
+
+def ridden_through(quiet: Sequence[Outcome]) -> str:
+    """The faults of which nothing came, in one sentence."""
+    worst = length(max(outcome.worst for outcome in quiet))
+    torque = max(outcome.torque for outcome in quiet)
+    names = '; '.join(outcome.fault for outcome in quiet)
+    return f'Ridden through with at most {worst} and {torque:.1f} N m: {names}.'
 
 
 def row(outcome: Outcome) -> str:
