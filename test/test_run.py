@@ -23,6 +23,7 @@ from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import history, recording
+from parallel_robot.bags.record_names import CHANGES
 from parallel_robot.bags.recovery import recover
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
@@ -100,6 +101,7 @@ def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tm
             process,
         )  # fmt: skip
         assert answer.results[0].successful
+        process.until(lambda key=key: noted(tmp_path / 'bag', key))
     assert process.wait() == 0, process.stderr
     past = recording.read(tmp_path / 'bag').history
     assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
@@ -148,6 +150,13 @@ def under_way(process, bag, size=60_000):
     nodes = process.children()
     assert set(nodes) == set(MODULES.values())
     return nodes
+
+
+def noted(bag, key):
+    """Whether a change of a key is in the bag."""
+    (file,) = bag.glob('*.mcap')
+    notes = file.read_bytes().split(CHANGES.encode())[1:]
+    return any(key.encode() in note[:1000] for note in notes)
 
 
 def check_end(bag, nodes):
