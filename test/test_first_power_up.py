@@ -191,6 +191,8 @@ def test_the_page_is_calm_word_by_word(bench):
     assert next(titles) == 'Noise'
     recorder, identify = STEPS['Noise']
     process = robot.run(recorder)
+    subscribers = robot.peer.node.get_subscriptions_info_by_topic
+    robot.until(lambda: 'recorder' in {one.node_name for one in subscribers('/reference')})
     robot.wait(3.0)
     assert process.end(signal.SIGINT) == 0
     assert 'sensor noise in' in robot.run(identify)
