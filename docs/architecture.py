@@ -10,7 +10,7 @@ import grimp
 
 ROOT = Path(__file__).parents[1]
 ROOMS, INSIDE = ('parallel_robot', 'parallel_robot_model'), '*/__init__.py'
-LEFT, WIDE, HIGH, ROW, SIZE = 60, 250, 26, 42, 900  # px
+LEFT, WIDE, HIGH, ROW, SIZE = 110, 280, 26, 42, 990  # px
 STYLE = """<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7"
 markerHeight="7" orient="auto"><path class="tip" d="M0 0L8 4L0 8z"/></marker></defs>
 <style>
@@ -78,7 +78,7 @@ def picture() -> str:
             rows, x, end = (top[other] - y) // ROW, LEFT + WIDE / 2, top[other]
             path = f'M{x:g} {y + HIGH}V{end - 2}'
             if rows > 1:  # around those between
-                start, end, bend = y + 18, end + 9, LEFT - 20 * rows
+                start, end, bend = y + 18, end + 9, LEFT - min(20 * rows, LEFT)
                 path = f'M{LEFT} {start}C{bend} {start} {bend} {end} {LEFT - 2} {end}'
             parts.append(f'<path d="{path}"/>')
     size = f'width="{SIZE}" height="{10 + ROW * len(house)}"'
