@@ -117,9 +117,9 @@ class Controller(ControllerState):
     def status(self) -> Status:
         """What the controller is doing."""
         delay = told_delay(self._core.estimator, int(self._numbers[PHASE]))
-        state = self.state
-        fault = self._faults.get(state.fault)
-        pose = LOST if state.lost else self._told
+        number, lost = self._fault_of(self._common)
+        fault = self._faults.get(number)
+        pose = LOST if lost else self._told
         return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
 
     def waits(self) -> str:

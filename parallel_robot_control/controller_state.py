@@ -74,6 +74,7 @@ class ControllerState:
             self._arrays,
         )
         self._state_of = entry_point(law_core.state_of, self._common)
+        self._fault_of = entry_point(law_core.fault_of, self._common)
         self._set_state = entry_point(law_core.set_state, self._common, state)
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted
@@ -94,7 +95,7 @@ class ControllerState:
     @property
     def fault(self) -> int:
         """NONE or the number of the present fault, see faults.py."""
-        return self.state.fault
+        return int(self._fault_of(self._common)[0])
 
     @property
     def state(self) -> CycleState:
@@ -164,7 +165,7 @@ class ControllerState:
         Returns:
             The reason why not; empty if the pose is known now.
         """
-        if not self.state.lost:
+        if not self._fault_of(self._common)[1]:
             return 'the pose is known'
         if self._offered is None:
             return 'no pose was named; ~/clear_fault names those that fit the joint angles'
@@ -246,6 +247,7 @@ class ControllerState:
 
     def _count_fault(self) -> None:
         """Count the present fault, once, by its text."""
-        if self.fault != self._fault_seen:
-            self._fault_seen = self.fault
-            self.counts[self._faults[self.fault].text] += 1
+        fault = self.fault
+        if fault != self._fault_seen:
+            self._fault_seen = fault
+            self.counts[self._faults[fault].text] += 1

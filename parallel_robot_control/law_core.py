@@ -93,6 +93,12 @@ def state_of(common: Any) -> CycleState:
 
 
 @kernel
+def fault_of(common: Any) -> tuple[int, bool]:
+    """Number of its fault, and whether its pose is lost; without the rest of the state."""
+    return common.state.fault, common.state.lost
+
+
+@kernel
 def set_state(common: Any, state: CycleState) -> None:
     """Replace it."""
     common.state = state

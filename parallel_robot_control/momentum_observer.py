@@ -72,9 +72,3 @@ def observed(
     external = (momentum - before.momentum) / dt - torque - 0.5 * (drift + before.drift)
     residual = kept * before.residual + (1.0 - kept) * external
     return Observed(momentum, drift, select(known, residual, np.zeros_like(velocity)))
-
-
-def not_observed(row: Array) -> Observed:
-    """Before the first state; `row` is any vector of shape (n,)."""
-    zero = np.zeros_like(row)
-    return Observed(zero, zero, zero)

@@ -55,8 +55,8 @@ class ControllerTopics:
     def publish_answer(self, code: int) -> None:
         """Publish the last command and, by the bits of its code, what goes with it."""
         self.publish_command()
-        stamp, status = self._controller.stamp, self._controller.status
-        if (code & STATUS or self._status is None) and status != self._status:
+        stamp = self._controller.stamp
+        if (code & STATUS or self._status is None) and self._controller.status != self._status:
             self.publish_status(self._controller.acts)
         if code & TELEMETRY:
             for topic, fields in telemetry_fields(self._controller.telemetry).items():

@@ -115,6 +115,8 @@ settings.register_profile(
 settings.load_profile('suite')
 pytest.register_assert_rewrite('browser', 'ros_fixtures', 'sweeping', 'warm_trials')
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # where `nohup` starts the tests, too
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a job in the background of a shell
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looked through
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
-from parallel_robot.bags import recording, stretches
+from parallel_robot.bags import held_code, recording, stretches
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
@@ -30,9 +30,7 @@ from parallel_robot_control.laws import title
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
-from parallel_robot_model.robots.configuration import is_known
 from parallel_robot_sim.motions import differs
-from trajectory_gen.shapes import shapes
 
 PAST = 12.0  # s before a moment that is sought, for the curves
 SPEEDS = (0.001, 100.0)  # slowest, fastest
@@ -216,10 +214,7 @@ def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     files = custom_files(bag, past.sources, log.config, folder, trust)
     values = bag_replay.configuration(log, past, files, {})
-    if not is_known(values):
-        raise BagError(f'{bag} does not hold the robot {values["robot_model"]}')
-    if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
-        raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
+    held_code.check(bag, values)
     return BagSource(log, past, configure(values))
 
 

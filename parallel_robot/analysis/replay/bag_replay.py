@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import arithmetic, recording
+from parallel_robot.bags import arithmetic, held_code, recording
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
@@ -24,8 +24,6 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
-from parallel_robot_model.robots.configuration import is_known
-from trajectory_gen.shapes import shapes
 
 # Beginnings of keys on which torques depend, beside those of the laws.
 GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'safety')
@@ -178,17 +176,7 @@ def prepared(
             raise BagError(
                 f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
             )
-        if not is_known(values):
-            raise BagError(
-                f'{bag} does not hold the robot {values["robot_model"]}; '
-                '--set custom_robots=[FILE] adds one'
-            )
-        shape = values['trajectory.shape']
-        if shape not in shapes(values['custom_trajectories']):
-            raise BagError(
-                f'{bag} does not hold the trajectory {shape}; '
-                '--set custom_trajectories=[FILE] adds one'
-            )
+        held_code.check(bag, values, addable=True)
         yield Prepared(log, past, values, bool(changes))
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import arithmetic, bag_difference, recording
+from parallel_robot.bags import arithmetic, bag_difference, held_code, recording
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
@@ -25,8 +25,6 @@ from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.parameter_file import MOTION
 from parallel_robot_model.messages.topics import SLOW
-from parallel_robot_model.robots.configuration import is_known
-from trajectory_gen.shapes import shapes
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 BASE = 'paper_circle'  # of a scenario that is not shipped
@@ -111,19 +109,20 @@ class Experiment:
         Raises:
             BagError: one cannot be read to its end, or takes too much.
         """
-        log, until, reach = self.log, None, ''
+        log, other, until, reach = self.log, None, None, ''
         if not self.simulated and self.values['time_mode'] != 'lockstep':
             return Rerun(out, unlike='a run in real time', warnings=self.warnings)
         if self.past.facts.get('start_stamp', '0') == '0':
             return Rerun(out, unlike='nodes that were started by hand', warnings=self.warnings)
         if not self.simulated or self.values['duration'] != planned_length(log, self.past):
-            until = common_end(log, recording.read(out, memory=memory).log)
+            other = recording.read(out, memory=memory).log
+            until = common_end(log, other)
         if until is not None:
             reach = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
         count, difference = bag_difference.compare(self.bag, out, memory, until)
-        size = (
-            bag_difference.size(log, recording.read(out, memory=memory).log) if difference else ''
-        )
+        size = ''
+        if difference:
+            size = bag_difference.size(log, other or recording.read(out, memory=memory).log)
         return Rerun(out, count, difference, reach, size, warnings=self.warnings)
 
 
@@ -165,13 +164,9 @@ def prepared(
             f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
         )
     with tempfile.TemporaryDirectory() as directory:
-        robot = str(log.config['robot_model'])
         files = custom_files(bag, past.sources, log.config, Path(directory), trust, told)
         values = log.config | files
-        if not is_known(values):
-            raise BagError(f'{bag} does not hold the robot {robot}')
-        if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
-            raise BagError(f'{bag} does not hold the trajectory {values["trajectory.shape"]}')
+        held_code.check(bag, values)
         values = custom_defaults(values) | values  # a recorder started by hand has no gains
         if values['law'] not in available(values['custom_laws']):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
