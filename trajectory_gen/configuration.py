@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config, fields, points_file
+from parallel_robot_model.configuration import config, fields, points_file, points_table
 from parallel_robot_model.configuration.groups import Declared, Groups, build
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.placed import locating, places_of
@@ -21,7 +21,8 @@ from trajectory_gen import hold, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 
-FIXED = ('trajectory.lookahead', points_file.FILE)  # at the start
+OF_FILE = (points_file.FILE, points_file.THINNED, points_table.COLUMNS, points_table.UNITS)
+FIXED = ('trajectory.lookahead', *OF_FILE)  # at the start
 INITIAL = 'plant.initial_pose'
 
 
@@ -115,7 +116,7 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
 
 
 def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
-    """Refuse points of a file whose columns are joints where poses are wanted, or the reverse.
+    """Refuse points of a file that are places in a plane, where the robot does not move in one.
 
     Args:
         values: A resolved configuration.
@@ -129,15 +130,13 @@ def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
         return
     module, columns = robot.module, place.columns
     axes = module.coordinates(robot.parameters)
-    own = columns[: len(axes)] == tuple(axis.name for axis in axes)
-    of_plane = columns[0] == 'x'
-    if own or of_plane == module.PLANAR or (of_plane and len(columns) != len(axes)):
+    own = columns == tuple(axis.name for axis in axes)
+    if own or columns[0] != 'x' or module.PLANAR or len(columns) != len(axes):
         return
     names = ', '.join(f'{axis.name} [{axis.unit}]' for axis in axes)
-    what = 'a place in a plane' if of_plane else 'joints'
     raise InputError(
-        f'{points_file.FILE}: columns {", ".join(columns)} are {what}; a point must be a pose '
-        f'of {robot.name}, {names}',
+        f'{points_file.FILE}: columns {", ".join(columns)} are a place in a plane; a point must '
+        f'be a pose of {robot.name}, {names}',
         points_file.POINTS,
     )
 
@@ -200,7 +199,9 @@ def trajectory_from(
         raise UnknownNameError('trajectory.shape', name, shapes, 'trajectory.shape')
     limits, shape = groups[robot.module.MotionLimits], shapes[name]
     known: Any = shape  # a module, which is hashable
-    return _trajectory(robot, parameters, limits, known, _placed(groups, name, shape, robot, here))
+    given = _placed(groups, name, shape, robot, here)
+    near = robot.pose_of(INITIAL, here) if getattr(given, 'space', '') == 'joints' else ()
+    return _trajectory(robot, parameters, limits, known, given, near)
 
 
 def _placed(

@@ -17,7 +17,8 @@ UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}  # s
 def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
     """What a motion looks like that was given in other units, one line each; often nothing."""
     robot, name = trajectory.robot, trajectory.parameters.shape
-    axes, found = robot.module.coordinates(robot.parameters), []
+    axes = robot.module.coordinates(robot.parameters)
+    found = [trajectory.note] if trajectory.note else []
     poses = trajectory.poses(np.linspace(0.0, trajectory.span, LOOKS + 1)).pose
     for axis, values in zip(axes, poses.T, strict=True):
         angle = float(values[np.argmax(np.abs(values))])

@@ -14,7 +14,7 @@ from parallel_robot_model.compiler import FirstClass, inlined, kernel, read_row,
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
-from trajectory_gen import shape_trial, transition, waypoints
+from trajectory_gen import joint_path, shape_trial, transition, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, prepared
 from trajectory_gen.transition import Entry, Poses
 
@@ -68,6 +68,7 @@ class Trajectory:
         shape: What the shape computes the motion from: its parameters, or what it has prepared.
         size: Number of coordinates that the shape has; a robot in a plane may not have phi.
         entry: How the motion is entered from another one, if it is.
+        note: What was left out of its file of points, if anything.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Trajectory:
         limits: Any,
         shape: Shape,
         given: Any,
+        near: tuple[float, ...] = (),
     ) -> None:
         """Prepare a motion.
 
@@ -86,16 +88,20 @@ class Trajectory:
             limits: MotionLimits of the robot.
             shape: Its shape.
             given: Parameters of the shape.
+            near: Pose near the first one, for a motion in the joints.
 
         Raises:
             InputError: the shape refuses its parameters, or has another number of coordinates
-                than the pose of the robot.
+                than the pose of the robot; no pose fits the joints.
         """
         self.robot, self.parameters, self.limits = robot, parameters, limits
         name = parameters.shape
         if name not in SHAPES:
             shape_trial.check(name, shape, given)
         self.shape, self._length = prepared(name, shape, given)
+        if near:
+            self.shape = joint_path.in_pose(robot, self.shape, near)
+        self.note: str = getattr(given, 'thinned', '')
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
         self.size = size = len(shape.motion(self.shape, 0.0).pose)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -23,10 +23,16 @@ class Parameters(NamedTuple):
     """
 
     times: Annotated[tuple[float, ...], Field('s', 'time of each point')]
-    points: Annotated[
-        tuple[float, ...], Field('', 'poses, one after another, in the units of the robot')
-    ]
+    points: Annotated[tuple[float, ...], Field('', 'one after another, in the units of the robot')]
     file: Annotated[str, Field('', 'CSV to read times and points from, instead')]
+    columns: Annotated[
+        tuple[str, ...], Field('', 'its columns, where others than t, x, y, phi or t, q1, q2 ...')
+    ]
+    units: Annotated[tuple[str, ...], Field('', 'its units, where others than s, m, rad')]
+    thinned: Annotated[str, Field('', 'what was left out of it')]
+    space: Annotated[
+        Literal['pose', 'joints'], Field('', 'what the points are: poses, or actuated joints')
+    ]
     periodic: Annotated[bool, Field('', 'again and again; the last point equals the first')]
     smoothing: Annotated[
         float, Field('s', '0: through the points; else near them, faster motion is left out', 0.0)

@@ -2,107 +2,96 @@
 
 from __future__ import annotations
 
-import csv
-import math
-import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
-from parallel_robot_model.configuration import yaml_file
+from parallel_robot_model.configuration import points_table
 from parallel_robot_model.configuration.placed import Place, Placed, locating
+from parallel_robot_model.configuration.points_table import COLUMNS, UNITS, Table
 
 FILE, TIMES, POINTS = 'waypoints.file', 'waypoints.times', 'waypoints.points'
+SPACE, THINNED = 'waypoints.space', 'waypoints.thinned'
 MOST = 5000  # points of a motion: all of them are parameters of nodes, and go into a bag
-HEADER = 't, x, y, phi; t, x, y; or t, q1, q2 and so on'
 
 
 def filled(values: Placed) -> Placed:
     """Values with those of the CSV that they name, if any, instead of its name.
 
     Its path counts from the file in which its name stands, or else from the current directory.
+    What says how it is read, its columns and units, stands beside its name.
 
     Raises:
         InputError: it cannot be read, is no such file, or there are points beside it.
     """
     name = values.get(FILE, '')
-    if name == '':
+    options = [key for key in (COLUMNS, UNITS) if values.get(key)]
+    if name == '' and not options:
         return values
     place = values.places.get(FILE)
     with locating(values):
+        if name == '':
+            raise InputError(f'{options[0]} needs {FILE} beside it', options[0])
         if not isinstance(name, str):
             raise InputError(f'{FILE} must be text, not {name!r}', FILE)
         beside = next((key for key in (TIMES, POINTS) if values.get(key)), None)
         if beside:
             raise InputError(f'{FILE} and {beside} exclude each other', FILE)
+        columns, units = (_words(values, key) for key in (COLUMNS, UNITS))
         try:
             path = Path(place.file if place else '').parent / Path(name).expanduser()
-            times, points, columns = read(path)
+            table = points_table.read(path, columns, units)
         except (RuntimeError, InputError) as error:  # home of an unknown user
-            raise InputError(f'{FILE}: {error}', FILE) from None
-    found = {FILE: '', TIMES: times, POINTS: points}
-    places = dict.fromkeys(found, place) if place else {}
-    places[POINTS] = (place or Place(str(path), 1))._replace(columns=columns)
-    return values | Placed(found, places)
+            key = getattr(error, 'key', '') or FILE
+            raise InputError(f'{FILE}: {error}' if key == FILE else str(error), key) from None
+    kept, thinned = _thinned(table, name)
+    of_joints = table.names[0].startswith('q')
+    entries: dict[str, Any] = {
+        FILE: '',
+        COLUMNS: [],
+        UNITS: [],
+        TIMES: table.times[kept].tolist(),
+        POINTS: table.points[kept].ravel().tolist(),
+        SPACE: 'joints' if of_joints else 'pose',
+        THINNED: thinned,
+    }
+    places = dict.fromkeys(entries, place) if place else {}
+    places[POINTS] = (place or Place(str(path), 1))._replace(columns=table.names)
+    return values | Placed(entries, places)
 
 
-def read(path: Path) -> tuple[list[float], list[float], tuple[str, ...]]:
-    """Read times [s], points, one after another, in the units of the robot, and their columns.
-
-    Args:
-        path: A CSV with a header: HEADER.
-
-    Raises:
-        InputError: it cannot be read, or a line is wrong.
-    """
-    lines = csv.reader(yaml_file.text(path).splitlines())
-    times: list[float] = []
-    points: list[float] = []
-    try:
-        header = [name.strip().lower() for name in next(lines, [])]
-        if not _is_header(header):
-            shown = printable(', '.join(header), yaml_file.STRING)
-            raise InputError(f'{path}, line 1: the header must be {HEADER}, not {shown!r}')
-        for line in lines:
-            if not ''.join(line).strip():
-                continue
-            where = f'{path}, line {lines.line_num}'
-            if len(line) != len(header):
-                raise InputError(f'{where} must hold {len(header)} numbers, not {len(line)}')
-            numbers = [_number(where, text) for text in line]
-            if times and numbers[0] <= times[-1]:
-                what = f't = {numbers[0]:.10g} is not after {times[-1]:.10g}'
-                raise InputError(f'{where}: {what}; times must increase')
-            if len(times) == MOST:
-                raise InputError(f'{path} has more than {MOST} points')
-            times.append(numbers[0])
-            points += numbers[1:]
-    except csv.Error as error:
-        raise InputError(f'{path}, line {lines.line_num}: {error}') from None
-    if len(times) < 2:
-        raise InputError(f'{path} must hold at least 2 points, not {len(times)}')
-    return times, points, tuple(header[1:])
-
-
-def _is_header(names: list[str]) -> bool:
-    axes = [f'q{k}' for k in range(1, len(names))]
-    return names in (['t', 'x', 'y', 'phi'], ['t', 'x', 'y']) or (
-        len(names) > 1 and names == ['t', *axes]
-    )
-
-
-def _number(where: str, text: str) -> float:
-    """A finite number.
+def _words(values: Placed, key: str) -> list[str]:
+    """A list of texts.
 
     Raises:
         InputError: it is none.
     """
-    try:
-        value: Any = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or re.search('_', text):
-        shown = printable(text.strip(), yaml_file.STRING)
-        raise InputError(f'{where}: {shown!r} is not a finite number')
-    return float(value)
+    words = values.get(key) or []
+    if not isinstance(words, list | tuple) or not all(isinstance(word, str) for word in words):
+        raise InputError(f'{key} must be a list of texts, not {words!r}', key)
+    return list(words)
+
+
+def _thinned(table: Table, name: str) -> tuple[NDArray[np.int64], str]:
+    """Indices of the rows that are kept, at most MOST, and what is said of the others."""
+    count = len(table.times)
+    if count <= MOST:
+        return np.arange(count), ''
+    from scipy.interpolate import make_interp_spline  # it takes long to load
+
+    step = -(-(count - 1) // (MOST - 1))
+    kept = np.unique([*range(0, count, step), count - 1])
+    curve = make_interp_spline(table.times[kept], table.points[kept], k=5)
+    offset = np.abs(curve(table.times) - table.points).max(axis=0)
+    unit = ['m' if axis in ('x', 'y') else 'rad' for axis in table.names]
+    told = (
+        f'{axis} {distance:.2g} {of}'
+        for axis, distance, of in zip(table.names, offset, unit, strict=True)
+    )
+    return kept, (
+        f'{name} has {count} rows, of which one in {step} is followed; '
+        f'the motion misses the others by at most {", ".join(told)}'
+    )

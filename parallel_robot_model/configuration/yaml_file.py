@@ -116,8 +116,8 @@ def places(text: str, file: str) -> dict[str, Place]:
     return found
 
 
-def text(path: Path) -> str:
-    """Content of a regular file.
+def text(path: Path, most: int = plain_data.LONGEST) -> str:
+    """Content of a regular file of at most so many bytes.
 
     Raises:
         InputError: there is none, it cannot be read, is too large or is not a text.
@@ -127,12 +127,12 @@ def text(path: Path) -> str:
             what = 'is not a file' if path.exists() else 'does not exist'
             raise InputError(f'{path} {what}')
         with path.open('rb') as stream:
-            content = stream.read(plain_data.LONGEST + 1)
+            content = stream.read(most + 1)
     except (OSError, ValueError) as error:  # a name too long, or with a null character
         reason = getattr(error, 'strerror', None) or error
         raise InputError(f'{path} cannot be read: {reason}') from None
-    if len(content) > plain_data.LONGEST:
-        raise InputError(f'{path} has more than {plain_data.LONGEST} bytes')
+    if len(content) > most:
+        raise InputError(f'{path} has more than {most} bytes')
     try:
         return content.decode('utf-8-sig')
     except UnicodeDecodeError:

@@ -1,0 +1,212 @@
+"""Tables of points: a CSV of times and coordinates, in anybody's columns and units."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration import yaml_file
+
+LARGEST = 1 << 28  # bytes of a table
+HEADER = 't, x, y, phi; t, x, y; or t, q1, q2 and so on'
+COLUMNS = 'waypoints.columns'
+UNITS = 'waypoints.units'
+SEPARATORS = ',;\t'
+TIME = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9, 'min': 60.0}
+LENGTH = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6, 'in': 0.0254}
+ANGLE = {'rad': 1.0, 'mrad': 1e-3, 'deg': math.pi / 180.0, 'turn': 2.0 * math.pi}
+KINDS = {'time': TIME, 'length': LENGTH, 'angle': ANGLE}
+
+
+class Table(NamedTuple):
+    """Times and points.
+
+    Attributes:
+        times: Times [s], increasing, shape (N,).
+        points: Coordinates in m and rad, shape (N, m).
+        names: Names of the coordinates: x, y, phi, or q1, q2 and so on.
+    """
+
+    times: Array
+    points: Array
+    names: tuple[str, ...]
+
+
+class _Lines(NamedTuple):
+    """Lines of a table.
+
+    Attributes:
+        header: Its first line, as text.
+        rows: The others, and the first, too, if it holds numbers, each with its number.
+        comma: Whether it has commas in its numbers.
+    """
+
+    header: list[str]
+    rows: Iterator[tuple[int, list[str]]]
+    comma: bool
+
+
+def read(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> Table:
+    """Read a table. Commas, semicolons or tabs separate its columns; lines with # are left out.
+
+    Args:
+        path: The file. Its first line says what its columns are, see HEADER.
+        columns: For other columns: which of them is what, such as ``t=time``, ``x=X [mm]``, or by
+            its number, ``t=1``, for a table without a header.
+        units: Units of its times, lengths and angles, such as ``ms``, ``mm``, ``deg``, where they
+            are not s, m and rad.
+
+    Raises:
+        InputError: it cannot be read, a line is wrong, or an option does not fit.
+    """
+    scales = _scales(units)
+    lines = _lines(path)
+    names, places = _chosen(path, lines.header, columns)
+    count = len(lines.header)
+    table: list[list[float]] = []
+    try:
+        for number, row in lines.rows:
+            where = f'{path}, line {number}'
+            if len(row) != count:
+                raise InputError(f'{where} must hold {count} numbers, not {len(row)}')
+            try:
+                values = [float(row[k]) for k in places]
+            except ValueError:
+                values = []
+            if not values or not all(map(math.isfinite, values)) or '_' in ''.join(row):
+                values = [_number(where, row[k], lines.comma) for k in places]
+            if table and values[0] <= table[-1][0]:
+                what = f't = {values[0]:.10g} is not after {table[-1][0]:.10g}'
+                raise InputError(f'{where}: {what}; times must increase')
+            table.append(values)
+    except csv.Error as error:
+        raise InputError(f'{path}: {error}') from None
+    if len(table) < 2:
+        raise InputError(f'{path} must hold at least 2 points, not {len(table)}')
+    numbers = np.array(table) * [scales[_kind(name, units)] for name in names]
+    return Table(numbers[:, 0], numbers[:, 1:], names[1:])
+
+
+def _lines(path: Path) -> _Lines:
+    text = yaml_file.text(path, LARGEST)
+    numbered = ((k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip())
+    used = ((k, line) for k, line in numbered if not line.lstrip().startswith('#'))
+    number, first = next(used, (1, ''))
+    separator = max(SEPARATORS, key=lambda mark: (first.count(mark) > 0, mark != ','))
+    comma = separator != ',' and ',' in text
+
+    def cells(line: str) -> list[str]:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+    header = cells(first)
+    rows = ((k, cells(line)) for k, line in used)
+    if all(_is_number(cell, comma) for cell in header) and header:
+        rows = (pair for part in ([(number, header)], rows) for pair in part)
+    return _Lines(header, rows, comma)
+
+
+def _chosen(
+    path: Path, header: list[str], columns: Sequence[str]
+) -> tuple[tuple[str, ...], list[int]]:
+    """Names of time and coordinates, and where in a line they stand."""
+    shown = printable(', '.join(header), yaml_file.STRING)
+    if not columns:
+        names = [name.lower() for name in header]
+        if not _are_names(names):
+            hint = f'; {COLUMNS} says which column is what, such as [t=1, x=2, y=3]'
+            raise InputError(f'{path}, line 1: the header must be {HEADER}, not {shown!r}{hint}')
+        return tuple(names), list(range(len(names)))
+    pairs = dict(entry.split('=', 1) for entry in columns if '=' in entry)
+    if len(pairs) != len(columns) or not _are_names(sorted(pairs, key=_order)):
+        raise InputError(
+            f'{COLUMNS} must name t and coordinates, each once, such as [t=time, x=X, y=Y], '
+            f'not {list(columns)}',
+            COLUMNS,
+        )
+    names = sorted(pairs, key=_order)
+    return tuple(names), [_place(path, header, pairs[name].strip(), shown) for name in names]
+
+
+def _place(path: Path, header: list[str], column: str, shown: str) -> int:
+    """Where in a line a column stands, which is given by its name or its number from 1."""
+    same = [k for k, name in enumerate(header) if name == column]
+    if len(same) == 1:
+        return same[0]
+    if column.isdecimal() and 1 <= int(column) <= len(header):
+        return int(column) - 1
+    what = 'has two columns' if same else 'has no column'
+    raise InputError(f'{path} {what} {column!r}, only {shown!r}', COLUMNS)
+
+
+def _order(name: str) -> tuple[int, int | str]:
+    """Time first, then coordinates as a pose has them, or joints by their numbers."""
+    known = ('t', 'x', 'y', 'phi')
+    if name in known:
+        return (0, known.index(name))
+    return (1, int(name[1:])) if re.fullmatch(r'q[1-9]\d*', name) else (2, name)
+
+
+def _are_names(names: list[str]) -> bool:
+    axes = [f'q{k}' for k in range(1, len(names))]
+    return names in (['t', 'x', 'y', 'phi'], ['t', 'x', 'y']) or (
+        len(names) > 1 and names == ['t', *axes]
+    )
+
+
+def _kind(name: str, units: Sequence[str]) -> str:
+    """What a column is; joints are angles where no unit of an angle, but one of a length, is."""
+    if name == 't':
+        return 'time'
+    slides = any(unit in LENGTH for unit in units) and not any(unit in ANGLE for unit in units)
+    return 'length' if name in ('x', 'y') or (name[0] == 'q' and slides) else 'angle'
+
+
+def _scales(units: Sequence[str]) -> dict[str, float]:
+    """What a number of each kind is multiplied with.
+
+    Raises:
+        InputError: a unit is not known, or two are of one kind.
+    """
+    scales: dict[str, float] = {}
+    for unit in units:
+        kind = next((kind for kind, sizes in KINDS.items() if unit in sizes), None)
+        if kind is None:
+            every = ', '.join(name for sizes in KINDS.values() for name in sizes)
+            raise InputError(f'{UNITS}: unknown unit {unit!r} (known: {every})', UNITS)
+        if kind in scales:
+            raise InputError(f'{UNITS} must name one unit of {kind}, not {list(units)}', UNITS)
+        scales[kind] = KINDS[kind][unit]
+    return dict.fromkeys(KINDS, 1.0) | scales
+
+
+def _is_number(text: str, comma: bool) -> bool:
+    try:
+        float(text.replace(',', '.') if comma else text)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(where: str, text: str, comma: bool) -> float:
+    """A finite number.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        value = float(text.replace(',', '.') if comma else text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or '_' in text:
+        shown = printable(text.strip(), yaml_file.STRING)
+        raise InputError(f'{where}: {shown!r} is not a finite number')
+    return value

@@ -1,0 +1,88 @@
+"""Motions in the joints as motions of the pose, which all else works with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.robots.contract import FOUND, PoseMotion
+from parallel_robot_model.robots.registry import RobotModel
+from trajectory_gen.waypoints import Spline, motion
+
+STEP = 0.005  # s, of a piece of the path: a sine of 5 Hz is met to 1e-9 of its amplitude
+POINTS = 'waypoints.points'
+
+
+def in_pose(robot: RobotModel, joints: Spline, near: Sequence[float]) -> Spline:
+    """The motion of the pose that a motion of the actuated joints is.
+
+    The forward kinematics is followed along the path, so assembly and working mode stay those of
+    the pose `near`. Between places that are at most STEP apart, pose, rate and acceleration at
+    both ends fix a polynomial of degree 5.
+
+    Args:
+        robot: The robot.
+        joints: The motion of its joints [rad], n coordinates.
+        near: Pose from which the first one is looked for, m numbers.
+
+    Raises:
+        InputError: it has another number of joints, or no pose fits those at some time.
+    """
+    count, names = joints.coefficients.shape[2], robot.module.coordinates(robot.parameters)
+    wanted = robot.module.joints(robot.parameters)
+    if count != wanted:
+        raise InputError(f'{POINTS} have {count} joints; {robot.name} has {wanted}', POINTS)
+    if [axis.name for axis in names] == [f'q{k + 1}' for k in range(count)]:
+        return joints  # the pose is the joints
+    steps = np.diff(joints.knots)
+    parts = np.maximum(1, np.ceil(steps / STEP - 1e-9).astype(int))
+    shares = np.concatenate([np.arange(part) / part for part in parts])
+    knots = np.repeat(joints.knots[:-1], parts) + shares * np.repeat(steps, parts)
+    knots = np.append(knots, joints.knots[-1])
+    motions = _followed(robot, joints, knots - knots[0], near)
+    return Spline(knots, _hermite(np.diff(knots), motions), joints.periodic)
+
+
+def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[float]) -> Array:
+    """Pose, rate and acceleration at some times since the first point, shape (N, 3, m)."""
+    pose = vector(near)
+    row = vector(np.zeros(joints.coefficients.shape[2]))
+    locate = robot.kernel('locate', row, pose)
+    still = PoseMotion(pose, pose, pose)
+    joint_motion = robot.kernel('joint_motion', still)
+    constants, size = robot.constants, len(near)
+    zero, units = vector(np.zeros(size)), [vector(row) for row in np.eye(size)]
+    found = np.empty((len(times), 3, size))
+    for k, time in enumerate(times):
+        q, rate, acceleration = motion(joints, time)
+        located = locate(constants, vector(q), pose)
+        if located.fault != FOUND:
+            what = robot.module.FAULTS[located.fault].text
+            shown = ', '.join(f'{angle:.4g}' for angle in q)
+            raise InputError(f'{POINTS}: at t = {time:.4g} s, joints [{shown}]: {what}', POINTS)
+        pose = located.pose
+        # The joints follow the pose: qd = G v and qdd = G a + h(v); G has a column for each rate.
+        columns = [joint_motion(constants, PoseMotion(pose, unit, zero)) for unit in units]
+        jacobian = np.array([np.asarray(column.velocity) for column in columns]).T
+        velocity = np.linalg.solve(jacobian, rate)
+        carried = joint_motion(constants, PoseMotion(pose, vector(velocity), zero)).acceleration
+        found[k] = pose, velocity, np.linalg.solve(jacobian, acceleration - np.asarray(carried))
+    return found
+
+
+def _hermite(steps: Array, motions: Array) -> Array:
+    """Coefficients of the powers 5 to 0 between neighbours, shape (K, 6, m)."""
+    h = steps[:, np.newaxis]
+    (p, v, a), (q, w, b) = motions[:-1].swapaxes(0, 1), motions[1:].swapaxes(0, 1)
+    # What is missing at the end of a piece of degree 2, in units of the step.
+    miss = q - p - h * v - 0.5 * h**2 * a
+    slope = h * (w - v - h * a)
+    bend = h**2 * (b - a)
+    c3 = 10.0 * miss - 4.0 * slope + 0.5 * bend
+    c4 = -15.0 * miss + 7.0 * slope - bend
+    c5 = 6.0 * miss - 3.0 * slope + 0.5 * bend
+    return np.stack([c5 / h**5, c4 / h**4, c3 / h**3, 0.5 * a, v, p], axis=1)
