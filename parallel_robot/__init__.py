@@ -17,6 +17,7 @@ import parallel_robot_model  # noqa: F401, before Numba
 _PLACES = {  # module to what it offers
     'parallel_robot.python.identification': ('identify',),
     'parallel_robot.python.limits': ('limit',),
+    'parallel_robot.python.linear': ('linearise',),
     'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.presentations': ('export', 'report', 'video'),
     'parallel_robot.python.repetitions': ('replay', 'rerun'),
@@ -31,13 +32,14 @@ _PLACES = {  # module to what it offers
 }  # fmt: skip
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
-    'identify', 'laws', 'limit', 'load', 'metrics', 'plot', 'replay', 'report', 'rerun', 'save',
-    'scenarios', 'simulate', 'sweep', 'tune', 'video',
+    'identify', 'laws', 'limit', 'linearise', 'load', 'metrics', 'plot', 'replay', 'report',
+    'rerun', 'save', 'scenarios', 'simulate', 'sweep', 'tune', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
     from parallel_robot.python.identification import identify
     from parallel_robot.python.limits import limit
+    from parallel_robot.python.linear import linearise
     from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.notebook import (
         compare,

@@ -24,6 +24,7 @@ from parallel_robot.cli import command_line
 from parallel_robot.python import (
     identification,
     limits,
+    linear,
     names,
     notebook,
     presentations,
@@ -63,7 +64,7 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(identification, limits, names, presentations, repetitions, tuning),
+        *(identification, limits, linear, names, presentations, repetitions, tuning),
     ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
