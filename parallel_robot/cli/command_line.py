@@ -31,6 +31,8 @@ COMMANDS = {
     'node': 'one node in this process, as ros2 run starts it',
     'live': 'the robot in a browser: a running graph, one that is started, or a bag; acts on it',
     'top': 'a running graph in the terminal: rates, times, law, fault; keys act on it',
+    'param': 'parameters of a running node: get, set, dump',
+    'call': 'a service of a running node: emergency_stop, clear_fault, reset, ready ...',
     'analyze': 'metrics and a picture of a bag',
     'replay': 'the torques of a bag computed again, by its law or another',
     'rerun': 'the experiment of a bag once more, from the bag alone',

@@ -12,8 +12,8 @@ from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.yaml_file import kind_of
 
 
-def parse(assignments: list[str]) -> dict[str, Any]:
-    """Read ``key=value`` words of a command line; values as in YAML.
+def parse(assignments: list[str], option: str = '--set') -> dict[str, Any]:
+    """Read ``key=value`` words of a command line; values as in YAML. The option is for messages.
 
     Raises:
         InputError: a word without '=' or with a value that YAML cannot read.
@@ -22,15 +22,15 @@ def parse(assignments: list[str]) -> dict[str, Any]:
     for word in assignments:
         key, equals, value = word.partition('=')
         if not equals or not key:
-            raise InputError(f'--set takes KEY=VALUE, not {word!r}')
+            raise InputError(f'{option} takes KEY=VALUE, not {word!r}')
         try:
             read = yaml.load(value, yaml_file.Loader)  # numbers as in a file
         except (yaml.YAMLError, ValueError, RecursionError) as error:  # the 45th of a month
             shown = printable(value)
             why = f': {printable(error)}' if isinstance(error, ValueError) else ''
-            raise InputError(f'--set {key}: {shown!r} is not a YAML value{why}') from None
+            raise InputError(f'{option} {key}: {shown!r} is not a YAML value{why}') from None
         if not isinstance(read, (bool, int, float, str, list, dict, type(None))):
-            raise InputError(f'--set {key}: YAML reads {kind_of(read)}; quote {value}')
+            raise InputError(f'{option} {key}: YAML reads {kind_of(read)}; quote {value}')
         values[key.strip()] = _number(read)
     return values
 
