@@ -39,6 +39,9 @@ class ControllerParameters(NamedTuple):
         Field('', 'pose from which the first forward kinematics starts, as of the robot'),
     ]
     stopped: Annotated[bool, Field('', 'true: it begins in emergency stop, until ~/clear_fault')]
+    lifecycle: Annotated[
+        bool, Field('', 'true: a managed node, which sends commands only while it is active')
+    ]
 
 
 class ControlConfiguration(NamedTuple):
@@ -51,6 +54,7 @@ class ControlConfiguration(NamedTuple):
         margins: SafetyMargins of the robot.
         guess: Pose from which the first forward kinematics starts, m numbers.
         stopped: Whether the controller begins in emergency stop.
+        lifecycle: Whether its node is a managed one.
         estimator: Where the motion of the joints is known from.
         lock_in: How the age of the states is identified, if it is.
         approach: How the robot joins the desired motion.
@@ -64,6 +68,7 @@ class ControlConfiguration(NamedTuple):
     margins: Any
     guess: tuple[float, ...]
     stopped: bool
+    lifecycle: bool
     estimator: EstimatorParameters
     lock_in: LockInParameters
     approach: ApproachParameters
@@ -162,13 +167,15 @@ def control_from(
     gains = {name: groups.at(name, law.Gains) for name, law in laws.items()}
     for name, law in laws.items():
         judge(name, law, gains[name])
+    controller = groups[ControllerParameters]
     return ControlConfiguration(
         _with_law(loop, loop.law, laws),
         robot,
         groups[SafetyParameters],
         groups[robot.module.SafetyMargins],
         checked(guess, robot),
-        groups[ControllerParameters].stopped,
+        controller.stopped or controller.lifecycle,
+        controller.lifecycle,
         groups[EstimatorParameters],
         groups[LockInParameters],
         groups[ApproachParameters],

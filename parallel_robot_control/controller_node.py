@@ -36,7 +36,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
-from parallel_robot_control.ros_controller_topics import ControllerTopics
+from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
@@ -44,12 +44,12 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import NOT_KNOWN
 from parallel_robot_model.nodes.joint_reader import JointReader
 from parallel_robot_model.nodes.life_cycle import run_node
+from parallel_robot_model.nodes.managed_node import Lifecycle
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.kept_stop import KeptStop
 
-LAST_WORD = 0.5  # s, time the node stays after sending zero torque, so that it is received
 DOUBTS = {
     faults.STATES_LATE: 'joint states that are too old',
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
@@ -88,7 +88,11 @@ class ControllerNode(SuiteNode):
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts
         )
-        self._topics = ControllerTopics(self, self._controller)
+        self._topics = ControllerTopics(self, self._controller, not configured.lifecycle)
+        self._stopped_by_hand = False  # beside the stop of a managed node that is not active
+        self._lifecycle: Lifecycle | None = None
+        if configured.lifecycle:
+            self._lifecycle = Lifecycle(self, self._activate, self._deactivate, self.finish)
         stop = self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
         clear = self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
         self.create_service(Trigger, '~/confirm_pose', self._answer_confirm_pose)
@@ -306,6 +310,7 @@ class ControllerNode(SuiteNode):
         """Begin in the emergency stop that was told to a controller of this name before."""
         told = self._kept_stop.told_at()
         if told is not None:
+            self._stopped_by_hand = True
             self._controller.trip(faults.EMERGENCY_STOP)
             since = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(told))
             self.get_logger().warning(f'emergency stop since {since}; ~/clear_fault ends it')
@@ -341,6 +346,7 @@ class ControllerNode(SuiteNode):
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        self._stopped_by_hand = True
         self._trip(faults.EMERGENCY_STOP)
         response.success = True
         response.message = f'{self.alarm()}; ~/clear_fault ends it'
@@ -349,15 +355,40 @@ class ControllerNode(SuiteNode):
     def _answer_clear_fault(
         self, _: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        if self._lifecycle is None or self._lifecycle.active:
+            response.message = self._clear_fault()
+            response.success = not response.message
+        else:
+            self._stopped_by_hand, response.success = False, True
+            response.message = 'the controller is not active'
+        return response
+
+    def _clear_fault(self) -> str:
+        """End the safe action; returns why not."""
         before = self._controller.fault
         dispute = self.disputes()
-        response.message = (
-            f'{dispute}; stop all but one' if dispute else self._controller.clear_fault()
-        )
-        response.success = not response.message
+        reason = f'{dispute}; stop all but one' if dispute else self._controller.clear_fault()
         if self._controller.fault != before:
             self._tell_now()
-        return response
+        return reason
+
+    def _activate(self) -> str:
+        """Send commands, from the end of the safe action on; returns why not."""
+        if self._stopped_by_hand:
+            return 'emergency stop; ~/clear_fault ends it'
+        name = self.resolve_topic_name(topics.COMMANDS.name)
+        if self.count_publishers(name):
+            return f'{name} has a publisher already; stop it'
+        reason = '' if self._topics.send() else f'nobody subscribes to {name}'
+        reason = reason or self._clear_fault()
+        if reason:
+            self._topics.fall_silent()
+        return reason
+
+    def _deactivate(self) -> None:
+        """Send zero torque, and then nothing."""
+        self._trip(faults.EMERGENCY_STOP)
+        self._topics.fall_silent()
 
     def _answer_confirm_pose(
         self, _: Trigger.Request, response: Trigger.Response

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
+
+from rclpy.publisher import Publisher
 
 from parallel_robot_control.answer_kernel import LOG, STATUS, TELEMETRY
 from parallel_robot_control.controller import Controller
@@ -16,21 +19,35 @@ from parallel_robot_control.messages import (
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.suite_node import SuiteNode
 
+LAST_WORD = 0.5  # s, time a publisher stays after zero torque, so that it is received
+HEARD = 1.0  # s, in which a new publisher is heard where anybody listens
+SOON = 0.005  # s, between two looks
+
+
+class Silent:
+    """In place of a publisher that is not there."""
+
+    def publish(self, _: bytes) -> None:
+        """Send nothing."""
+
 
 class ControllerTopics:
     """The publishers of a controller node."""
 
-    def __init__(self, node: SuiteNode, controller: Controller) -> None:
+    def __init__(self, node: SuiteNode, controller: Controller, sends: bool = True) -> None:
         """Create the publishers, and publish the name of the active law.
 
         Args:
             node: The node.
             controller: The controller whose output is published.
+            sends: Whether it sends commands from the start; else from `send` on.
         """
         self._node, self._controller = node, controller
         self._status: Status | None = None  # as last published
         self._law = controller.law.name  # as last published
-        self._commands = node.publisher(topics.COMMANDS)
+        self._commands: Publisher | Silent = Silent()
+        if sends:
+            self._commands = node.publisher(topics.COMMANDS)
         self._telemetry = {
             topic: (node.publisher(topic, essential=False), layout.draft())
             for topic, layout in telemetry_layouts(node.loop.joints).items()
@@ -39,6 +56,21 @@ class ControllerTopics:
         self._active_law = node.publisher(topics.ACTIVE_LAW, essential=False)
         self._active_law.publish(layouts.text_message(self._law))
         self._statuses = node.publisher(topics.STATUS, essential=False)
+
+    def send(self) -> bool:
+        """Send commands from now on; returns whether somebody hears them."""
+        self._commands = publisher = self._node.publisher(topics.COMMANDS)
+        given_up = time.monotonic() + HEARD
+        while not publisher.get_subscription_count() and time.monotonic() < given_up:
+            time.sleep(SOON)
+        return publisher.get_subscription_count() > 0
+
+    def fall_silent(self) -> None:
+        """Send a last command of zero torque, and no more; nobody hears of a publisher then."""
+        last, self._commands = self._commands, Silent()
+        last.publish(self._controller.log.zero_command())
+        time.sleep(LAST_WORD)  # best-effort subscribers acknowledge nothing
+        self._node.withdraw(last)
 
     def publish_command(self) -> None:
         """Publish the command of the last answer."""

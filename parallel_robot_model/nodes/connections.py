@@ -59,6 +59,11 @@ class Connections:
             self._outputs.append(publisher)
         return publisher
 
+    def withdraw(self, publisher: Publisher) -> None:
+        """Destroy an essential publisher."""
+        self._outputs.remove(publisher)
+        self._node.destroy_publisher(publisher)
+
     def subscribe(self, topic: Topic, callback: Callable[[bytes], None], complete: bool) -> None:
         """Subscribe to the serialised messages of a topic, see :meth:`SuiteNode.subscribe`."""
         watched = SinglePublisher(lambda: self._inputs[topic].get_publisher_count() <= 1)

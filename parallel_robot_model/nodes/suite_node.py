@@ -191,6 +191,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         """Create a publisher; the node is ready when essential ones have their subscribers."""
         return self._connections.publisher(topic, essential)
 
+    def withdraw(self, publisher: Publisher) -> None:
+        """Destroy an essential publisher."""
+        self._connections.withdraw(publisher)
+
     def subscribe(
         self, topic: Topic, callback: Callable[[bytes], None], complete: bool = True
     ) -> None:
