@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections import defaultdict
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
@@ -9,26 +10,26 @@ from parallel_robot.analysis.monitor import MonitorParameters
 from parallel_robot.bags.ros_topics import RecorderParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.fields import Field, parameters, words
+from parallel_robot_model.configuration.fields import Parameter, parameters, words
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_sim.parameter_groups import groups
 
 HEAD = """# Parameters
 
 Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
-(`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults are
-those of `paper_circle`; other robots have other groups `robot`, limits and margins, see
-[robots.md](robots.md). A number in place of a list is for all joints. While the controller runs,
-`law`, `preset` and the gains of all laws can be changed:
-`ros2 param set /controller s_fotsmc.G 12`; what is set in one request is judged as a whole. This
-file is written by `make docs`.
+(`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults, with
+their units, are those of `paper_circle`; [other robots](robots.md) have other groups `robot`,
+limits and margins. A number in place of a list is for all joints. [nodes.md](nodes.md) says what
+can be [changed while the loop runs](nodes.md#switched-while-the-robot-moves). This file is written
+by `make docs`.
 
 `ros2 param load` takes what `ros2 param dump` wrote of the same node: a fixed parameter that keeps
-its value is no change. On a machine that is busy, while kernels are compiled say, a request may
-get no answer ("client will not receive response" in the log): the middleware drops an answer whose
-receiver it has not found within 0.1 s. Then call again.
+its value is no change. On a busy machine a request may get no answer ("client will not receive
+response" in the log), as the middleware drops one whose receiver it has not found within 0.1 s:
+call again.
 """
 LAST = [('recorder', RecorderParameters), ('monitor', MonitorParameters)]
+LONGEST_LIST = 4  # that is shown as a whole
 GROUPS = {**groups(planar_3rrr, LAWS), 'Recorder and monitor': LAST}
 
 
@@ -37,45 +38,85 @@ def text() -> str:
     values = config.resolve('paper_circle')
     parts = [HEAD]
     for title, members in GROUPS.items():
-        parts.append(
-            f'\n## {title}\n\n| key | default | unit | range | meaning |\n|---|---|---|---|---|\n'
-        )
-        for prefix, group in members:
-            if prefix == 'true_robot':
-                continue
-            for parameter in parameters(group):
-                key = f'{prefix}.{parameter.key}' if prefix else parameter.key
-                cells = [
-                    f'`{key}`',
-                    f'`{_plain(values[key])}`',
-                    parameter.field.unit,
-                    _range(parameter.type, parameter.field),
-                    parameter.field.description.replace('|', r'\|'),
-                ]
-                parts.append('| ' + ' | '.join(cells) + ' |\n')
+        rows = _gains(members, values) if title == 'Laws' else _keys(members, values)
+        parts.append(f'\n## {title}\n\n{rows}')
     return ''.join(parts)
+
+
+def _keys(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
+    """A row for each key; keys that differ in nothing else share one."""
+    keys_of = defaultdict(list)
+    for prefix, group in members:
+        if prefix == 'true_robot':
+            continue
+        for parameter in parameters(group):
+            key = f'{prefix}.{parameter.key}' if prefix else parameter.key
+            keys_of[_limited(values[key], parameter), _meaning(parameter)].append(f'`{key}`')
+    rows = ['| key | default, range | meaning |\n|---|---|---|\n']
+    rows += [_row(', '.join(keys), *about) for about, keys in keys_of.items()]
+    return ''.join(rows)
+
+
+def _gains(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
+    """A row for each gain, with all laws in which it means the same."""
+    laws_of: dict[Any, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for law, group in members:
+        for gain in parameters(group):
+            default = _default(values[f'{law}.{gain.key}'], gain)
+            row = gain.key, _range(gain) or ', '.join(_words(gain)), _meaning(gain)
+            laws_of[row][default].append(f'`{law}`')
+    rows = [
+        'A key is law and gain, as `smc.G`.\n\n'
+        '| gain | default, law | range | meaning |\n|---|---|---|---|\n'
+    ]
+    for (gain, *about), laws in sorted(laws_of.items(), key=lambda row: row[0][0].lower()):
+        by_default = '; '.join(f'{default}: {", ".join(of)}' for default, of in laws.items())
+        rows.append(_row(f'`{gain}`', by_default, *about))
+    return ''.join(rows)
+
+
+def _limited(value: Any, parameter: Parameter) -> str:
+    """A default, the range, and the words that can stand in its place."""
+    others = [f'`{word}`' for word in _words(parameter) if word != value]
+    parts = [_default(value, parameter), _range(parameter)]
+    if others:
+        parts.append(f'or {", ".join(others)}')
+    return ', '.join(filter(None, parts))
+
+
+def _default(value: Any, parameter: Parameter) -> str:
+    shown = f'`{value}`' if value in _words(parameter) else _plain(value)
+    return f'{shown} {parameter.field.unit}'.strip()
+
+
+def _words(parameter: Parameter) -> tuple[str, ...]:
+    literal = get_origin(parameter.type) is Literal
+    return get_args(parameter.type) if literal else words(parameter.type)
+
+
+def _meaning(parameter: Parameter) -> str:
+    return parameter.field.description.replace('|', r'\|')
+
+
+def _row(*cells: str) -> str:
+    return '| ' + ' | '.join(cells) + ' |\n'
 
 
 def _plain(value: Any) -> str:
     if isinstance(value, float):
         return f'{value:.10g}'
+    if isinstance(value, list) and len(value) > LONGEST_LIST:
+        return f'[{_plain(value[0])}, ...], {len(value)} numbers'
     if isinstance(value, list):
         return f'[{", ".join(map(_plain, value))}]'
     return str(value).lower() if isinstance(value, bool) else str(value) or "''"
 
 
-def _range(kind: Any, field: Field) -> str:
-    choices = get_args(kind) if get_origin(kind) is Literal else words(kind)
-    listed = ', '.join(f'`{choice}`' for choice in choices)
-    if get_origin(kind) is Literal:
-        return listed
-    if words(kind):
-        return f'{listed}, {_range(float, field)}'
-    low = '' if field.low == -math.inf else f'{field.low:g}'
-    high = '' if field.high == math.inf else f'{field.high:g}'
-    if low and high:
-        return f'{low} to {high}'
-    return f'>= {low}' if low else f'<= {high}' if high else ''
+def _range(parameter: Parameter) -> str:
+    low, high = parameter.field.low, parameter.field.high
+    if math.inf in (-low, high):
+        return f'>= {low:g}' if low > -math.inf else f'<= {high:g}' if high < math.inf else ''
+    return f'{low:g} to {high:g}'
 
 
 if __name__ == '__main__':
