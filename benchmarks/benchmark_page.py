@@ -12,10 +12,10 @@ HEAD = """\
 # Benchmarks
 
 Written by `make bench`, which runs all of [benchmarks/](../benchmarks) in turn and keeps every
-figure in `runs/bench_DATE.json`. What is compared with a peer is measured in the same process
-or in turns, and the ratio is that of one round, so that other work on the machine harms both
-alike. Each figure is the median of its rounds, with the smallest and the largest. A target is
-what we ask of the median.
+figure in `runs/bench_DATE.json`. A peer is measured in the same process or in turns, and a ratio
+is that of one round, so that other work on the machine harms both alike. Each figure is the
+median of its rounds; with it stand the smallest, the largest and how many rounds there were. A
+target is what we ask of the median.
 """
 TEXTS = {
     'kernels': (
@@ -25,12 +25,10 @@ Time of a step of 1 ms of the simulated robot, without ROS. The peer is MuJoCo w
 robot (three two-link legs held to the platform by constraints), the same step and viscous
 friction, stepped by its own loop in C, `mj_step(model, data, n)`; it has no controller. Ours is
 a compiled loop: *plant* is the robot alone under a constant torque, with Coulomb friction as
-well, *closed loop* also the law S-FOTSMC, the estimate of the pose, all limits and safety
-checks and the record of the run. Targets: the plant 6 times as fast as `implicitfast` and
-20 times as fast as RK4; the whole closed loop 2.5 times as fast as `implicitfast` alone. A call
-costs something whatever its length: arguments are passed to compiled code. Beyond that, a
-second late in an hour of motion must cost what the first did, and memory must not grow; the
-hour runs second by second, and its record is dropped.""",
+well, *closed loop* also S-FOTSMC, the estimate of the pose, all limits and safety checks and the
+record of the run. A call costs something whatever its length: arguments are passed to compiled
+code. A second late in an hour of motion must cost what the first did, and memory must not grow;
+the hour runs second by second, and its record is dropped.""",
     ),
     'reading': (
         'Reading a bag',
@@ -41,22 +39,21 @@ each message of the same topics, without keeping them. A ratio below 1 is faster
     'sweep': (
         'Sweeps',
         """\
-Runs of 12 s of motion each, with uncertain masses and friction; 1000 of them, start of the
-workers and summary included, are to take 15 s on two idle cores. Each sample also has its limit
-computed, once for all laws; here there is one law, so that each run pays for one.""",
+1000 runs of 12 s of motion, with uncertain masses and friction, start of the workers and summary
+included, are to take 15 s on two idle cores. Each sample has its limit computed, once for all
+laws; here there is one law, so that each run pays for one.""",
     ),
     'laws': (
         'Control laws',
         """\
-One control cycle of each law: as a kernel, and in the controller node, from the bytes of a
-state to the published command. The loop has 1000 us.""",
+One cycle of each law: as a kernel, and in the controller node, from the bytes of a state to the
+published command. The loop has 1000 us.""",
     ),
     'estimators': (
         'Kalman filter',
         """\
 Processor time of one control cycle on the recorded states of a run, S-FOTSMC with all limits and
-checks, in a compiled loop: with the Kalman filter beside without. States 3 ms late are predicted
-over three more periods. With fresh states a cycle is to cost at most twice that without.""",
+checks, in a compiled loop. States 3 ms late are predicted over three more periods.""",
     ),
     'player': (
         'Player',
@@ -66,11 +63,14 @@ over three more periods. With fresh states a cycle is to cost at most twice that
     'nodes': (
         'Nodes, beside an empty twin',
         """\
-The four nodes, and the same four processes that exchange messages of the same size and compute
-nothing, in turns. See
-[benchmarks/README.md](../benchmarks/README.md#the-nodes-beside-an-empty-twin) for what each
-figure means.""",
+The four nodes, and in turns four processes that exchange messages of the same size and compute
+nothing. [benchmarks/README.md](../benchmarks/README.md#the-nodes-beside-an-empty-twin) says what
+each figure means.""",
     ),
+}
+BESIDE = {  # figures of one thing that stand in one row: the ends of their names
+    'laws': (', kernel', ', node, bytes to command'),
+    'nodes': ('', ', times the twin'),
 }
 
 
@@ -84,7 +84,9 @@ def page(found: dict[str, Any]) -> str:
     for name, outcome in found['benchmarks'].items():
         title, text = TEXTS[name]
         words = ' '.join(['.venv/bin/python', f'benchmarks/{name}.py', *outcome['arguments']])
-        parts.append(f'## {title}\n\n{text}\n\n{table(outcome["rows"])}\n\n`{words}`\n')
+        rows, ends = outcome['rows'], BESIDE.get(name)
+        figures = table_beside(rows, ends) if ends else table(rows)
+        parts.append(f'## {title}\n\n{text}\n\n{figures}\n\n`{words}`\n')
     return '\n'.join(parts)
 
 
@@ -106,4 +108,25 @@ def table(rows: list[Row]) -> str:
         median, span, verdict = cells(row)
         span = span if row['count'] > 1 else ''
         lines.append(f'| {row["name"]} | {median} | {span} | {row["count"]} | {verdict} |')
+    return '\n'.join(lines)
+
+
+def table_beside(rows: list[Row], ends: tuple[str, ...]) -> str:
+    """Figures of one thing as one row: the median, with its spread and rounds.
+
+    Args:
+        rows: Figures.
+        ends: What their names end with, a column each; the first also has what ends otherwise.
+    """
+    heads = [end.removeprefix(', ') or 'median' for end in ends]
+    lines = [f'| figure | {" | ".join(heads)} |', '|---' * (len(ends) + 1) + '|']
+    found: dict[str, dict[str, str]] = {}
+    for row in rows:
+        end = max((end for end in ends if row['name'].endswith(end)), key=len, default=ends[0])
+        median, span, verdict = cells(row)
+        figure = f'{median} ({span}, {row["count"]})' if row['count'] > 1 else median
+        beside = found.setdefault(row['name'].removesuffix(end), {})
+        beside[end] = f'{figure}; {verdict}' if verdict else figure
+    for name, texts in found.items():
+        lines.append(f'| {name} | {" | ".join(texts.get(end, "") for end in ends)} |')
     return '\n'.join(lines)
