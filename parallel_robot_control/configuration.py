@@ -147,7 +147,7 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         robot, laws = module_of(loop), available(loop.custom_laws)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, laws)])
         guess = groups[ControllerParameters].guess or _first_pose(values)
-        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         return control_from(loop, groups, nominal, laws, guess)
 
 

@@ -111,7 +111,7 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
     with locating(values):
         robot, known = module_of(loop), shapes(loop.custom_trajectories)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, known)])
-        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         check_columns(values, nominal)
         return Motions(nominal, known, groups, values.get(INITIAL, ()))
 

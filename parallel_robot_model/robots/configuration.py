@@ -40,7 +40,8 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
     """
     loop = loop_of(values)
     with locating(values):
-        return robot_with(loop, group(values, module_of(loop).Parameters, prefix), prefix)
+        module = module_of(loop)
+        return robot_with(module, loop, group(values, module.Parameters, prefix), prefix)
 
 
 def is_known(values: Mapping[str, Any]) -> bool:
