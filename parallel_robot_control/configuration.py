@@ -18,16 +18,18 @@ from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config, fields
+from parallel_robot_model.configuration import config, fields, modules
 from parallel_robot_model.configuration.config import PRESET
 from parallel_robot_model.configuration.fields import Field, defaults, parameters, plain
 from parallel_robot_model.configuration.groups import Declared, Groups, build, group
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
-from trajectory_gen.configuration import robot_and_shape_defaults, trajectory_of
+from trajectory_gen import configuration as motion
+from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.shapes import shapes
 
 
@@ -86,17 +88,22 @@ class ControlConfiguration(NamedTuple):
         return len(self.loop.joints)
 
 
-def custom_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of the custom robot, laws and trajectories that a configuration names."""
-    found = robot_and_shape_defaults(values)
-    for name, law in law_loader.custom_laws(values['custom_laws']).items():
-        found |= defaults(law.Gains, f'{name}.')
-    return found
+def load(values: Mapping[str, Any]) -> Modules:
+    """Load the custom robots, laws and trajectories that a configuration, or a change, names.
+
+    Raises:
+        InputError: one cannot be loaded.
+    """
+    loaded = motion.load(values)
+    laws = law_loader.custom_laws(modules.files(values, 'custom_laws'))
+    return loaded._replace(
+        laws={name: defaults(law.Gains, f'{name}.') for name, law in laws.items()}
+    )
 
 
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """A configuration with the defaults of custom modules; see :func:`config.resolve`."""
-    return config.resolve(scenario, overrides, custom_defaults)
+    return config.resolve(scenario, overrides, load(overrides or {}))
 
 
 def available(paths: Sequence[str]) -> dict[str, Law]:
@@ -140,7 +147,7 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         robot, laws = module_of(loop), available(loop.custom_laws)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, laws)])
         guess = groups[ControllerParameters].guess or _first_pose(values)
-        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         return control_from(loop, groups, nominal, laws, guess)
 
 
@@ -234,7 +241,8 @@ def preset_of(loop: LoopParameters) -> Mapping[str, Any]:
 @functools.lru_cache(maxsize=4)  # of it depends how long a change of gains takes
 def _preset(robot_model: str, *custom: tuple[str, ...]) -> Mapping[str, Any]:
     paths = zip(('custom_laws', 'custom_robots', 'custom_trajectories'), custom, strict=True)
-    values = config.preset({'robot_model': robot_model, **dict(paths)}, custom_defaults)
+    named = {'robot_model': robot_model, **dict(paths)}
+    values = config.preset(named, load(named))
     laws = available(custom[0])
     groups = build(values, of_laws(laws))
     return {name: groups.at(name, law.Gains) for name, law in laws.items()}

@@ -103,13 +103,15 @@ def configure(values: Mapping[str, Any]) -> Configuration:
                 *DECLARED,
             ],
         )
-        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         start = groups[PlantParameters].initial_pose
         motion.check_columns(values, nominal)
         trajectory = motion.trajectory_from(groups, nominal, known, start)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
         controller = control.control_from(loop, groups, nominal, laws, guess)
-        return Configuration(values, loop, trajectory, controller, _plant_from(loop, groups))
+        return Configuration(
+            values, loop, trajectory, controller, _plant_from(loop, robot, groups)
+        )
 
 
 def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
@@ -120,16 +122,17 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
     """
     loop = loop_of(values)
     with locating(values):
-        return _plant_from(loop, build(values, declared(module_of(loop))))
+        robot = module_of(loop)
+        return _plant_from(loop, robot, build(values, declared(robot)))
 
 
-def _plant_from(loop: LoopParameters, groups: Groups) -> PlantConfiguration:
+def _plant_from(loop: LoopParameters, robot: Robot, groups: Groups) -> PlantConfiguration:
     """Build the configuration of the plant from typed groups."""
-    parameters = groups.at('true_robot', module_of(loop).Parameters)
+    parameters = groups.at('true_robot', robot.Parameters)
     sensor, actuator = groups[SensorParameters], groups[ActuatorParameters]
     return PlantConfiguration(
         loop,
-        robot_with(loop, parameters, 'true_robot'),
+        robot_with(robot, loop, parameters, 'true_robot'),
         groups[PlantParameters],
         JointLoad(groups[FrictionParameters], groups[DisturbanceParameters]),
         groups[SafetyParameters],

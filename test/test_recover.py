@@ -35,10 +35,10 @@ def _quick():
         whole = config.resolve
         known = {None: whole('paper_circle')}
 
-        def resolve(scenario, overrides=None, extend=None):
+        def resolve(scenario, overrides=None, *loaded):
             key = repr(overrides) if overrides else None
             if key not in known:
-                known[key] = whole(scenario, overrides, extend)
+                known[key] = whole(scenario, overrides, *loaded)
             return dict(known[key])
 
         patch.setattr(config, 'resolve', resolve)

@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config, fields, points_file, points_table
+from parallel_robot_model.configuration import config, fields, modules, points_file, points_table
 from parallel_robot_model.configuration.groups import Declared, Groups, build
 from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.placed import locating, places_of
-from parallel_robot_model.robots.configuration import robot_defaults
+from parallel_robot_model.robots import configuration as model
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from trajectory_gen import hold, waypoints
@@ -110,7 +111,7 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
     with locating(values):
         robot, known = module_of(loop), shapes(loop.custom_trajectories)
         groups = build(values, [('robot', robot.Parameters), *declared(robot, known)])
-        nominal = robot_with(loop, groups.at('robot', robot.Parameters))
+        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         check_columns(values, nominal)
         return Motions(nominal, known, groups, values.get(INITIAL, ()))
 
@@ -219,12 +220,17 @@ def _trajectory(*given: Any) -> Trajectory:
     return Trajectory(*given)
 
 
-def robot_and_shape_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults by key of the custom robot and the custom trajectories of a configuration."""
-    found: dict[str, Any] = {}
-    for name, shape in custom_trajectories(values['custom_trajectories']).items():
-        found |= fields.defaults(shape.Parameters, f'{name}.')
-    return found | robot_defaults(values)
+def load(values: Mapping[str, Any]) -> Modules:
+    """Load the custom robots and trajectories that a configuration, or a change of one, names.
+
+    Raises:
+        InputError: one cannot be loaded.
+    """
+    loaded = model.load(values)
+    shapes = custom_trajectories(modules.files(values, 'custom_trajectories'))
+    return loaded._replace(
+        shapes={name: fields.defaults(one.Parameters, f'{name}.') for name, one in shapes.items()}
+    )
 
 
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -232,4 +238,4 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
 
     Gains of custom laws are left as they are: their files are not loaded.
     """
-    return config.resolve(scenario, overrides, robot_and_shape_defaults)
+    return config.resolve(scenario, overrides, load(overrides or {}))

@@ -15,9 +15,9 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.trust import custom_files
 from parallel_robot_model.common.errors import BagError, InputError
-from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration import modules
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.robots.configuration import is_known, robot_defaults
+from parallel_robot_model.robots.configuration import is_known, load
 
 KEY = 'custom_robots'
 UNKNOWN = (
@@ -77,7 +77,7 @@ def read(
     """
     found = recording.read(bag, topics, memory)
     log, past, _ = found
-    values = log.config | {KEY: config.code_files(KEY, list(code.files))}
+    values = log.config | {KEY: modules.absolute(KEY, list(code.files))}
     name = values['robot_model']
     if not is_known(values):
         values[KEY] = values[KEY] + _of_bag(Path(bag), past, log.config, code)
@@ -85,7 +85,7 @@ def read(
             raise BagError(f'{bag} does not hold the robot {name}; --set {KEY}=[FILE] gives it')
         if not is_known(values) and code.files:
             raise BagError(f'{bag} is of the robot {name}, but {KEY} has no file {name}.py')
-    return found._replace(log=log._replace(config=robot_defaults(values) | values))
+    return found._replace(log=log._replace(config={**load(values).robots.get(name, {}), **values}))
 
 
 def unknown(values: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ import argparse
 from parallel_robot.bags.recorded_robot import KEY, RobotCode
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import assignments, config
+from parallel_robot_model.configuration import assignments, modules
 
 
 def add_robot_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,5 +33,5 @@ def robot_code(arguments: argparse.Namespace) -> RobotCode:
     for key in given:
         if key != KEY:
             raise InputError(f'--set {key}: what a bag holds is not changed, only {KEY} is taken')
-    files = config.code_files(KEY, given.get(KEY, []))
+    files = modules.absolute(KEY, given.get(KEY, []))
     return RobotCode(arguments.trust, tuple(files))

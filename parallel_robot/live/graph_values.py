@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from parallel_robot.live.source import RefusedError
-from parallel_robot_control.configuration import custom_defaults
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.configuration import config
 
@@ -48,11 +47,11 @@ def _shipped(heard: Mapping[str, Any]) -> dict[str, Any]:
     scenario = str(heard.get('scenario', SHIPPED))
     if '/' not in scenario:
         try:
-            return config.resolve(scenario, {}, custom_defaults)
+            return config.resolve(scenario)
         except ParallelRobotError:
             pass
     robot = str(heard.get('robot_model', 'planar_3rrr'))
-    return config.resolve(SHIPPED, {'robot_model': robot}, custom_defaults)
+    return config.resolve(SHIPPED, {'robot_model': robot})
 
 
 def meant(key: str, present: Any, value: Any) -> Any:

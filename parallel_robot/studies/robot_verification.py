@@ -12,7 +12,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.placed import merged
-from parallel_robot_model.robots.configuration import robot_defaults
+from parallel_robot_model.robots.configuration import load
 from parallel_robot_model.robots.registry import KERNELS
 from parallel_robot_model.robots.robot_checks import RATE, Check, checks
 from parallel_robot_sim.configuration import configure_plant
@@ -35,7 +35,7 @@ def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]
         InputError: a value is wrong, or a function of the robot cannot be used.
     """
     scenario = SCENARIOS.get(str(given.get('robot_model')), 'paper_circle')
-    own = robot_defaults(resolve(scenario, given))  # the scenario may have poses of another robot
+    own = load(given).robots.get(str(given.get('robot_model')), {})  # of its poses, say
     values = resolve(scenario, merged([own, given]))
     plant = configure_plant(values)
     robot = plant.robot

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import hazards, points_file, scenario_file
+from parallel_robot_model.configuration import hazards, modules, points_file, scenario_file
 from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
 from parallel_robot_model.configuration.config_files import PACKAGE as PACKAGE
 from parallel_robot_model.configuration.config_files import Layer as Layer
@@ -15,7 +15,7 @@ from parallel_robot_model.configuration.config_files import Shipped, label, ship
 from parallel_robot_model.configuration.config_files import directory as directory
 from parallel_robot_model.configuration.config_files import flat as flat
 from parallel_robot_model.configuration.fields import plain
-from parallel_robot_model.configuration.parameter_file import CODE
+from parallel_robot_model.configuration.modules import CODE, Modules
 from parallel_robot_model.configuration.placed import Placed, locating, merged, places_of
 
 CUSTOM = CODE
@@ -34,11 +34,8 @@ def default(key: str) -> Any:
     return shipped().defaults[1][key]
 
 
-Extend = Callable[[Mapping[str, Any]], Mapping[str, Any]]
-
-
 def resolve(
-    scenario: str, overrides: Mapping[str, Any] | None = None, extend: Extend | None = None
+    scenario: str, overrides: Mapping[str, Any] | None = None, loaded: Modules = modules.NONE
 ) -> dict[str, Any]:
     """Merge defaults, a scenario and overrides.
 
@@ -51,23 +48,21 @@ def resolve(
         scenario: Name of a file in ``config/scenarios``, or the path of a YAML file, whose name
             is that of the scenario.
         overrides: Dotted key to value; NumPy's numbers and arrays are accepted, too.
-        extend: Returns the defaults of the custom modules that a configuration names. Gains of
-            custom laws and parameters of custom trajectories for which it has none are taken as
-            they are.
+        loaded: Defaults of the custom modules. Gains of custom laws and parameters of custom
+            trajectories that are not loaded are taken as they are.
 
     Returns:
         Every key of the suite with its value, plain numbers, texts and lists.
 
     Raises:
         UnknownNameError: no such scenario or robot, or a key that the defaults do not have.
-        InputError: a file cannot be read, the preset is asked for together with other gains, or a
-            custom module cannot be loaded.
+        InputError: a file cannot be read, or the preset is asked for together with other gains.
     """
-    return resolve_with_sources(scenario, overrides, extend)[0]
+    return resolve_with_sources(scenario, overrides, loaded)[0]
 
 
 def resolve_with_sources(
-    scenario: str, overrides: Mapping[str, Any] | None = None, extend: Extend | None = None
+    scenario: str, overrides: Mapping[str, Any] | None = None, loaded: Modules = modules.NONE
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """A configuration as of :func:`resolve`, and where the value of each key comes from.
 
@@ -82,14 +77,14 @@ def resolve_with_sources(
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
     files = shipped()
     asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
-    for key in CUSTOM:
-        _check_paths(key, asked[key])
+    modules.check(asked)
+    own = loaded.defaults(str(asked['robot_model']))
     with locating(asked):
-        layers = [files.defaults, _robot(files, asked, extend)]
-    gains = _gains(files, asked, extend)
+        layers = [files.defaults, _robot(files, asked, own)]
+    gains = _gains(files, asked, own)
     _check_names(asked, layers, gains)
-    laws, shapes = (_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
-    layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, extend(asked) if extend else {}))]
+    laws, shapes = (modules.names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
+    layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, own))]
     config = merged(values for _, values in layers)
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
     opaque = (laws | shapes) - _groups(layers)  # not loaded here
@@ -103,7 +98,7 @@ def resolve_with_sources(
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
     for key in CUSTOM:
-        config[key] = code_files(key, config[key])
+        config[key] = modules.absolute(key, config[key])
     with locating(config):
         config[hazards.KEY] = hazards.texts(config[hazards.KEY])
     for key in [key for key in config if key.startswith('robot.')]:
@@ -155,49 +150,49 @@ def _scenario(scenario: str) -> tuple[str, list[Layer]]:
 
 
 def changed(
-    values: Mapping[str, Any], changes: Mapping[str, Any], extend: Extend | None = None
+    values: Mapping[str, Any], changes: Mapping[str, Any], loaded: Modules = modules.NONE
 ) -> dict[str, Any]:
-    """A resolved configuration with some keys changed.
+    """A resolved configuration with some keys changed; `loaded` as of :func:`resolve`.
 
     Raises:
         UnknownNameError: a key that it does not have.
-        InputError: a custom module cannot be loaded.
+        InputError: a value that cannot be one of its key.
     """
     changes = points_file.filled(_plain(changes))
-    for key in CUSTOM & changes.keys():
-        _check_paths(key, changes[key])
-    gains = preset({**values, **changes}, extend)
-    found = extend({**values, **changes}) if extend else {}
-    shapes = _of(_names({**values, **changes}, 'custom_trajectories'), found)
-    known = gains | shapes | dict(values)
+    modules.check(changes)
+    asked = {**values, **changes}
+    gains = preset(asked, loaded)
+    own = loaded.defaults(str(asked['robot_model']))
+    known = gains | _of(modules.names(asked, 'custom_trajectories'), own) | dict(values)
     for key in changes:
         if key not in known:
             with locating(changes):
                 raise UnknownNameError('parameter', key, known, key)
     found = merged((known, changes))
     for key in CUSTOM:
-        found[key] = code_files(key, found[key])
+        found[key] = modules.absolute(key, found[key])
     with locating(found):
         found[hazards.KEY] = hazards.texts(found[hazards.KEY])
     same = all(found[key] == value for key, value in gains.items())
     return found | {'preset': PRESET if same else 'custom'}
 
 
-def preset(values: Mapping[str, Any], extend: Extend | None = None) -> dict[str, Any]:
+def preset(values: Mapping[str, Any], loaded: Modules = modules.NONE) -> dict[str, Any]:
     """Gains of all laws from the files: Table 2 for the laws of the paper.
 
     Args:
         values: Keys that name the robot and the custom modules.
-        extend: See :func:`resolve`.
+        loaded: See :func:`resolve`.
 
     Raises:
-        InputError: a custom module cannot be loaded, or has the name of one that exists.
+        InputError: a custom module has the name of one that exists.
     """
-    return merged(gains for _, gains in _gains(shipped(), values, extend))
+    own = loaded.defaults(str(values['robot_model']))
+    return merged(gains for _, gains in _gains(shipped(), values, own))
 
 
-def _gains(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> list[Layer]:
-    """Gains of all laws by their source; see :func:`preset`."""
+def _gains(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
+    """Gains of all laws by their source; `own` are the defaults of custom modules."""
     laws = {*files.laws}
     for path in values['custom_laws']:
         name = Path(path).stem
@@ -205,12 +200,10 @@ def _gains(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> 
             what = f'there is already a law {name}; rename the file'
             raise InputError(f'custom_laws: {path}: {what}')
         laws.add(name)
-    layers = [*files.laws.values()]
-    if extend:
-        layers.append((CUSTOM_DEFAULT, _of(laws, extend(values))))
-    source, own = files.robots.get(str(values['robot_model']), ('', {}))
+    layers = [*files.laws.values(), (CUSTOM_DEFAULT, _of(laws, own))]
+    source, of_robot = files.robots.get(str(values['robot_model']), ('', {}))
     if source:
-        layers.append((source, _of(laws, own)))
+        layers.append((source, _of(laws, of_robot)))
     return layers
 
 
@@ -219,8 +212,8 @@ def robot_models() -> list[str]:
     return [*shipped().robots]
 
 
-def _robot(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> Layer:
-    """Defaults of the robot.
+def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> Layer:
+    """Defaults of the robot; `own` are those of custom modules.
 
     Raises:
         UnknownNameError: no such robot.
@@ -232,54 +225,18 @@ def _robot(files: Shipped, values: Mapping[str, Any], extend: Extend | None) -> 
     if taken:
         raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
     if name in custom:
-        others = _names(values, 'custom_laws') | _names(values, 'custom_trajectories')
-        found = extend(values) if extend else {}
-        return CUSTOM_DEFAULT, {k: v for k, v in found.items() if k not in _of(others, found)}
+        others = modules.names(values, 'custom_laws') | modules.names(
+            values, 'custom_trajectories'
+        )
+        return CUSTOM_DEFAULT, {k: v for k, v in own.items() if k not in _of(others, own)}
     if name not in files.robots:
         raise UnknownNameError('robot_model', name, [*files.robots, *custom], 'robot_model')
     return files.robots[name]
 
 
-def _names(values: Mapping[str, Any], key: str) -> set[str]:
-    """Names of the custom modules of a kind."""
-    return {Path(path).stem for path in values[key]}
-
-
 def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
     """The values of some groups: gains of laws, parameters of shapes."""
     return {key: value for key, value in values.items() if key.partition('.')[0] in groups}
-
-
-def code_files(key: str, paths: Any) -> list[str]:
-    """Absolute paths of custom modules.
-
-    Args:
-        key: Key of CUSTOM, for messages.
-        paths: Its value.
-
-    Raises:
-        InputError: it is no list of texts, or one is no path.
-    """
-    _check_paths(key, paths)
-    return [_absolute(key, path) for path in paths]
-
-
-def _check_paths(key: str, paths: Any) -> None:
-    """Refuse what is not a list of texts.
-
-    Raises:
-        InputError: it is something else.
-    """
-    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
-        raise InputError(f'{key} must be a list of texts, not {paths!r}')
-
-
-def _absolute(key: str, path: str) -> str:
-    """Absolute path of a custom module: nodes may have other current directories."""
-    try:
-        return str(Path(path).expanduser().resolve())
-    except (OSError, RuntimeError, ValueError):  # too long, home of an unknown user, not a text
-        raise InputError(f'{key}: {path} does not exist') from None
 
 
 def _plain(values: Mapping[str, Any]) -> Placed:

@@ -9,7 +9,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import hazards
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.groups import build
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.messages.topics import SLOW
 
@@ -104,8 +104,8 @@ def loop_of(values: Mapping[str, Any]) -> LoopParameters:
         InputError: a value is wrong. No joints, or two with one name; a period that is
             not a whole number of microseconds; a motion without samples.
     """
-    loop = group(values, LoopParameters, '')
     with locating(values):
+        loop = build(values, [('', LoopParameters)])[LoopParameters]
         _check(loop)
     return loop
 

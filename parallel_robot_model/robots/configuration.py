@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration import config, modules
 from parallel_robot_model.configuration.groups import Declared, group
 from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
@@ -39,7 +40,8 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
     """
     loop = loop_of(values)
     with locating(values):
-        return robot_with(loop, group(values, module_of(loop).Parameters, prefix), prefix)
+        module = module_of(loop)
+        return robot_with(module, loop, group(values, module.Parameters, prefix), prefix)
 
 
 def is_known(values: Mapping[str, Any]) -> bool:
@@ -47,11 +49,14 @@ def is_known(values: Mapping[str, Any]) -> bool:
     return values['robot_model'] in robots(values['custom_robots'])
 
 
-def robot_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults by key of the custom robot of a configuration, if it has one."""
-    name = str(values['robot_model'])
-    robot = custom_robots(values['custom_robots']).get(name)
-    return {} if robot is None else default_values(name, robot)
+def load(values: Mapping[str, Any]) -> Modules:
+    """Load the custom robots that a configuration, or a change of one, names.
+
+    Raises:
+        InputError: one cannot be loaded.
+    """
+    own = custom_robots(modules.files(values, 'custom_robots'))
+    return Modules(robots={name: default_values(name, robot) for name, robot in own.items()})
 
 
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -60,4 +65,4 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
     Gains of custom laws and parameters of custom trajectories are left as they are: their files
     are not loaded.
     """
-    return config.resolve(scenario, overrides, robot_defaults)
+    return config.resolve(scenario, overrides, load(overrides or {}))

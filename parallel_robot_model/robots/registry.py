@@ -185,10 +185,13 @@ def module_of(loop: LoopParameters) -> Robot:
     return found[name]
 
 
-def robot_with(loop: LoopParameters, parameters: Any, prefix: str = 'robot') -> RobotModel:
+def robot_with(
+    module: Robot, loop: LoopParameters, parameters: Any, prefix: str = 'robot'
+) -> RobotModel:
     """The robot of a loop with its parameters.
 
     Args:
+        module: The robot's module.
         loop: It names the robot and its joints.
         parameters: Group of the robot's module.
         prefix: That of the parameters, for messages.
@@ -196,7 +199,7 @@ def robot_with(loop: LoopParameters, parameters: Any, prefix: str = 'robot') -> 
     Raises:
         InputError: a parameter is wrong, or the number of joints differs from that of their names.
     """
-    module, names = module_of(loop), loop.joints
+    names = loop.joints
     with custom_module.blaming(loop.robot_model):
         robot = module.validate(parameters, prefix)
         count = module.joints(robot)

@@ -19,7 +19,7 @@ from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
-from parallel_robot_control.configuration import available, configure, custom_defaults
+from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError
@@ -195,7 +195,7 @@ def configuration(
         InputError: a key does not exist, is not one of the controller, or its value is wrong.
     """
     known = log.config | {key: [] for key in config.CUSTOM}
-    values = config.changed(known, files, custom_defaults)
+    values = config.changed(known, files, load(files))
     for node, parameters in past.parameters.items():
         if node.endswith('/controller'):
             values |= {
@@ -203,7 +203,7 @@ def configuration(
                 for key, value in parameters.items()
                 if key in values and key not in config.CUSTOM
             }
-    values = config.changed(values, changes, custom_defaults)
+    values = config.changed(values, changes, load({**values, **changes}))
     for key in changes:
         if key.partition('.')[0] not in (*USED, *available(values['custom_laws'])):
             raise InputError(f'{key} does not change the torques on a recorded motion')

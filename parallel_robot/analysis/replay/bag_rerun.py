@@ -17,7 +17,7 @@ from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
-from parallel_robot_control.configuration import available, configure, custom_defaults, resolve
+from parallel_robot_control.configuration import available, configure, load, resolve
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
@@ -167,7 +167,9 @@ def prepared(
         files = custom_files(bag, past.sources, log.config, Path(directory), trust, told)
         values = log.config | files
         held_code.check(bag, values)
-        values = custom_defaults(values) | values  # a recorder started by hand has no gains
+        values = (
+            load(values).defaults(values['robot_model']) | values
+        )  # a recorder started by hand has no gains
         if values['law'] not in available(values['custom_laws']):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
         values['duration'] = planned_length(log, past) if duration is None else duration

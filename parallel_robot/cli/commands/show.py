@@ -16,7 +16,7 @@ from parallel_robot.cli.commands.simulate import (
     add_set_argument,
     given_layers,
 )
-from parallel_robot_control.configuration import available, custom_defaults
+from parallel_robot_control.configuration import available, load
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import config, scenario_file
@@ -66,7 +66,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.law is not None:
         layers.append(('--law', {'law': arguments.law}))
     changed = merged(values for _, values in layers)
-    values, sources = config.resolve_with_sources(arguments.scenario, changed, custom_defaults)
+    values, sources = config.resolve_with_sources(arguments.scenario, changed, load(changed))
     made = configure(values)  # a wrong value is refused here as in a run
     if arguments.fit_speed:
         found = fastest(made)
