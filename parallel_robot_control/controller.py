@@ -22,7 +22,7 @@ from parallel_robot_control.configuration import ControlConfiguration, preset_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_io import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.controller_state import ControllerState
-from parallel_robot_control.estimator import told_delay
+from parallel_robot_control.estimator import delay_text
 from parallel_robot_control.law_cores import LawCores
 from parallel_robot_control.message_kernels import wire_of
 from parallel_robot_control.messages import LOST, Status
@@ -116,7 +116,7 @@ class Controller(ControllerState):
     @property
     def status(self) -> Status:
         """What the controller is doing."""
-        delay = told_delay(self._core.estimator, int(self._numbers[PHASE]))
+        delay = delay_text(self._core.estimator, int(self._numbers[PHASE]))
         number, lost = self._fault_of(self._common)
         fault = self._faults.get(number)
         pose = LOST if lost else self._told

@@ -32,7 +32,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import entry_point, need_compiler
 from parallel_robot_model.configuration.loop import WAIT
 
-PATIENCE = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
+REFUSAL_TIMEOUT = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 
 
 class ControllerState:
@@ -144,7 +144,7 @@ class ControllerState:
         answers, now = int(self._numbers[ANSWERS]), time.monotonic_ns()
         if self._refused[:2] != (fault, answers):
             self._refused = fault, answers, now
-        return now - self._refused[2] > PATIENCE and self.lose(fault)
+        return now - self._refused[2] > REFUSAL_TIMEOUT and self.lose(fault)
 
     def cause(self) -> int:
         """Fault whose cause is there now, else NONE: a fault is not cleared while it is."""

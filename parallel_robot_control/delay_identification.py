@@ -29,7 +29,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 
-ROOM = 0.5  # share of a safety limit that the sine may take
+LIMIT_SHARE = 0.5  # share of a safety limit that the sine may take
 LEAST = 4, 20  # samples of an oscillation, oscillations
 
 
@@ -96,10 +96,10 @@ def check(lock_in: LockIn, limits: Limits, inertia: Array) -> None:
         (frequency * torque, limits.rate, 'torque_rate', 'N m/s'),
         (speed, limits.speed, 'speed_limit', 'rad/s'),
     ):
-        over = np.flatnonzero(takes > ROOM * np.asarray(limit))
+        over = np.flatnonzero(takes > LIMIT_SHARE * np.asarray(limit))
         if over.size:
             i = int(over[0])
-            value = float(torque[i]) * ROOM * float(limit[i]) / float(takes[i])
+            value = float(torque[i]) * LIMIT_SHARE * float(limit[i]) / float(takes[i])
             raise InputError(
                 f'lock_in.torque must be at most {value:.3g} N m at joint {i + 1}, not '
                 f'{torque[i]:g}: it takes {takes[i]:.3g} {unit} of safety.{key}, {limit[i]:g}',

@@ -164,7 +164,7 @@ def estimator_of(
     )
 
 
-def told_delay(estimator: Estimator, phase: int) -> str:
+def delay_text(estimator: Estimator, phase: int) -> str:
     """What is known of the age of the states in a phase of the lock-in, for people."""
     lock_in = estimator.lock_in
     if not lock_in.on:

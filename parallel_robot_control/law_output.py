@@ -13,7 +13,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import plain_type, shape_of
 
 CALL = f'ControlOutput({", ".join(ControlOutput._fields)})'
-LONGEST = 60  # characters of the name of a type
+MAX_TYPE_LENGTH = 60  # characters of the name of a type
 
 
 def wrong_types(returned: Any, wanted: Any) -> str:
@@ -106,4 +106,4 @@ def _named(kind: Any) -> str:
         made_by = getattr(kind, 'instance_class', None)
         return made_by.__name__.rpartition('.')[2] if made_by else f'a tuple of {len(kind)}'
     text = 'None' if isinstance(kind, types.NoneType) else str(kind)
-    return text if len(text) <= LONGEST else f'{text[:LONGEST]}...'
+    return text if len(text) <= MAX_TYPE_LENGTH else f'{text[:MAX_TYPE_LENGTH]}...'

@@ -10,7 +10,7 @@ from parallel_robot_control.laws import CUSTOM_TITLES, TITLES
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.processes import custom_module
 
-LONGEST = 40  # characters
+MAX_TITLE_LENGTH = 40  # characters
 LINE = re.compile(rb"""^TITLE *= *(['"])([^'"\\\r\n]+)\1 *(?:#.*)?\r?$""", re.MULTILINE)
 
 
@@ -23,7 +23,11 @@ def learn(sources: Mapping[str, bytes]) -> None:
     for name, source in sources.items():
         found = LINE.search(source)
         text = found[2].decode(errors='replace').strip() if found else ''
-        good = text.isprintable() and 0 < len(text) <= LONGEST and text not in TITLES.values()
+        good = (
+            text.isprintable()
+            and 0 < len(text) <= MAX_TITLE_LENGTH
+            and text not in TITLES.values()
+        )
         CUSTOM_TITLES[name] = text if good else name
 
 
@@ -40,5 +44,5 @@ def check(name: str, law: ModuleType) -> None:
     if given is not None and given != CUSTOM_TITLES[name]:
         raise InputError(
             f"custom_laws: {name}: TITLE must be one line with a text, TITLE = 'my law', of up to "
-            f'{LONGEST} characters that can be printed'
+            f'{MAX_TITLE_LENGTH} characters that can be printed'
         )

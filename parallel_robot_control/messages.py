@@ -57,7 +57,7 @@ class Status(NamedTuple):
     pose: str = ''
 
 
-def told_limits(
+def reported_limits(
     acted: np.ndarray, stamps: np.ndarray, answered: np.ndarray, begins: Collection[int]
 ) -> np.ndarray:
     """Bits of the limits in the status after each state, shape (N,).

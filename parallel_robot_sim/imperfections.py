@@ -14,7 +14,7 @@ from parallel_robot_model.compiler import Space
 from parallel_robot_model.configuration.fields import Field, PerJoint, check
 
 KINDS = 6  # of vectors that the plant remembers, see memory.py
-LONGEST = 0.1  # s, of a delay
+MAX_DELAY = 0.1  # s, of a delay
 
 
 class SensorParameters(NamedTuple):
@@ -27,10 +27,10 @@ class SensorParameters(NamedTuple):
         bool, Field('', 'velocity: difference of two measured positions over the period')
     ]
     delay: Annotated[
-        float, Field('s', 'age of the states, rounded to whole samples', 0.0, LONGEST)
+        float, Field('s', 'age of the states, rounded to whole samples', 0.0, MAX_DELAY)
     ]
     jitter: Annotated[
-        float, Field('s', 'largest further age, random, in whole samples', 0.0, LONGEST)
+        float, Field('s', 'largest further age, random, in whole samples', 0.0, MAX_DELAY)
     ]
     stamp: Annotated[
         Literal['sent', 'measured'],
@@ -56,10 +56,10 @@ class ActuatorParameters(NamedTuple):
     noise: Annotated[PerJoint, Field('N m', 'noise of the torques, rms', 0.0)]
     resolution: Annotated[PerJoint, Field('N m', 'step of the commands; 0: none', 0.0)]
     delay: Annotated[
-        float, Field('s', 'delay of the commands, rounded to whole samples', 0.0, LONGEST)
+        float, Field('s', 'delay of the commands, rounded to whole samples', 0.0, MAX_DELAY)
     ]
     jitter: Annotated[
-        float, Field('s', 'largest further delay, random, in whole samples', 0.0, LONGEST)
+        float, Field('s', 'largest further delay, random, in whole samples', 0.0, MAX_DELAY)
     ]
     effectiveness: Annotated[
         PerJoint, Field('', 'share of the torque that is left after fault_time', 0.0)
@@ -143,7 +143,7 @@ def imperfections(
     )
 
 
-def told_age(values: Mapping[str, Any]) -> int:
+def reported_age(values: Mapping[str, Any]) -> int:
     """Age of the states of a simulated robot when they are sent, as their stamps tell [ns].
 
     Args:
@@ -154,7 +154,7 @@ def told_age(values: Mapping[str, Any]) -> int:
     """
     if values.get('sensor.stamp') != 'measured':
         return 0
-    period, within = float(values['period']), Field('s', '', 0.0, LONGEST)
+    period, within = float(values['period']), Field('s', '', 0.0, MAX_DELAY)
     delay = check('sensor.delay', float, within, values.get('sensor.delay'))
     return _samples(delay, period) * round(period * NANOSECONDS)
 

@@ -41,7 +41,7 @@ def state_messages(
     rows, n = slice(run.steps), run.position.shape[1]
     records['position'][:, :n] = run.position[rows]
     records['velocity'][:, :n] = run.velocity[rows]
-    records['effort'][:, :n] = told_effort(run.effort[rows], late)[
+    records['effort'][:, :n] = reported_effort(run.effort[rows], late)[
         np.arange(run.steps) - np.maximum(further, 0)
     ]
     if records['position'].shape[1] > n:
@@ -50,7 +50,7 @@ def state_messages(
     return records
 
 
-def told_effort(effort: np.ndarray, late: int) -> np.ndarray:
+def reported_effort(effort: np.ndarray, late: int) -> np.ndarray:
     """Efforts in the rows of states that tell of an earlier time; zero before the first one.
 
     Args:

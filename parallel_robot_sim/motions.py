@@ -15,7 +15,7 @@ from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.ideal_torque import torque_of
-from parallel_robot_sim.messages import told_effort
+from parallel_robot_sim.messages import reported_effort
 from parallel_robot_sim.simulation import Simulation
 
 # Parameters by which the joints that are told are not the true ones, see docs/noise.md.
@@ -134,7 +134,7 @@ def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
     return [SATURATED.format(told, f'{100.0 * share:.3g}')]
 
 
-def told_remarks(values: Mapping[str, Any]) -> list[str]:
+def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
     """A line that says that the joints of a run are not the true ones, if they are not."""
     hidden = untrue(values)
     return [AS_TOLD.format(', '.join(hidden))] if hidden else []
@@ -213,6 +213,6 @@ def _told(made: Simulation) -> Motion:
         tick * (measured - late) / NANOSECONDS,
         run.position[rows],
         reference.position,
-        told_effort(run.effort[: run.steps], late)[rows - np.maximum(heard.late[rows], 0)],
+        reported_effort(run.effort[: run.steps], late)[rows - np.maximum(heard.late[rows], 0)],
         Poses(run.pose[:0], run.pose[:0]),
     )

@@ -15,7 +15,7 @@ from parallel_robot_sim.plant import MUJOCO, torques
 from parallel_robot_sim.plant_core import take
 from parallel_robot_sim.simulator import Simulator
 
-LONGEST = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion over a second
+MAX_STEP = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion over a second
 
 
 class MujocoSimulator(Simulator):
@@ -31,7 +31,7 @@ class MujocoSimulator(Simulator):
         super().__init__(configuration)
         still = [0.0] * len(configuration.loop.joints)  # friction is the suite's
         pose = np.array(configuration.parameters.initial_pose)
-        step = self._period / max(2, math.ceil(self._period / LONGEST))
+        step = self._period / max(2, math.ceil(self._period / MAX_STEP))
         self._bodies = MujocoRobot(self.robot, pose, still, step)
         state, torque = self.state, self.state.torque
         self._torques = entry_point(torques, self._setup, state, torque, self._period)

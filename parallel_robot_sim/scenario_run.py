@@ -21,7 +21,7 @@ from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.motions import Motions, saturation, told_remarks
+from parallel_robot_sim.motions import Motions, saturation, sensor_remarks
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration
@@ -227,7 +227,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         limits_text(acted) if acted else '',
         (
             *made.experiment.control.law.warnings,
-            *told_remarks(values),
+            *sensor_remarks(values),
             *saturation(values, record.effort),
             *motion_doubts(made.experiment.trajectory),
         ),

@@ -23,7 +23,7 @@ from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
-MOST_SAMPLES = 5_000_000  # samples of a simulation, which keeps all of them in memory
+MAX_SAMPLES = 5_000_000  # samples of a simulation, which keeps all of them in memory
 ENDLESS = 'duration must be positive: a run needs an end'
 NODES_ALONE = (
     'plant.engine must be analytic in a compiled loop, not mujoco: that is for the nodes, '
@@ -150,9 +150,9 @@ def samples_of(configuration: Configuration) -> int:
     loop = configuration.loop
     if loop.last_index is None:
         raise InputError(ENDLESS, 'duration')
-    if loop.last_index > MOST_SAMPLES:
+    if loop.last_index > MAX_SAMPLES:
         raise InputError(
-            f'duration must be at most {MOST_SAMPLES * loop.period:g} s in a simulation, '
+            f'duration must be at most {MAX_SAMPLES * loop.period:g} s in a simulation, '
             f'not {loop.duration:g}',
             'duration',
         )

@@ -16,7 +16,7 @@ from pathlib import Path
 from parallel_robot.bags import recording
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.player import Player, PlayerOptions
-from parallel_robot.bags.printable_output import LONGEST_LINE
+from parallel_robot.bags.printable_output import MAX_LINE_LENGTH
 from parallel_robot.cli import command_line
 from parallel_robot.cli.commands import run
 from parallel_robot_model.common.errors import ParallelRobotError, RunError
@@ -47,7 +47,7 @@ def one_line(function):
         try:
             function(Path(bag))
         except ParallelRobotError as error:
-            print(printable(str(error).replace('\n', ' '), LONGEST_LINE), file=sys.stderr)
+            print(printable(str(error).replace('\n', ' '), MAX_LINE_LENGTH), file=sys.stderr)
             return 2
         return 0
 

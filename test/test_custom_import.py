@@ -164,7 +164,7 @@ def test_one_that_computes_for_ever_is_stopped(tmp_path, capsys, monkeypatch):
 
 
 def test_one_that_waits_for_ever_is_named_and_stopped(tmp_path, capsys, monkeypatch, caplog):
-    monkeypatch.setattr(trial_process, 'LONGEST', 1.0)
+    monkeypatch.setattr(trial_process, 'MAX_WAIT', 1.0)
     monkeypatch.setattr(custom_module, 'SLOW', 0.1)
     file = written(tmp_path, 'waiting', 'time.sleep(1e4)')
     with caplog.at_level(logging.WARNING, 'parallel_robot'):

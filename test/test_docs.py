@@ -72,9 +72,9 @@ def test_every_limit_is_in_the_table_of_safety():
 def test_the_limits_of_the_wire_are_those_of_the_code():
     text = (DOCS / 'security.md').read_text()
     for limit in (
-        f'{services.MOST_NAMES} names, {services.MOST_PREFIXES} prefixes',
+        f'{services.MAX_NAMES} names, {services.MAX_PREFIXES} prefixes',
         f'{services.LONGEST_NAME} characters of a name, {services.LONGEST_VALUE} characters or',
-        f'looked at up to {joint_reader.LONGEST >> 10} KiB',
+        f'looked at up to {joint_reader.MAX_MESSAGE_BYTES >> 10} KiB',
         f'layouts of {layouts.KINDS} kinds',
     ):
         assert limit in text

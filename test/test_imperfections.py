@@ -21,7 +21,7 @@ from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.random_numbers import mixed, uniform
 from parallel_robot_sim.sensors import keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
@@ -319,6 +319,6 @@ def test_a_bag_that_is_not_of_its_plant_tells_what_is_seen_alone(tmp_path):
 def test_a_bag_may_not_make_states_older_than_sensors_can(delay):
     values = {'sensor.stamp': 'measured', 'period': 1e-3, 'sensor.delay': delay}
     with pytest.raises(InputError, match=r'sensor\.delay must be'):
-        told_age(values)
-    assert told_age(values | {'sensor.delay': 0.0034}) == 3_000_000
-    assert told_age(values | {'sensor.stamp': 'sent'}) == 0
+        reported_age(values)
+    assert reported_age(values | {'sensor.delay': 0.0034}) == 3_000_000
+    assert reported_age(values | {'sensor.stamp': 'sent'}) == 0

@@ -174,7 +174,7 @@ def test_a_refusal_names_what_is_wrong(any_service):
 
 @pytest.mark.parametrize('kind', ['Get', 'Describe', 'List'])
 def test_a_question_that_is_too_long_is_not_looked_at(kind, service):
-    names = ['law'] * (services.MOST_NAMES + 1)
+    names = ['law'] * (services.MAX_NAMES + 1)
     ask, field, answer = {
         'Get': ('get_parameters', 'names', 'values'),
         'Describe': ('describe_parameters', 'names', 'descriptors'),

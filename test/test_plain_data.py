@@ -21,7 +21,7 @@ NOT_PLAIN = st.sampled_from(
 )  # fmt: skip
 LARGEST = {
     'brackets': '[' * 100_000, 'braces': '{"a":' * 100_000, 'dashes': '- ' * 100_000,
-    'long': '1' * (plain_data.LONGEST + 1), 'many': '- 1\n' * (plain_data.PARTS + 1),
+    'long': '1' * (plain_data.MAX_LENGTH + 1), 'many': '- 1\n' * (plain_data.PARTS + 1),
     'laughs': 'a0: &a0 [x, x]\n' + '\n'.join(
         f'a{k}: &a{k} [{", ".join([f"*a{k - 1}"] * 9)}]' for k in range(1, 10)),
 }  # fmt: skip

@@ -4,17 +4,17 @@ import io
 import sys
 
 from parallel_robot.bags import progress
-from parallel_robot.bags.printable_output import LONGEST_LINE, printable_output
+from parallel_robot.bags.printable_output import MAX_LINE_LENGTH, printable_output
 from parallel_robot.cli.command_line import main
 
 
 def test_what_commands_print_has_no_escape_sequences(capsys):
     with printable_output():
         print('a\x1b[2J\rb\n\ttwo lines')
-        print('é' * (LONGEST_LINE + 1), file=sys.stderr)
+        print('é' * (MAX_LINE_LENGTH + 1), file=sys.stderr)
     out, err = capsys.readouterr()
     assert out == 'a\ufffd[2J\ufffdb\n\ufffdtwo lines\n'
-    assert err == 'é' * (LONGEST_LINE - 1) + '…\n'
+    assert err == 'é' * (MAX_LINE_LENGTH - 1) + '…\n'
 
 
 def test_progress_still_draws_on_the_terminal(monkeypatch):

@@ -24,7 +24,7 @@ class Terminal(io.StringIO):
 def terminal(monkeypatch):
     """A terminal on which everything is drawn at once."""
     monkeypatch.setattr(progress, 'QUIET', 0.0)
-    monkeypatch.setattr(progress, 'AGAIN', 0.0)
+    monkeypatch.setattr(progress, 'UPDATE_INTERVAL', 0.0)
     terminal = Terminal()
     monkeypatch.setattr(progress, 'sys', SimpleNamespace(stderr=terminal))
     return terminal

@@ -100,7 +100,7 @@ def test_what_is_wrong_is_said_in_one_line(file, text, reason):
         (b'a: \xff\xfe', 'is not a text in UTF-8'),
         ('a: 1'.encode('utf-16'), 'is not a text in UTF-8'),
         (b'\x7fELF\x00\x01', 'not valid YAML'),
-        (b'#' * (plain_data.LONGEST + 1), 'has more than 1048576 bytes'),
+        (b'#' * (plain_data.MAX_LENGTH + 1), 'has more than 1048576 bytes'),
     ],
 )
 def test_what_is_no_text_is_refused(file, content, reason):

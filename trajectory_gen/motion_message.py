@@ -14,7 +14,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.cdr_reader import Reader, header_stamp
 
 MOST = 1000  # points
-LONGEST = 1 << 20  # bytes of a message that is looked at
+MAX_MESSAGE_BYTES = 1 << 20  # bytes of a message that is looked at
 ROWS = ('positions', 'velocities', 'accelerations', 'effort')
 
 
@@ -45,8 +45,8 @@ def read(data: bytes, names: Sequence[str]) -> Points:
         InputError: it is too long or broken, asks for a time of its own, names other coordinates,
             or its points are too many, incomplete, not finite or not in the order of their times.
     """
-    if len(data) > LONGEST:
-        raise InputError(f'a message of {len(data)} bytes; at most {LONGEST} are read')
+    if len(data) > MAX_MESSAGE_BYTES:
+        raise InputError(f'a message of {len(data)} bytes; at most {MAX_MESSAGE_BYTES} are read')
     try:
         given, times, rows = _fields(data)
     except ValueError as error:

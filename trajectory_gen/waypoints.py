@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.points_file import MOST
+from parallel_robot_model.configuration.points_file import MAX_POINTS
 from parallel_robot_model.robots.contract import PoseMotion
 
 RESIDUAL = 1e-9  # of a spline at its points, relative to the largest coordinate
@@ -78,9 +78,10 @@ def prepare(parameters: Parameters) -> Spline:
 def _checked(parameters: Parameters) -> tuple[Any, Any]:
     """Times, shape (N,), and points, shape (N, m)."""
     count, numbers = len(parameters.times), len(parameters.points)
-    if not 2 <= count <= MOST:
+    if not 2 <= count <= MAX_POINTS:
         raise InputError(
-            f'waypoints.times must hold from 2 to {MOST} numbers, not {count}', 'waypoints.times'
+            f'waypoints.times must hold from 2 to {MAX_POINTS} numbers, not {count}',
+            'waypoints.times',
         )
     if not numbers or numbers % count:
         raise InputError(

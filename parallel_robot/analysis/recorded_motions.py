@@ -20,14 +20,14 @@ from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim import plant_again
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along
-from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import (
     Motion,
     Motions,
     Poses,
     poses_of,
     saturation,
-    told_remarks,
+    sensor_remarks,
     untrue,
 )
 from parallel_robot_sim.plant import MUJOCO
@@ -69,7 +69,7 @@ class Recorded(NamedTuple):
     @property
     def doubts(self) -> list[str]:
         """That its joints are not the true ones, where they are not and those are known."""
-        return [] if self.motions.true is None else told_remarks(self.log.config)
+        return [] if self.motions.true is None else sensor_remarks(self.log.config)
 
     @property
     def pose(self) -> np.ndarray:
@@ -162,7 +162,7 @@ def _again(log: RunLog, past: History) -> Motion | None:
     loop = configuration.loop
     if configuration.parameters.engine == MUJOCO:
         return None
-    tick, age = loop.period_ns, told_age(log.config)
+    tick, age = loop.period_ns, reported_age(log.config)
     measured = np.rint((log.stamps + age - log.start_stamp) / tick).astype(int)
     count = int(measured[-1]) + 1
     simulated = past.facts.get('source') == SIMULATION

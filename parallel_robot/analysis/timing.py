@@ -15,7 +15,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.loop import loop_of
-from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.plant import PlantParameters
 
 # Real time is held up to these: a little beyond, the metrics of some law change (docs/bags.md).
@@ -96,12 +96,12 @@ def evaluate(log: RunLog, history: History) -> Timing:
     first = told if told or not says else int(log.command_states[log.command_states > 0].min())
     # Of a motion that was planned every state counts, also where the controller fell silent.
     last = int(log.command_states.max()) if says and not told else log.stamps[-1]
-    due = (log.stamps + told_age(log.config) >= first) & (log.stamps <= last)
+    due = (log.stamps + reported_age(log.config) >= first) & (log.stamps <= last)
     answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
     lag, uncommanded = np.zeros(0, np.int64), 0
     if says and log.has_efforts:  # which tell what command acted
         lag, uncommanded = _lags(log, first, period)
-    delay = (log.heard - log.stamps - told_age(log.config)) / NANOSECONDS
+    delay = (log.heard - log.stamps - reported_age(log.config)) / NANOSECONDS
     nodes = history.facts.get('source', NODES) == NODES
     stepped = log.config['time_mode'] == 'lockstep'
     wall = nodes and not stepped and np.median(np.abs(delay)) * NANOSECONDS < SAME_CLOCK
@@ -182,7 +182,7 @@ def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]
     newest = np.searchsorted(stamps, log.stamps, side='right') - 1
     acting = _acting(log.effort, command, newest)[1:]
     answers = np.where(acting < 0, 0, log.command_states[acting])
-    age = told_age(log.config)
+    age = reported_age(log.config)
     counted = log.stamps[:-1] >= first
     if answers.any():
         answers[: np.flatnonzero(answers)[0]] = first - period

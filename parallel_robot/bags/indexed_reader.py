@@ -15,7 +15,7 @@ from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from parallel_robot.bags import mcap_records
 from parallel_robot.bags.bag_files import File, files, open_file
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
-from parallel_robot.bags.printable_output import LONGEST_LINE
+from parallel_robot.bags.printable_output import MAX_LINE_LENGTH
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import plain_data
@@ -150,7 +150,7 @@ class BagReader:
         self._chunks = []
 
     def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
-        name = printable(path, LONGEST_LINE)
+        name = printable(path, MAX_LINE_LENGTH)
         end, records = mcap_records.summarised(*file, INDEX)
         if end is None:
             raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off')
@@ -197,7 +197,9 @@ def _scan(
     """Messages of a chunk: log time, rank, offset, topic, bytes of the chunk, end."""
     block = mcap_records.messages_at(chunk.data, chunk.offset, allowance)
     if block is None:
-        raise BagError(f'{printable(chunk.path, LONGEST_LINE)} cannot be read: a chunk is broken')
+        raise BagError(
+            f'{printable(chunk.path, MAX_LINE_LENGTH)} cannot be read: a chunk is broken'
+        )
     content = bytes(block.data)
     wanted = [key for key, topic in chunk.channels.items() if topic in topics]
     for channel, _, log_time, _, begin, end in block.rows(wanted):

@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 from parallel_robot_model.common.printable import printable
 
-LONGEST_LINE = 2000  # characters of what a terminal gets
+MAX_LINE_LENGTH = 2000  # characters of what a terminal gets
 ASCII = re.compile(r'[ -~\n]*')
 SPELLED, REPLACED = 'parallel_robot.spelled', {'µ': 'u'}  # a handler of codecs, what it spells
 
@@ -34,8 +34,8 @@ class PrintableStream:
 
     def write(self, text: str) -> int:
         """Write lines."""
-        if len(text) > LONGEST_LINE or ASCII.fullmatch(text) is None:
-            text = '\n'.join(printable(line, LONGEST_LINE) for line in text.split('\n'))
+        if len(text) > MAX_LINE_LENGTH or ASCII.fullmatch(text) is None:
+            text = '\n'.join(printable(line, MAX_LINE_LENGTH) for line in text.split('\n'))
         self.stream.write(text)
         return len(text)
 

@@ -13,7 +13,7 @@ from parallel_robot.bags.printable_output import as_it_is
 Item = TypeVar('Item')
 
 QUIET = 1.0  # s of work before a bar appears
-AGAIN = 0.1  # s between two updates
+UPDATE_INTERVAL = 0.1  # s between two updates
 WIDTH = 30  # characters of the bar
 CLEAR = '\r\x1b[K'
 
@@ -37,7 +37,7 @@ class Progress:
         share = min(1.0, done / self._total) if self._total else 1.0
         line = f'[{"#" * round(WIDTH * share):<{WIDTH}}] {done:.6g} of {self._total:.6g}'
         print(f'{CLEAR}{line}{self._unit} {what}', end='', file=self._stream, flush=True)
-        self._next = time.monotonic() + AGAIN
+        self._next = time.monotonic() + UPDATE_INTERVAL
         self._drawn = True
 
     def __enter__(self) -> Progress:

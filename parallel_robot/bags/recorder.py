@@ -37,7 +37,7 @@ from parallel_robot_model.messages.topics import (
     TELEMETRY,
     Topic,
 )
-from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.imperfections import reported_age
 
 ANSWERS = (COMMANDS, *TELEMETRY, ANSWERED)  # what the controller sends for each state
 DRAIN = 0.05  # s, between two rounds of writing
@@ -75,7 +75,7 @@ class Recorder:
         self._directory = directory
         self._loop = loop
         self._values = values
-        self._age = told_age(values)
+        self._age = reported_age(values)
         self._failed = failed
         self._start = 0
         self._end: int | None = None

@@ -19,7 +19,7 @@ from parallel_robot_model.messages.topics import DEPTH
 Tell = Callable[[str, dict[str, Any]], None]  # full name of a node, its parameters
 OTHERS = ('use_sim_time', 'start_stamp')  # these change at the start of a run
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # what rclpy calls a node of which only a topic is known so far
-PATIENCE = 5.0  # s, how long to wait for the answer of a node
+ANSWER_TIMEOUT = 5.0  # s, how long to wait for the answer of a node
 
 
 class ParameterWatch:
@@ -66,7 +66,7 @@ class ParameterWatch:
         return [
             name
             for name in sorted(self._present - self._answered)
-            if now - self._seen[name] < PATIENCE
+            if now - self._seen[name] < ANSWER_TIMEOUT
         ]
 
     def _on_names(self, node: str, future: Future) -> None:

@@ -24,7 +24,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import RECORDED, Topic
-from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.imperfections import reported_age
 
 FEW = 5  # topics of a bag that are named
 EMPTY = np.zeros((0, 0))
@@ -134,7 +134,7 @@ def of(
         warnings.append(f'{bag}: {what}: torques are those commanded')
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
-    age = told_age(values)
+    age = reported_age(values)
     used = (states.stamps + age >= start) & (states.stamps + age >= references.stamps[0])
     if not used.any():
         raise BagError(f'{bag}: no state has a reference at or before its stamp')

@@ -16,14 +16,14 @@ from parallel_robot.bags.progress import tracked
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import at_measurement
-from parallel_robot_control.estimator import told_delay
+from parallel_robot_control.estimator import delay_text
 from parallel_robot_control.messages import (
     Status,
     Telemetry,
     answers_message,
+    reported_limits,
     status_message,
     telemetry_messages,
-    told_limits,
 )
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
@@ -113,11 +113,11 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         known_stamps = loop.step_start + course.known * loop.period_ns
         answers, last, written = [], 0, dict.fromkeys(records, 0)
         estimator = experiment.control.setup.estimator
-        acted = told_limits(run.acted[:count], measured, heard.answered, course.renewals)
+        acted = reported_limits(run.acted[:count], measured, heard.answered, course.renewals)
         logged = {*due.tolist(), count - 1}
         for k in tracked(range(count), count, 'states written'):
             log_time = int(stamps[k])
-            delay = told_delay(estimator, int(phases[k]))
+            delay = delay_text(estimator, int(phases[k]))
             last = k if heard.answered[k] else last
             now = Status(law.name, known.get(int(run.fault[k])), int(acted[last]), delay)
             if now != status and (heard.answered[k] or k in course.lost):

@@ -13,7 +13,7 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
-from parallel_robot.bags.printable_output import LONGEST_LINE, printable_output, spell
+from parallel_robot.bags.printable_output import MAX_LINE_LENGTH, printable_output, spell
 from parallel_robot.cli import completion
 from parallel_robot_model.common.errors import (
     InputError,
@@ -116,7 +116,7 @@ def main(words: Sequence[str] | None = None) -> int:
             code: int = module_of(arguments.command).execute(arguments)
         sys.stdout.flush()
     except ParallelRobotError as error:
-        text = printable(str(error).replace('\n', ' '), LONGEST_LINE)
+        text = printable(str(error).replace('\n', ' '), MAX_LINE_LENGTH)
         print(f'{name}: {text}', file=sys.stderr)
         if isinstance(error, StoppedError):
             return error.exit_code

@@ -26,7 +26,7 @@ from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.module_process import command, die_with_parent
-from parallel_robot_sim.imperfections import told_age
+from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import differs
 
 EVERY = 6  # looks, from one check of what runs to the next: five a second
@@ -129,7 +129,7 @@ class GraphSource:
                 self._layouts += 1
                 self._seen, joints = seen, self._values['joints']
                 self._camera = Camera(*nominal_of(self._values), joints, self._layouts)
-                self._buffer = MotionBuffer(len(joints), told_age(self._values))
+                self._buffer = MotionBuffer(len(joints), reported_age(self._values))
             self._trouble = ''
         except ParallelRobotError as error:
             self._seen, self._camera, self._trouble = (
@@ -233,7 +233,7 @@ class GraphSource:
         )
         await process.communicate(json.dumps(wanted).encode())
         configured = await asyncio.to_thread(configure_control, wanted)
-        self._ghost = await asyncio.to_thread(Ghost, configured, told_age(values))
+        self._ghost = await asyncio.to_thread(Ghost, configured, reported_age(values))
         return law
 
 

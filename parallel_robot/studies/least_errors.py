@@ -20,7 +20,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.placed import merged
-from parallel_robot_model.configuration.scenario_file import DEEPEST, absolute, stem
+from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.simulation import ENDLESS
 from trajectory_gen.motion_length import with_duration
@@ -145,7 +145,7 @@ def _experiments(
         yield stem(row.scenario), configure(resolve(row.scenario, row.overrides))
 
 
-def is_study(name: str, bases: int = DEEPEST) -> bool:
+def is_study(name: str, bases: int = MAX_BASES) -> bool:
     """Whether a name or a file is that of a study, which may have so many bases."""
     if (config.directory() / 'studies' / f'{name}.yaml').is_file():
         return True

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-LONGEST = 200  # characters
+MAX_LENGTH = 200  # characters
 
 
-def printable(value: Any, longest: int = LONGEST) -> str:
+def printable(value: Any, longest: int = MAX_LENGTH) -> str:
     """Safe text of a value from a foreign source.
 
     Args:

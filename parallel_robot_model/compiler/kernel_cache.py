@@ -36,8 +36,8 @@ from parallel_robot_model.processes.cache_directory import NOTICE, PREFIX
 from parallel_robot_model.processes.user_directory import is_private
 
 UNREADABLE = (OSError, EOFError, ImportError, AttributeError, pickle.UnpicklingError)
-AGAIN = 10.0  # s, between two lines of progress
-PATIENCE, TURN = 5.0, 0.002  # s, to wait for the lock of an index, and between two looks
+PROGRESS_INTERVAL = 10.0  # s, between two lines of progress
+LOCK_TIMEOUT, LOCK_POLL = 5.0, 0.002  # s, to wait for the lock of an index, and between two looks
 CUSTOM = re.compile(rf'{PREFIX}\w+(?=\.)')  # names of custom modules in names of types
 
 
@@ -170,7 +170,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             BlockingIOError: another one keeps them for long, because it was stopped.
         """
         with open(os.path.join(self._cache_file._cache_path, 'lock'), 'ab') as file:
-            due = time.monotonic() + PATIENCE
+            due = time.monotonic() + LOCK_TIMEOUT
             while True:
                 try:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -178,7 +178,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
                 except BlockingIOError:
                     if time.monotonic() > due:
                         raise
-                    time.sleep(TURN)
+                    time.sleep(LOCK_POLL)
                 except OSError:  # there are no locks on this file system
                     break
             yield
@@ -233,10 +233,10 @@ def _report() -> None:
     """Report the progress from time to time."""
     global _due
     if time.monotonic() >= _due:
-        _due = time.monotonic() + AGAIN
+        _due = time.monotonic() + PROGRESS_INTERVAL
         text = cache_directory.compiled()
         if text:
             logging.getLogger('parallel_robot').info(text)
 
 
-_due = time.monotonic() + AGAIN
+_due = time.monotonic() + PROGRESS_INTERVAL

@@ -12,7 +12,7 @@ import yaml
 # The loader written in C, if installed, is seven times faster.
 LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 
-LONGEST = 1 << 20  # characters
+MAX_LENGTH = 1 << 20  # characters
 DEEPEST = 20  # lists and mappings in one another
 MERGE = 'tag:yaml.org,2002:merge'
 PARTS = 100_000  # values in all, what an alias stands for counted again
@@ -35,7 +35,7 @@ def dump(values: Mapping[str, Any]) -> str:
     return json.dumps(dict(values), sort_keys=True, ensure_ascii=False)
 
 
-def load(text: str, longest: int = LONGEST) -> Any:
+def load(text: str, longest: int = MAX_LENGTH) -> Any:
     """Read JSON or YAML.
 
     Args:

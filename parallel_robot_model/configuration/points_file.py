@@ -15,7 +15,7 @@ from parallel_robot_model.configuration.points_table import COLUMNS, UNITS, Tabl
 
 FILE, TIMES, POINTS = 'waypoints.file', 'waypoints.times', 'waypoints.points'
 SPACE, THINNED = 'waypoints.space', 'waypoints.thinned'
-MOST = 5000  # points of a motion: all of them are parameters of nodes, and go into a bag
+MAX_POINTS = 5000  # points of a motion: all of them are parameters of nodes, and go into a bag
 
 
 def filled(values: Placed) -> Placed:
@@ -76,13 +76,13 @@ def _words(values: Placed, key: str) -> list[str]:
 
 
 def _thinned(table: Table, name: str) -> tuple[NDArray[np.int64], str]:
-    """Indices of the rows that are kept, at most MOST, and what is said of the others."""
+    """Indices of the rows that are kept, at most MAX_POINTS, and what is said of the others."""
     count = len(table.times)
-    if count <= MOST:
+    if count <= MAX_POINTS:
         return np.arange(count), ''
     from scipy.interpolate import make_interp_spline  # it takes long to load
 
-    step = -(-(count - 1) // (MOST - 1))
+    step = -(-(count - 1) // (MAX_POINTS - 1))
     kept = np.unique([*range(0, count, step), count - 1])
     curve = make_interp_spline(table.times[kept], table.points[kept], k=5)
     offset = np.abs(curve(table.times) - table.points).max(axis=0)

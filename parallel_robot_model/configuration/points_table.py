@@ -16,7 +16,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import yaml_file
 
-LARGEST = 1 << 28  # bytes of a table
+MAX_BYTES = 1 << 28  # bytes of a table
 HEADER = 't, x, y, phi; t, x, y; or t, q1, q2 and so on'
 COLUMNS = 'waypoints.columns'
 UNITS = 'waypoints.units'
@@ -97,7 +97,7 @@ def read(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> 
 
 
 def _lines(path: Path) -> _Lines:
-    text = yaml_file.text(path, LARGEST)
+    text = yaml_file.text(path, MAX_BYTES)
     numbered = ((k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip())
     used = ((k, line) for k, line in numbered if not line.lstrip().startswith('#'))
     number, first = next(used, (1, ''))

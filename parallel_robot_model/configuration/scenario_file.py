@@ -9,8 +9,8 @@ from parallel_robot_model.configuration import parameter_file, points_file, yaml
 from parallel_robot_model.configuration.placed import Placed, locating
 
 SUFFIXES = ('.yaml', '.yml')
-LONGEST = 200  # characters of a name
-DEEPEST = 20  # scenarios, each the base of the next
+MAX_NAME_LENGTH = 200  # characters of a name
+MAX_BASES = 20  # scenarios, each the base of the next
 
 
 def is_path(scenario: str) -> bool:
@@ -60,8 +60,8 @@ def name_of(scenario: str, shipped: Path) -> str:
     name = stem(str(place))
     if name in names(shipped) and place != _shipped(name, shipped):
         raise InputError(f'{scenario}: there is already a scenario {name}; rename the file')
-    if len(name) > LONGEST or not name.isprintable():
-        what = f'at most {LONGEST} characters, all of which can be printed'
+    if len(name) > MAX_NAME_LENGTH or not name.isprintable():
+        what = f'at most {MAX_NAME_LENGTH} characters, all of which can be printed'
         raise InputError(f'{scenario}: the name of a scenario has {what}; rename the file')
     return name
 
@@ -84,9 +84,9 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
     found: list[tuple[Path, Placed]] = []
     while True:
         way = [path for path, _ in found]
-        if place in way or len(way) == DEEPEST:
+        if place in way or len(way) == MAX_BASES:
             steps = ' -> '.join(path.name for path in [*way, place])
-            what = 'lead in a circle' if place in way else f'are more than {DEEPEST}'
+            what = 'lead in a circle' if place in way else f'are more than {MAX_BASES}'
             raise InputError(f'{way[0]}: the bases of a scenario {what}: {steps}')
         values = yaml_file.read(place)
         if parameter_file.is_of_ros(values):

@@ -116,7 +116,7 @@ def places(text: str, file: str) -> dict[str, Place]:
     return found
 
 
-def text(path: Path, most: int = plain_data.LONGEST) -> str:
+def text(path: Path, most: int = plain_data.MAX_LENGTH) -> str:
     """Content of a regular file of at most so many bytes.
 
     Raises:

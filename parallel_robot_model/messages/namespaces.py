@@ -7,7 +7,7 @@ import re
 
 from parallel_robot_model.common.errors import InputError
 
-LONGEST = 100  # characters; the middleware has 247 for a whole name
+MAX_LENGTH = 100  # characters; the middleware has 247 for a whole name
 NAMESPACE = re.compile(r'(?!.*__)(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*|/?)', re.ASCII)
 
 
@@ -24,10 +24,10 @@ def full(name: str) -> str:
     Raises:
         InputError: ROS does not allow the name.
     """
-    if not NAMESPACE.fullmatch(name) or len(name) > LONGEST:
+    if not NAMESPACE.fullmatch(name) or len(name) > MAX_LENGTH:
         raise InputError(
             'namespace must be words of letters, digits and single underscores joined by /, none '
-            f'beginning with a digit, at most {LONGEST} characters, e.g. left, not {name!r}'
+            f'beginning with a digit, at most {MAX_LENGTH} characters, e.g. left, not {name!r}'
         )
     name = name.strip('/')
     return f'/{name}' if name else ''

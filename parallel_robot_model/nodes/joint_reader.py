@@ -12,7 +12,7 @@ from parallel_robot_model.messages import cdr
 from parallel_robot_model.messages.joint_layouts import OWN, joint_message
 from parallel_robot_model.messages.topics import Topic
 
-LONGEST = 1 << 16  # bytes of a message that is looked at; one of 100 joints has 10 000
+MAX_MESSAGE_BYTES = 1 << 16  # bytes of a message that is looked at; one of 100 joints has 10 000
 
 
 class JointReader:
@@ -95,8 +95,8 @@ class JointReader:
     def _learn(self, data: bytes) -> str:
         """Set layout and order for messages like this one, or say why it cannot be used."""
         self.layout = None
-        if len(data) > LONGEST:
-            return f'longer than {LONGEST} bytes'
+        if len(data) > MAX_MESSAGE_BYTES:
+            return f'longer than {MAX_MESSAGE_BYTES} bytes'
         try:
             names, fields, layout = joint_message(self._topic.type, data)
         except ValueError:

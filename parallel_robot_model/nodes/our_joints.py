@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from parallel_robot_model.messages.joint_layouts import joint_message
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.nodes.joint_reader import LONGEST
+from parallel_robot_model.nodes.joint_reader import MAX_MESSAGE_BYTES
 
 STAMPED = 12  # bytes of a message up to the end of its stamp
 LOOKED_AT = 96  # bytes after it, by which a message is known again
@@ -28,7 +28,7 @@ class OurJoints:
         seen = data[STAMPED : STAMPED + LOOKED_AT], len(data)
         if seen == self._known:
             return False
-        if len(data) > LONGEST:
+        if len(data) > MAX_MESSAGE_BYTES:
             return False
         try:
             names, _, _ = joint_message(self._type, data)

@@ -15,10 +15,10 @@ from rclpy.parameter_service import ParameterService
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.nodes.background import Background
 
-MOST_NAMES = 1000  # in one request; a node has some hundred parameters
-MOST_PREFIXES = 100  # in one request
-LONGEST_NAME = 256  # characters
-LONGEST_VALUE = 4096  # characters or numbers: a path, the names of joints
+MAX_NAMES = 1000  # in one request; a node has some hundred parameters
+MAX_PREFIXES = 100  # in one request
+MAX_NAME_LENGTH = 256  # characters
+MAX_VALUE_LENGTH = 4096  # characters or numbers: a path, the names of joints
 ARRAYS = ('byte_array', 'bool_array', 'integer_array', 'double_array', 'string_array')
 TYPES = tuple(kind.value for kind in Parameter.Type if kind != Parameter.Type.NOT_SET)
 
@@ -40,7 +40,7 @@ class BoundedParameterService(ParameterService):  # type: ignore[misc]
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
         result = set_together(self._get_node(), request.parameters)
-        response.results = [result] * min(len(request.parameters), MOST_NAMES)
+        response.results = [result] * min(len(request.parameters), MAX_NAMES)
         return response
 
     def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
@@ -48,19 +48,19 @@ class BoundedParameterService(ParameterService):  # type: ignore[misc]
         return response
 
     def _get_parameters_callback(self, request: Any, response: Any) -> Any:
-        few = len(request.names) <= MOST_NAMES
+        few = len(request.names) <= MAX_NAMES
         return super()._get_parameters_callback(request, response) if few else response
 
     def _get_parameter_types_callback(self, request: Any, response: Any) -> Any:
-        few = len(request.names) <= MOST_NAMES
+        few = len(request.names) <= MAX_NAMES
         return super()._get_parameter_types_callback(request, response) if few else response
 
     def _describe_parameters_callback(self, request: Any, response: Any) -> Any:
-        few = len(request.names) <= MOST_NAMES
+        few = len(request.names) <= MAX_NAMES
         return super()._describe_parameters_callback(request, response) if few else response
 
     def _list_parameters_callback(self, request: Any, response: Any) -> Any:
-        few = len(request.prefixes) <= MOST_PREFIXES
+        few = len(request.prefixes) <= MAX_PREFIXES
         return super()._list_parameters_callback(request, response) if few else response
 
 
@@ -81,18 +81,20 @@ def read(messages: Sequence[ParameterMessage]) -> list[Parameter]:
     """
     if not messages:
         return []
-    if len(messages) > MOST_NAMES:
+    if len(messages) > MAX_NAMES:
         raise InputError(
-            f'{len(messages)} parameters in one request; at most {MOST_NAMES} are read'
+            f'{len(messages)} parameters in one request; at most {MAX_NAMES} are read'
         )
     for message in messages:
         name = message.name
-        if len(name) > LONGEST_NAME:
-            raise InputError(f'a name of {len(name)} characters; at most {LONGEST_NAME} are read')
+        if len(name) > MAX_NAME_LENGTH:
+            raise InputError(
+                f'a name of {len(name)} characters; at most {MAX_NAME_LENGTH} are read'
+            )
         if message.value.type not in TYPES:
             raise InputError(f'{name!r} has a value of unknown type {message.value.type}')
-        if not _size(message.value) <= LONGEST_VALUE:
-            raise InputError(f'{name!r} has a value longer than {LONGEST_VALUE}')
+        if not _size(message.value) <= MAX_VALUE_LENGTH:
+            raise InputError(f'{name!r} has a value longer than {MAX_VALUE_LENGTH}')
     name, times = Counter(message.name for message in messages).most_common(1)[0]
     if times > 1:
         raise InputError(f'{name!r} is named twice')

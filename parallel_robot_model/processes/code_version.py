@@ -16,7 +16,7 @@ SETTINGS = (  # of Numba, in the environment: they change the machine code of th
     'NUMBA_OPT', 'NUMBA_BOUNDSCHECK', 'NUMBA_DEBUGINFO', 'NUMBA_ENABLE_AVX',
     'NUMBA_LOOP_VECTORIZE', 'NUMBA_SLP_VECTORIZE',
 )  # fmt: skip
-ROOM = re.compile('parallel_robot(_[a-z]+)?|trajectory_gen')  # packages of the suite
+PACKAGE = re.compile('parallel_robot(_[a-z]+)?|trajectory_gen')  # packages of the suite
 FROM = re.compile(rb'^from ([\w.]+) import (\([^)]*\)|[^\n]*)', re.MULTILINE)
 LENGTH = 16  # characters of a hash
 
@@ -28,7 +28,9 @@ def root() -> Path:
 
 def is_source(file: Path) -> bool:
     """Whether a file (absolute path) belongs to the suite."""
-    return file.is_relative_to(root()) and bool(ROOM.fullmatch(file.relative_to(root()).parts[0]))
+    return file.is_relative_to(root()) and bool(
+        PACKAGE.fullmatch(file.relative_to(root()).parts[0])
+    )
 
 
 @functools.cache
@@ -68,7 +70,7 @@ def of_kernels() -> str:
 
 def _sources() -> dict[Path, bytes]:
     """Content of the Python sources of the suite, by path below the root."""
-    rooms = [path for path in root().iterdir() if ROOM.fullmatch(path.name)]
+    rooms = [path for path in root().iterdir() if PACKAGE.fullmatch(path.name)]
     files = sorted(path for room in rooms for path in room.rglob('*.py'))
     return {path.relative_to(root()): path.read_bytes() for path in files}
 

@@ -34,7 +34,7 @@ MODULES = {
 STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))
 WATCH = 'watch'  # end of the name of a node's logger for what is odd
 DOUBTS = re.compile(rf'^\[WARN\] \[[\d.]+\] \[[\w.]+\.{WATCH}\]: (.*)$', re.MULTILINE)
-LONGEST = 100_000  # characters of a value on a command line, of which Linux takes 131 071
+MAX_VALUE_LENGTH = 100_000  # characters of a value on a command line, of which Linux takes 131 071
 END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 
 
@@ -81,7 +81,7 @@ class NodeProcesses:
                 long = []
                 for key, value in parameters.items():
                     text = as_yaml(value)
-                    if len(text) > LONGEST:
+                    if len(text) > MAX_VALUE_LENGTH:
                         long.append(f'    {key}: {text}')
                     elif value != []:  # rcl has no type for it
                         words += ['-p', f'{key}:={text}']

@@ -21,7 +21,7 @@ from parallel_robot_model.processes.module_process import command, die_with_pare
 
 LIMIT = 1.0  # s, of the processor, within which a function of a law or robot must return
 WHOLE = 120  # s, of the processor, for all that a trial does, compiling included
-LONGEST = 600.0  # s, for code that waits; twenty times what a trial takes on a busy machine
+MAX_WAIT = 600.0  # s, for code that waits; twenty times what a trial takes on a busy machine
 
 
 class Ended(NamedTuple):
@@ -59,7 +59,7 @@ def run(module: str, task: Mapping[str, Any], **environment: str) -> Ended:
             preexec_fn=die_with_parent,
         )
         try:
-            process.wait(LONGEST)
+            process.wait(MAX_WAIT)
         except subprocess.TimeoutExpired:
             pass
         finally:
@@ -78,7 +78,7 @@ def run(module: str, task: Mapping[str, Any], **environment: str) -> Ended:
 def _ending(code: int | None) -> str:
     """What an exit code says; None for a process that did not end."""
     if code is None:
-        return f'does not return within {LONGEST:g} s'
+        return f'does not return within {MAX_WAIT:g} s'
     if code in (-signal.SIGPROF, -signal.SIGXCPU):
         limit = LIMIT if code == -signal.SIGPROF else WHOLE
         return f'does not return within {limit:g} s of processor time'

@@ -7,12 +7,12 @@ import re
 from parallel_robot_control.laws import title
 from parallel_robot_model.common.printable import printable
 
-LONGEST = 40  # characters of a name, so that it leaves room for the curves
+MAX_LABEL_LENGTH = 40  # characters of a name, so that it leaves room for the curves
 
 
 def label(name: str) -> str:
     """A name, printable and not too long."""
-    return printable(name, LONGEST)
+    return printable(name, MAX_LABEL_LENGTH)
 
 
 def law_label(name: str) -> str:

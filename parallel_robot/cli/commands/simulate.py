@@ -16,7 +16,7 @@ from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.cli import invocation
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.estimator import told_delay
+from parallel_robot_control.estimator import delay_text
 from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
@@ -232,7 +232,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     simulation_bag.save(out, values, simulation)
     duration = (simulation.run.steps - 1) * simulation.experiment.loop.period
     rate = duration / simulation.loop_time
-    delay = told_delay(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
+    delay = delay_text(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
     if delay:
         print(f'delay of the states: {delay}')
     print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')

@@ -15,7 +15,7 @@ from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, plain_data, yaml_file
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.placed import Place, Placed, locating
-from parallel_robot_model.configuration.scenario_file import DEEPEST, absolute, stem
+from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 
 MOST_RUNS = 10_000_000
 MOST_SCRAMBLES = 1000
@@ -143,7 +143,7 @@ def read(path: Path) -> str:
     """
     try:
         with path.open('rb') as stream:
-            return stream.read(plain_data.LONGEST + 1).decode()
+            return stream.read(plain_data.MAX_LENGTH + 1).decode()
     except OSError as error:
         raise InputError(f'cannot read the study {path}: {error.strerror}') from None
     except ValueError:
@@ -204,7 +204,7 @@ def _loaded(
     with locating(Placed({}, places), name):
         base = check('base', str, Field('', ''), content.pop('base'))
         file = file_of(absolute(base, folder))
-        if file in way or len(way) == DEEPEST:
+        if file in way or len(way) == MAX_BASES:
             steps = ' -> '.join(path.name for path in [*way, file])
             raise InputError(f'base: the bases of a study lead in a circle: {steps}', 'base')
         below = read(file)

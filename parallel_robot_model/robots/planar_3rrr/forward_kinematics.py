@@ -27,8 +27,8 @@ from parallel_robot_model.robots.planar_3rrr.velocities import Columns
 GUESS_OUT_OF_REACH = 1
 NOT_CONVERGED = 2
 WRONG_WORKING_MODE = 3
-LONGEST_STEP = 0.05  # rad, of the path that the forward kinematics follows
-SHORT = math.sin(LONGEST_STEP)
+MAX_STEP = 0.05  # rad, of the path that the forward kinematics follows
+SHORT = math.sin(MAX_STEP)
 SINGULAR = 0.02  # |det Jx| / l3 below which the branch is not trusted
 STATUS_TEXT = {
     GUESS_OUT_OF_REACH: 'the guess is out of reach',
@@ -167,7 +167,7 @@ def _followed(robot: Constants, theta: Array, guess: Array) -> Assembly:
     pose, arm_x, arm_y = guess, start.arm_x, start.arm_y
     side = type_2_measure(robot, start)
     done = 0.0
-    part = 1.0 if largest < LONGEST_STEP else LONGEST_STEP / largest
+    part = 1.0 if largest < MAX_STEP else MAX_STEP / largest
     shortest = 1e-3 * part
     while done < 1.0:
         if not part > shortest or not abs(side) > SINGULAR:
@@ -204,7 +204,7 @@ def forward_kinematics(robot: Constants, theta: Array, guess: Array) -> Assembly
         Pose, posture and status.
     """
     ct, st = np.cos(theta), np.sin(theta)
-    # 1. The joints have turned by less than LONGEST_STEP since the guess; NaN is not close.
+    # 1. The joints have turned by less than MAX_STEP since the guess; NaN is not close.
     start = posture_at(robot, guess)
     across = start.ct * st - start.st * ct
     along = start.ct * ct + start.st * st
