@@ -21,6 +21,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.presentations': ('export', 'report', 'video'),
     'parallel_robot.python.repetitions': ('replay', 'rerun'),
+    'parallel_robot.python.spectra': ('spectrum',),
     'parallel_robot.python.tuning': ('tune',),
     'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
@@ -33,7 +34,7 @@ _PLACES = {  # module to what it offers
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
     'identify', 'laws', 'limit', 'linearise', 'load', 'metrics', 'plot', 'replay', 'report',
-    'rerun', 'save', 'scenarios', 'simulate', 'sweep', 'tune', 'video',
+    'rerun', 'save', 'scenarios', 'simulate', 'spectrum', 'sweep', 'tune', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     )
     from parallel_robot.python.presentations import export, report, video
     from parallel_robot.python.repetitions import replay, rerun
+    from parallel_robot.python.spectra import spectrum
     from parallel_robot.python.tuning import tune
     from parallel_robot_model.common.errors import (
         BagError,

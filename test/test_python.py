@@ -29,6 +29,7 @@ from parallel_robot.python import (
     notebook,
     presentations,
     repetitions,
+    spectra,
     tuning,
 )
 from parallel_robot_control.laws import LAWS
@@ -64,7 +65,8 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(identification, limits, linear, names, presentations, repetitions, tuning),
+        *(identification, limits, linear, names, presentations, repetitions),
+        *(spectra, tuning),
     ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
@@ -554,3 +556,18 @@ def test_a_bag_that_ended_early_says_so(tmp_path, capsys):
     assert told in capsys.readouterr().out
     notebook.save(simulate('paper_circle', duration=0.6), tmp_path / 'whole')
     assert not any('early' in text for text in notebook.load(tmp_path / 'whole').warnings)
+
+
+def test_a_spectrum_sums_to_the_variance_and_has_a_sine_at_its_frequency(run):
+    t = run.time
+    wave = 0.3 * np.sin(2.0 * np.pi * 50.0 * t)
+    torque = np.column_stack([wave, np.random.default_rng(3).normal(0.0, 0.2, len(t)), 0.0 * t])
+    density = parallel_robot.spectrum(replace(run, torque=torque), start=0.0, stop=1.0)
+    sine, noise, nothing = (density[f'joint{k}_nm2_per_hz'] for k in (1, 2, 3))
+    assert sine.idxmax() == pytest.approx(50.0, abs=0.1)
+    step = density.index[1]
+    assert sine.sum() * step == pytest.approx(0.3**2 / 2.0, rel=1e-2)
+    assert noise.sum() * step == pytest.approx(torque[:, 1].var(), rel=0.25)
+    assert not nothing.any()
+    with pytest.raises(InputError, match="unknown of 'speed'"):
+        parallel_robot.spectrum(run, 'speed')

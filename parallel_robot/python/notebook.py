@@ -199,7 +199,7 @@ def metrics(run: Run, *, start: float | None = None, stop: float | None = None) 
     Raises:
         InputError: there is none of the run between `start` and `stop`.
     """
-    return RunMetrics(*evaluation.figures(_motions(run), start, stop))
+    return RunMetrics(*evaluation.figures(motions_of(run), start, stop))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
@@ -299,11 +299,11 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
         InputError: something among them is not a run, they are too many, or the scale is unknown.
     """
     if isinstance(runs, Run):
-        return Picture(figures.figure_of_run(runs, _motions(runs).best, scale))
+        return Picture(figures.figure_of_run(runs, motions_of(runs).best, scale))
     named = _named('plot', runs, law_label)
     if not 1 <= len(named) <= len(palette.RUNS):
         raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
-    drawn = {name: (run, _motions(run).best) for name, run in named.items()}
+    drawn = {name: (run, motions_of(run).best) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
 
 
@@ -389,7 +389,7 @@ def _named(
     return named
 
 
-def _motions(run: Run) -> Motions:
+def motions_of(run: Run) -> Motions:
     """The motions of a run.
 
     Raises:

@@ -1,0 +1,61 @@
+"""Spectra of what the joints do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parallel_robot.analysis.metrics import figures
+from parallel_robot.python.notebook import motions_of
+from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_sim.scenario_run import Run
+
+LONG = 1.0  # s, of the segments that are averaged: lines are 1 Hz apart
+QUANTITIES = {'torque': 'nm2_per_hz', 'error': 'rad2_per_hz', 'velocity_error': 'rad2_per_s2_hz'}
+
+
+def spectrum(
+    run: Run, of: str = 'torque', *, start: float | None = None, stop: float | None = None
+) -> Frame:
+    """Power spectral density of torques or errors of the joints, one-sided, by Welch's method.
+
+    >>> import parallel_robot as pr
+    >>> density = pr.spectrum(pr.simulate('paper_circle', law='smc', duration=4))
+    >>> bool(density.joint1_nm2_per_hz.idxmax() < 2)  # Hz, that of the motion
+    True
+
+    Args:
+        run: The run.
+        of: 'torque', 'error' or 'velocity_error'.
+        start: Time from which on it is looked at [s]; default: that of :func:`metrics`.
+        stop: Time up to which it is looked at [s], likewise.
+
+    Returns:
+        A pandas.DataFrame, a row a frequency [Hz], a column a joint. Its sum times the distance of
+        the frequencies is the variance, of Hann windows of 1 s that overlap by half; the mean of
+        each is not in it.
+
+    Raises:
+        InputError: there is no such part of the run, or pandas is not installed.
+
+    Source:
+        Welch (1967), The use of fast Fourier transform for the estimation of power spectra, IEEE
+        Trans. Audio and Electroacoustics 15(2).
+    """
+    frames = pandas()
+    from scipy.signal import welch  # it takes long to load
+
+    if of not in QUANTITIES:
+        raise UnknownNameError('of', of, QUANTITIES)
+    window = figures(motions_of(run), start, stop).window
+    rows = slice(*np.searchsorted(run.time, [window.start_s, np.nextafter(window.stop_s, np.inf)]))
+    values = getattr(run, of)[rows]
+    if len(values) < 2:
+        raise InputError('a spectrum needs at least 2 samples')
+    step = float(np.median(np.diff(run.time[rows])))
+    length = min(len(values), max(2, round(LONG / step)))
+    frequencies, density = welch(values, 1.0 / step, nperseg=length, axis=0)
+    columns = [f'{joint}_{QUANTITIES[of]}' for joint in run.joints]
+    index = frames.Index(frequencies, name='frequency_hz')
+    frame: Frame = frames.DataFrame(density, index=index, columns=columns)
+    return frame
