@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 _PLACES = {  # module to what it offers
+    'parallel_robot.python.checks': ('fronts', 'recover', 'verify'),
+    'parallel_robot.python.descriptions': ('show', 'urdf'),
     'parallel_robot.python.identification': ('identify',),
     'parallel_robot.python.limits': ('limit',),
     'parallel_robot.python.linear': ('linearise',),
@@ -32,12 +34,15 @@ _PLACES = {  # module to what it offers
     'parallel_robot_sim.scenario_run': ('Run', 'simulate'),
 }  # fmt: skip
 __all__ = [
-    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export', 'grid',
-    'identify', 'laws', 'limit', 'linearise', 'load', 'metrics', 'plot', 'replay', 'report',
-    'rerun', 'save', 'scenarios', 'simulate', 'spectrum', 'sweep', 'tune', 'video',
+    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'compare', 'export',
+    'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load', 'metrics', 'plot',
+    'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show', 'simulate',
+    'spectrum', 'sweep', 'tune', 'urdf', 'verify', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from parallel_robot.python.checks import fronts, recover, verify
+    from parallel_robot.python.descriptions import show, urdf
     from parallel_robot.python.identification import identify
     from parallel_robot.python.limits import limit
     from parallel_robot.python.linear import linearise

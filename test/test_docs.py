@@ -73,7 +73,8 @@ def test_the_limits_of_the_wire_are_those_of_the_code():
     text = (DOCS / 'security.md').read_text()
     for limit in (
         f'{services.MAX_NAMES} names, {services.MAX_PREFIXES} prefixes',
-        f'{services.MAX_NAME_LENGTH} characters of a name, {services.MAX_VALUE_LENGTH} characters or',
+        f'{services.MAX_NAME_LENGTH} characters of a name',
+        f'{services.MAX_VALUE_LENGTH} characters or',
         f'looked at up to {joint_reader.MAX_MESSAGE_BYTES >> 10} KiB',
         f'layouts of {layouts.KINDS} kinds',
     ):

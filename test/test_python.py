@@ -22,6 +22,8 @@ from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording, simulation_bag
 from parallel_robot.cli import command_line
 from parallel_robot.python import (
+    checks,
+    descriptions,
     identification,
     limits,
     linear,
@@ -66,7 +68,7 @@ def messages(bag):
     [
         *(parallel_robot, scenario_run, notebook),
         *(identification, limits, linear, names, presentations, repetitions),
-        *(spectra, tuning),
+        *(checks, descriptions, spectra, tuning),
     ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):

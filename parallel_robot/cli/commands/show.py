@@ -9,27 +9,23 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.monitor import MonitorParameters
+from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.cli.commands.simulate import (
     add_scenario_argument,
     add_set_argument,
     given_layers,
 )
-from parallel_robot_control.configuration import available, load
+from parallel_robot_control.configuration import load
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import config, scenario_file
-from parallel_robot_model.configuration.fields import Field, parameters
-from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.parameter_file import MARK
 from parallel_robot_model.configuration.placed import merged
 from parallel_robot_model.configuration.yaml_file import text_of
-from parallel_robot_model.robots.registry import module_of
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
-from parallel_robot_sim.parameter_groups import members
-from trajectory_gen.shapes import shapes
 
 BY_COMMANDS = (*OF_RUN, 'duration')  # left out of files unless set
 UNKNOWN = Field('', '')  # of the keys of the recorder
@@ -102,14 +98,6 @@ def _plot(made: Configuration, path: Path) -> None:
         figures.save(planned.figure_of_motion(made), path)
     except OSError as error:
         raise InputError(f'cannot write {path}: {error.strerror}') from None
-
-
-def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
-    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
-    loop = loop_of(values)
-    known = members(module_of(loop), available(loop.custom_laws), shapes(loop.custom_trajectories))
-    known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
-    return {key: parameter.field for key, parameter in known}
 
 
 def as_table(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:

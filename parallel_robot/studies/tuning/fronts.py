@@ -10,6 +10,7 @@ from typing import Any
 
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.bags import new_files
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
 from parallel_robot.studies.tuning import picture
@@ -18,6 +19,7 @@ from parallel_robot.studies.tuning.store import Store
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
 
+FORMATS = tuple(f'.{suffix}' for suffix in picture.SUFFIXES)
 SIZE = (7.0, 4.8)  # inches; higher for more labels
 SAME = ('scenario', 'measure of effort', 'number of runs', 'uncertainty')  # to be comparable
 
@@ -87,6 +89,26 @@ def check(fronts: Sequence[Front]) -> None:
         for key in SAME:
             if other.manifest.get(key) != first.manifest.get(key):
                 raise InputError(f'{first.directory} and {other.directory} differ in the {key}')
+
+
+def save(directories: Sequence[Path], out: Path, option: str = 'out') -> None:
+    """Draw the fronts of some directories into a picture, which must not exist.
+
+    Args:
+        directories: Each the results of a tuning that has ended.
+        out: The picture.
+        option: What it is called in messages.
+
+    Raises:
+        InputError: one has no front, they cannot be compared, or the picture cannot be written.
+        RunError: the disk is full.
+    """
+    if out.suffix not in FORMATS:
+        raise InputError(f'{option} must end with {" or ".join(FORMATS)}, not {out.name!r}')
+    new_files.check(out, option)
+    fronts = [read(directory) for directory in directories]
+    check(fronts)
+    new_files.save(out, draw(fronts)[out.suffix.removeprefix('.')])
 
 
 def draw(fronts: Sequence[Front]) -> dict[str, bytes]:

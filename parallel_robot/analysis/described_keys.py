@@ -1,0 +1,22 @@
+"""Units and meanings of the keys of a configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from parallel_robot.analysis.monitor import MonitorParameters
+from parallel_robot_control.configuration import available
+from parallel_robot_model.configuration.fields import Field, parameters
+from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.robots.registry import module_of
+from parallel_robot_sim.parameter_groups import members
+from trajectory_gen.shapes import shapes
+
+
+def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
+    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
+    loop = loop_of(values)
+    known = members(module_of(loop), available(loop.custom_laws), shapes(loop.custom_trajectories))
+    known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
+    return {key: parameter.field for key, parameter in known}

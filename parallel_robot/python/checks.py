@@ -1,0 +1,107 @@
+"""Robots checked, broken bags recovered, tunings drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.bags import recovery
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recovery import Recovery
+from parallel_robot.python import arguments
+from parallel_robot.studies.robot_verification import verify_robot
+from parallel_robot.studies.tuning import fronts as drawing
+from parallel_robot.studies.verification import SCENARIOS
+from parallel_robot.studies.verification import verify as against_mujoco
+from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.placed import Placed
+from parallel_robot_model.robots.robot_checks import FINE
+
+
+def verify(robots: int = 10, *, seed: int = 0, duration: float = 1.0, **values: Any) -> Frame:
+    """Compare plants with MuJoCo, or check one robot, as ``parallel_robot verify`` does.
+
+    >>> import parallel_robot as pr
+    >>> bool(pr.verify(robot_model='serial_2r').agrees.all())
+    True
+
+    Args:
+        robots: Number of random robots of each kind against MuJoCo.
+        seed: Of all that is random.
+        duration: Of each motion against MuJoCo [s].
+        values: Keys of the configuration, such as ``robot_model``, ``custom_robots``; with any of
+            them, the functions of that robot are checked against each other, without MuJoCo.
+
+    Returns:
+        A pandas.DataFrame. Against MuJoCo, a row a robot: kind, number, and the largest difference
+        of its poses [m] or [rad]. Of one robot, a row a check, and whether it agrees.
+
+    Raises:
+        InputError: something is wrong in the arguments; MuJoCo or pandas is not installed.
+        RunError: no motion was found that stays in the workspace.
+    """
+    frames = pandas()
+    frame: Frame
+    if values:
+        _, checks = verify_robot(Placed(values), seed)
+        rows = [(*check, check.passes(FINE)) for check in checks]
+        columns = ['function', 'what', 'difference', 'size', 'agrees']
+        frame = frames.DataFrame(rows, columns=columns)
+        return frame
+    if robots < 1 or not 0.001 <= duration <= 10.0:
+        raise InputError(
+            f'verify takes at least 1 robot and 0.001 to 10 s, not {robots} and {duration:g} s'
+        )
+    differences = [
+        (kind, *difference)
+        for kind in SCENARIOS
+        for difference in against_mujoco(kind, range(robots), seed, duration)
+    ]
+    frame = frames.DataFrame(differences, columns=['kind', 'robot', 'largest_difference', 'path'])
+    return frame
+
+
+def recover(bag: str | Path, out: str | Path, *, memory: int = MEMORY) -> Recovery:
+    """Write a whole bag of what is intact in a broken one, as ``parallel_robot recover`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.1), 'runs/broken')
+    >>> pr.recover('runs/broken', 'runs/whole').kept['/joint_states']
+    101
+
+    Args:
+        bag: Directory of the bag, or one file of it.
+        out: Directory of the new bag, which must not exist.
+        memory: What may be held of the bag [bytes].
+
+    Raises:
+        BagError: nothing in it is intact, or the directory exists.
+        RunError: the disk is full.
+    """
+    return recovery.recover(arguments.path('a bag', bag), arguments.path('out', out), memory)
+
+
+def fronts(directories: Iterable[str | Path], out: str | Path) -> Path:
+    """Draw the fronts of several tunings in one picture, as ``parallel_robot fronts`` does.
+
+    >>> import parallel_robot as pr
+    >>> tuned = pr.tune('smc', 'paper_circle', 'runs/fronts', trials=40, bounds={'z': (10, 50)})
+    >>> pr.fronts(['runs/fronts'], 'runs/fronts.png').name
+    'fronts.png'
+
+    Args:
+        directories: Those of the results of :func:`tune`.
+        out: Picture, .png or .svg, which must not exist.
+
+    Returns:
+        The picture.
+
+    Raises:
+        InputError: one is no directory of a tuning that has ended, they cannot be compared, or the
+            picture cannot be written.
+    """
+    path = arguments.path('out', out)
+    drawing.save([arguments.path('a directory', each) for each in directories], path)
+    return path

@@ -1,0 +1,81 @@
+"""A scenario described: its keys as a table, its robot as URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.analysis.described_keys import fields_of
+from parallel_robot.analysis.posture import posture_of
+from parallel_robot_control.configuration import load, resolve
+from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.configuration.placed import locating
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.scenario_run import changes, named
+
+
+def show(
+    scenario: str | Path,
+    *,
+    param_file: str | Path | Iterable[str | Path] | None = None,
+    **values: Any,
+) -> Frame:
+    """The effective configuration of a scenario, as ``parallel_robot show`` prints it.
+
+    >>> import parallel_robot as pr
+    >>> table = pr.show('paper_line', **{'s_fotsmc.G': 12})
+    >>> table.loc['s_fotsmc.G', ['value', 'unit', 'source']].tolist()
+    [12, 'rad/s^3', '--set']
+
+    Args:
+        scenario: Name of a scenario, or the path of a YAML file.
+        param_file: YAML file with keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values; they win over `param_file`.
+
+    Returns:
+        A pandas.DataFrame, a row a key: value, unit, description and source.
+
+    Raises:
+        InputError: a name, a key, a value or a file is wrong, or pandas is not installed.
+    """
+    frames = pandas()
+    changed = changes(param_file, values)
+    name = named('scenario', scenario)
+    resolved, sources = config.resolve_with_sources(name, changed, load(changed))
+    configure(resolved)  # a wrong value is refused here as in a run
+    fields, unknown = fields_of(resolved), Field('', '')
+    rows = {
+        key: (value, *fields.get(key, unknown)[:2], sources[key])
+        for key, value in sorted(resolved.items())
+    }
+    columns = ['value', 'unit', 'description', 'source']
+    frame: Frame = frames.DataFrame.from_dict(rows, orient='index', columns=columns)
+    return frame
+
+
+def urdf(
+    scenario: str | Path,
+    *,
+    param_file: str | Path | Iterable[str | Path] | None = None,
+    **values: Any,
+) -> str:
+    """The robot of a scenario as URDF, as ``parallel_robot urdf`` prints it.
+
+    >>> import parallel_robot as pr
+    >>> pr.urdf('paper_circle').startswith('<?xml')
+    True
+
+    Args:
+        scenario: Name of a scenario, or the path of a YAML file.
+        param_file: YAML file with keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values; they win over `param_file`.
+
+    Raises:
+        InputError: a name or value is wrong, or the robot has no description.
+    """
+    resolved = resolve(named('scenario', scenario), changes(param_file, values))
+    with locating(resolved):
+        return posture_of(resolved).description
