@@ -64,6 +64,8 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'simulate': [('paper_circle', *OUT), ('uncertain_robot', '--row', '0', *OUT)],
     'live': [(), ('--run', 'paper_circle'), ('--bag', '{bag}')],
     'top': [()],
+    'param': [],
+    'call': [],
     'analyze': [('{bag}',)],
     'replay': [('{bag}',), ('{bag}', '--law', 'pid')],
     'rerun': [('{bag}', *OUT)],
