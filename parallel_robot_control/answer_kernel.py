@@ -185,7 +185,7 @@ def _open(
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
     before, last, fault = numbers[LAST], state.last, state.fault
-    code, found, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
+    code, lookup, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
     if timing.lockstep:
@@ -216,7 +216,7 @@ def _open(
     ):
         code = OUT_OF_ORDER
     else:
-        found, known, reference = reference_at(
+        lookup, known, reference = reference_at(
             common.references,
             acts,
             numbers[UNTIL],
@@ -224,13 +224,13 @@ def _open(
             timing.lockstep,
             row,
         )
-        if found == MISSING:
+        if lookup == MISSING:
             code = NO_REFERENCE
     if code == ANSWERED:
         held, excess, begins = state.held, state.excess, state.begins
         torque, takes_over = last.torque, last.takes_over
         gap = timing.lockstep and before != NEVER and stamp - before > timing.state_timeout
-        if fault == faults.NONE and (gap or found == TOO_OLD):
+        if fault == faults.NONE and (gap or lookup == TOO_OLD):
             fault = select(gap, faults.STATES_STALE, faults.REFERENCE_STALE)
             held = last.position
         if gap:
@@ -261,7 +261,7 @@ def _open(
             begins,
             state.lost,
         )
-    stamps = Stamps(stamp, acts, acting, known, before, found == TOO_OLD)
+    stamps = Stamps(stamp, acts, acting, known, before, lookup == TOO_OLD)
     return Question(code, stamps, reference, position, velocity, effort, dt)
 
 

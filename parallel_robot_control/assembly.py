@@ -93,5 +93,5 @@ def _inertia(configuration: ControlConfiguration) -> Array:
     still, row = vector(np.zeros(len(guess))), vector(np.zeros(configuration.joints))
     joints = robot.module.joint_motion(robot.constants, PoseMotion(guess, still, still))
     position, margins = vector(joints.position), configuration.margins
-    found = robot.module.estimate(robot.constants, margins, position, row, guess)
-    return np.asarray(found.model.M)
+    estimate = robot.module.estimate(robot.constants, margins, position, row, guess)
+    return np.asarray(estimate.model.M)

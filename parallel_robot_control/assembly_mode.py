@@ -76,12 +76,12 @@ class AssemblyModes:
         shift = SHIFT * float(np.abs(near[~self._turns]).max(initial=0.0))
         turns = 2.0 * math.pi / TURNS * np.arange(TURNS)
         steps = [turns if turn else (0.0, shift, -shift) for turn in self._turns]
-        found: list[Array] = []
+        poses: list[Array] = []
         for step in itertools.product(*steps):
             pose = self.near(position, near + np.array(step))
-            if pose is not None and all(self._apart(pose, other) > SAME for other in found):
-                found.append(pose)
-        return sorted(found, key=lambda pose: self._apart(pose, near))
+            if pose is not None and all(self._apart(pose, other) > SAME for other in poses):
+                poses.append(pose)
+        return sorted(poses, key=lambda pose: self._apart(pose, near))
 
     def by_passive_joints(self, data: bytes) -> Array | None:
         """The pose that all joints in a state message tell, shape (m,); None without."""
@@ -101,8 +101,8 @@ class AssemblyModes:
 
     def is_as(self, guess: Sequence[float], position: Array, pose: Array) -> bool:
         """Whether a pose is that which joint angles have on the assembly mode of a guess."""
-        found = self.near(position, np.array(guess))
-        return found is not None and self._apart(found, pose) < CLOSE
+        reached = self.near(position, np.array(guess))
+        return reached is not None and self._apart(reached, pose) < CLOSE
 
     def told(self, poses: Sequence[Array]) -> str:
         """Some poses for people."""

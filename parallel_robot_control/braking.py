@@ -31,10 +31,10 @@ STEPS = 32
 @kernel
 def largest(x: Array) -> float:
     """Largest magnitude of the elements of a vector."""
-    found = abs(x[0])
+    largest = abs(x[0])
     for i in range(1, len(x)):
-        found = max(found, abs(x[i]))
-    return found
+        largest = max(largest, abs(x[i]))
+    return largest
 
 
 @kernel

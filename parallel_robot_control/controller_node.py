@@ -175,9 +175,9 @@ class ControllerNode(SuiteNode):
 
     def doubts(self) -> dict[str, str]:
         """What is wrong with the joint states."""
-        found = {'rate': self._controller.log.rhythm.doubt}
+        doubts = {'rate': self._controller.log.rhythm.doubt}
         if self.lockstep:
-            return found
+            return doubts
         ahead = self._controller.stamp - max(self._clocks())
         if time.monotonic() - self._refused_at < LATELY:
             wrong, difference = self._refused
@@ -185,11 +185,11 @@ class ControllerNode(SuiteNode):
                 ahead = difference
             elif wrong == faults.STATES_LATE:
                 limit = self._state_age / NANOSECONDS
-                found['age'] = state_warnings.of_age(difference, limit)
+                doubts['age'] = state_warnings.of_age(difference, limit)
             else:
                 problem = self._state_reader.problem
-                found['numbers'] = state_warnings.of_numbers(problem, self.loop.joints)
-        return found | {'ahead': state_warnings.of_clock(ahead)}
+                doubts['numbers'] = state_warnings.of_numbers(problem, self.loop.joints)
+        return doubts | {'ahead': state_warnings.of_clock(ahead)}
 
     def handled(self) -> int:
         """Number of states answered."""

@@ -181,10 +181,10 @@ class ControllerState:
         key, near = 'controller.guess', np.array(checked(guess, self.configuration.robot))
         if self.fault == faults.NONE:
             raise InputError(f'{key} can be set in a fault alone', key)
-        found = self._modes.all(np.array(self.state.last.position), near)
-        if not found:
+        poses = self._modes.all(np.array(self.state.last.position), near)
+        if not poses:
             raise InputError(f'{key}: no pose there fits the joint angles', key)
-        return found[0]
+        return poses[0]
 
     def find_pose(self) -> str:
         """Find a pose that is lost by the passive joints.

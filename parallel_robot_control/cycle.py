@@ -215,12 +215,12 @@ def sense(
     of the robot after it, one ahead of the robot last. `acted` is the torque since the
     state before [N m], and `comparable` whether there was one not long before.
     """
-    found = estimate(robot, limits.margins, position, velocity, pose)
+    here = estimate(robot, limits.margins, position, velocity, pose)
     cause = find_fault(limits, reference, position, velocity, last, dt, since)
     cause = select(cause == faults.NONE, doubt, cause)
-    cause = select(cause == faults.NONE, found.fault, cause)
-    if cause == faults.NONE and way_to_rest(limits, multiply(found.model.M, velocity)) > SHORT:
-        fast = too_fast(estimate, robot, limits, position, velocity, found, last, late)
+    cause = select(cause == faults.NONE, here.fault, cause)
+    if cause == faults.NONE and way_to_rest(limits, multiply(here.model.M, velocity)) > SHORT:
+        fast = too_fast(estimate, robot, limits, position, velocity, here, last, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
     if some(np.abs(acted) > LOOKED_AT * limits.residual):
         resisted = is_resisted(
@@ -228,7 +228,7 @@ def sense(
             sample,
             limits.residual,
             limits.safe.damping,
-            found.model,
+            here.model,
             velocity,
             acted,
             comparable,
@@ -239,8 +239,8 @@ def sense(
     fault = select(latched == faults.NONE, cause, latched)
     leap = select(limits.speed * dt < LEAP, LEAP, limits.speed * dt)
     leapt = last.known and some(np.abs(position - last.position) > leap)
-    lost = lost | ((losing >> found.fault) & 1 != 0) | (leapt and losing != 0)
-    return Sensed(cause, fault, found.pose, found.model, lost)
+    lost = lost | ((losing >> here.fault) & 1 != 0) | (leapt and losing != 0)
+    return Sensed(cause, fault, here.pose, here.model, lost)
 
 
 @inner

@@ -142,25 +142,25 @@ def phases(lock_in: LockIn, fault: NDArray[np.int64]) -> NDArray[np.int64]:
         lock_in: The lock-in.
         fault: Fault of the controller at each sample, shape (N,), 0 for none; it stays.
     """
-    found, rows = result(lock_in), np.arange(len(fault))
+    outcome, rows = result(lock_in), np.arange(len(fault))
     if not lock_in.on:
         return np.full(len(fault), OFF)
     last = np.argmax(fault != 0) if np.any(fault) else len(fault)  # the first sample of a fault
     under_way = (rows >= lock_in.start) & (rows <= last)
     doing = np.where(under_way, UNDER_WAY, WAITING)
-    return np.where(rows >= found.end - 1, found.phase, doing) if found.end else doing
+    return np.where(rows >= outcome.end - 1, outcome.phase, doing) if outcome.end else doing
 
 
-def text(lock_in: LockIn, found: Result, assumed: float, phase: int) -> str:
+def text(lock_in: LockIn, outcome: Result, assumed: float, phase: int) -> str:
     """What it is doing, for people; empty where the delay is not identified.
 
     Args:
         lock_in: The lock-in.
-        found: What has been found.
+        outcome: What has been outcome.
         assumed: The delay without it [s].
         phase: OFF, WAITING, UNDER_WAY, FOUND or KEPT.
     """
-    low, high = 1e3 * found.of_joints.min(), 1e3 * found.of_joints.max()
+    low, high = 1e3 * outcome.of_joints.min(), 1e3 * outcome.of_joints.max()
     tell = f'by joint {low:.3f} to {high:.3f} ms'
     known = f'{1e3 * assumed:g} ms assumed'
     if phase == UNDER_WAY:
@@ -170,7 +170,7 @@ def text(lock_in: LockIn, found: Result, assumed: float, phase: int) -> str:
     if phase == FOUND:
         cycle = 2e3 * math.pi / lock_in.frequency
         same = f'{cycle:.4g} ms more would look the same'
-        return f'{1e3 * found.delay:.4g} ms identified, {tell}; {same}'
+        return f'{1e3 * outcome.delay:.4g} ms identified, {tell}; {same}'
     if phase == KEPT:
         most = 1e3 * APART * lock_in.period
         return f'{known}, not identified: {tell}, more than {most:g} ms from all, or below 0'

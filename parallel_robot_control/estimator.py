@@ -138,7 +138,7 @@ def estimator_of(
             key,
         )
     memory = memory or cycle_memory.made_for(vector(np.zeros(len(parameters.acceleration))))
-    found = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
+    lock_in_setup = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
 
     def variance(values: PerJoint) -> Array:
         return vector(np.square(values))
@@ -160,7 +160,7 @@ def estimator_of(
             variance(parameters.coulomb),
             memory,
         ),
-        found._replace(memory=cycle_memory.of_lock_in(memory)),
+        lock_in_setup._replace(memory=cycle_memory.of_lock_in(memory)),
     )
 
 
@@ -234,7 +234,7 @@ def estimated(
         dt: Time since the last sample [s].
     """
     if estimator.kind == FILTER:
-        found = filtered(estimator, before, position, dt)
+        estimate = filtered(estimator, before, position, dt)
     else:
-        found = differentiated(estimator, before, position, dt)
-    return select(known, found, Estimated(position, np.zeros_like(position)))
+        estimate = differentiated(estimator, before, position, dt)
+    return select(known, estimate, Estimated(position, np.zeros_like(position)))

@@ -25,12 +25,12 @@ def wrong_types(returned: Any, wanted: Any) -> str:
     """
     if getattr(returned, 'instance_class', None) is not ControlOutput:
         return f'update must return {CALL}, not {_named(returned)}'
-    found = [
+    mistakes = [
         f'{field} as {_named(given)}, not {_named(right)}'
         for each in zip(ControlOutput._fields, returned.types, wanted.types, strict=True)
         for field, given, right in _different(*each)
     ]
-    return f'update returns {"; ".join(found)}' if found else ''
+    return f'update returns {"; ".join(mistakes)}' if mistakes else ''
 
 
 def wrong_shapes(output: ControlOutput, joints: int, memory: Any) -> str:
@@ -43,12 +43,12 @@ def wrong_shapes(output: ControlOutput, joints: int, memory: Any) -> str:
     """
     row = np.zeros(joints)
     right = dict(leaves('', ControlOutput(row, row, row, memory)))
-    found = [
+    mistakes = [
         f'{field} of shape {np.shape(value)}, not {np.shape(right[field])}'
         for field, value in leaves('', output)
         if np.shape(value) != np.shape(right[field])
     ]
-    return f'update returns {"; ".join(found)}' if found else ''
+    return f'update returns {"; ".join(mistakes)}' if mistakes else ''
 
 
 def wrong_memory(memory: Any) -> str:
@@ -57,13 +57,13 @@ def wrong_memory(memory: Any) -> str:
     Args:
         memory: Memory before the first update, with vectors.
     """
-    found = [
+    mistakes = [
         f'{field} is {_named(typeof(value))}'
         for field, value in leaves('memory', memory)
         if plain_type(value) is None
     ]
     kept = 'numbers and arrays of float64, int64 or bool'
-    return f'{", ".join(found)}, but a memory is made of {kept}' if found else ''
+    return f'{", ".join(mistakes)}, but a memory is made of {kept}' if mistakes else ''
 
 
 def leaves(name: str, value: Any) -> Iterator[tuple[str, Array | float]]:

@@ -21,8 +21,8 @@ def learn(sources: Mapping[str, bytes]) -> None:
         sources: Name of a law to the text of its file, of any origin.
     """
     for name, source in sources.items():
-        found = LINE.search(source)
-        text = found[2].decode(errors='replace').strip() if found else ''
+        match = LINE.search(source)
+        text = match[2].decode(errors='replace').strip() if match else ''
         good = (
             text.isprintable()
             and 0 < len(text) <= MAX_TITLE_LENGTH

@@ -156,10 +156,10 @@ def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
 
 def _compiled(function: Any, *example: Any) -> FirstClass:
     with warnings.catch_warnings(record=True) as said:  # none of code that does not compile
-        found = FirstClass(function, *example)
+        value = FirstClass(function, *example)
     for each in said:
         warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
-    return found
+    return value
 
 
 def _motion(row: Array, matrix: Array) -> tuple[Any, ...]:

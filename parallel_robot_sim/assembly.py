@@ -107,12 +107,12 @@ def _hazards(configuration: PlantConfiguration) -> tuple[Hazard, ...]:
     Raises:
         InputError: one cannot happen to this plant.
     """
-    found, least = parse(configuration.loop.hazards), configuration.safety.state_age
-    for k, hazard in enumerate(found):
+    hazards, least = parse(configuration.loop.hazards), configuration.safety.state_age
+    for k, hazard in enumerate(hazards):
         what = f'{KEY}[{k}]: {hazard.what}'
         if hazard.what == 'states_ahead' and hazard.size <= least:
             text = f'{what} needs a size above safety.state_age, {least:g} s, not {hazard.size:g}'
             raise InputError(text, KEY)
         if hazard.what == 'brakes' and configuration.parameters.engine == MUJOCO:
             raise InputError(f'{what} needs plant.engine analytic', KEY)
-    return found
+    return hazards

@@ -124,9 +124,9 @@ def run(
         state = LoopState(part.plant, part.cycle, part.waiting, part.sent, part.cause)
         if part.steps < stop - first:
             break
-    found = parts[0] if len(parts) == 1 else _joined(parts)
-    found.acted[course.overdue[: len(found.acted)]] |= REFERENCE
-    return found
+    record = parts[0] if len(parts) == 1 else _joined(parts)
+    record.acted[course.overdue[: len(record.acted)]] |= REFERENCE
+    return record
 
 
 def head(run: ClosedLoopRun) -> ClosedLoopRun:

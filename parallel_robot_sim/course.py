@@ -76,17 +76,17 @@ class Course(NamedTuple):
     def returns(self) -> list[int]:
         """Samples at which references are there again."""
         rows = np.flatnonzero(self.heard.answered)
-        found: list[int] = rows[1:][np.diff(self.overdue[rows].astype(int)) < 0].tolist()
-        return found
+        returns: list[int] = rows[1:][np.diff(self.overdue[rows].astype(int)) < 0].tolist()
+        return returns
 
     @property
     def cuts(self) -> list[int]:
         """Samples at which something happens to the controller before it answers."""
-        found = {0, *self.late, *self.lost, *self.clears, *self.renewals, *self.returns}
+        rows_of_events = {0, *self.late, *self.lost, *self.clears, *self.renewals, *self.returns}
         rows = np.flatnonzero(self.heard.answered)
         begun = np.diff(self.stale[rows], prepend=False) & self.stale[rows]
         count = len(self.heard.answered)
-        return sorted(k for k in {*found, *rows[begun].tolist()} if not k or k < count)
+        return sorted(k for k in {*rows_of_events, *rows[begun].tolist()} if not k or k < count)
 
     def befall(
         self,
@@ -184,8 +184,8 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
 
 def _first(rows: NDArray[np.int64], samples: list[int]) -> list[int]:
     """The first rows from some samples on; fewer at the end."""
-    found = np.searchsorted(rows, samples)
-    return [int(row) for row in rows[found[found < len(rows)]]]
+    places = np.searchsorted(rows, samples)
+    return [int(row) for row in rows[places[places < len(rows)]]]
 
 
 def _known(
@@ -195,9 +195,9 @@ def _known(
     lost = age > 0
     fields = ('position', 'velocity', 'acceleration')
     rows = [getattr(reference, name)[known[lost]] for name in fields]
-    found: JointReference = extrapolate_rows(age[lost], *rows)
+    reference_then: JointReference = extrapolate_rows(age[lost], *rows)
     changed = {}
-    for name, values, before in zip(fields, found, rows, strict=True):
+    for name, values, before in zip(fields, reference_then, rows, strict=True):
         whole = getattr(reference, name).copy()
         at_rest = before if name == 'position' else np.zeros_like(before)
         whole[lost] = np.where(old[lost][:, np.newaxis], at_rest, values)

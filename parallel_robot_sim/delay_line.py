@@ -75,9 +75,9 @@ def newest(
         jitter: Largest further delay [s].
         period: Of the samples [s].
     """
-    found = before
+    delayed = before
     for j in range(max(0, sample - setup.imperfections.depth), sample):
         here = lateness(setup, stream, j, delay, jitter, period) <= float(sample - j)
-        found = select(here, recall(setup, kind, j, now), found)
+        delayed = select(here, recall(setup, kind, j, now), delayed)
     here = lateness(setup, stream, sample, delay, jitter, period) <= 0.0
-    return select(here, now, found)
+    return select(here, now, delayed)

@@ -68,11 +68,11 @@ def fastest(configuration: Configuration) -> Fastest:
         raise InputError(f'{torque[joint]:g} N m do not hold {name} on the motion', FACTOR)
     # 3. What does not depend on the speed, as reach, is checked as ever.
     factor = scale * trajectory.parameters.speed_factor * (1.0 - RESERVE)
-    found = trajectory.at_speed(factor)
-    preflight.check(found, configuration.loop.period)
+    faster = trajectory.at_speed(factor)
+    preflight.check(faster, configuration.loop.period)
     shown, _ = apart(float(limit[joint]), 0.0, 6)
     text = f'{name} is at {shown} {unit} at t = {times[k] / scale:.3f} s'
-    return Fastest(factor, found.span, text)
+    return Fastest(factor, faster.span, text)
 
 
 def _least_root(a: Array, b: Array, c: Array) -> Array:
@@ -80,22 +80,22 @@ def _least_root(a: Array, b: Array, c: Array) -> Array:
     root = np.sqrt(b * b - 4.0 * a * c)
     q = -0.5 * (b + np.copysign(root, b))
     roots = np.stack([q / a, c / q])
-    found: Array = np.where(roots > 0.0, roots, np.inf).min(axis=0)
-    return found
+    smallest: Array = np.where(roots > 0.0, roots, np.inf).min(axis=0)
+    return smallest
 
 
 def speed_limit(configuration: Configuration) -> Array:
     """Joint speeds that the motion or the controller forbids [rad/s], shape (n,)."""
     most = configuration.trajectory.parameters.max_joint_speed
-    found: Array = np.minimum(most, configuration.control.safety.speed_limit)
-    return found
+    limits: Array = np.minimum(most, configuration.control.safety.speed_limit)
+    return limits
 
 
 def torque_limit(configuration: Configuration) -> Array:
     """Torques that the controller or the motors do not exceed [N m], shape (n,)."""
     motors = configuration.plant.parameters.torque_limit
-    found: Array = np.minimum(motors, configuration.control.safety.torque_limit)
-    return found
+    limits: Array = np.minimum(motors, configuration.control.safety.torque_limit)
+    return limits
 
 
 def torques(configuration: Configuration, reference: Reference) -> tuple[Array, Array, Array]:

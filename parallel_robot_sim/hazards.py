@@ -173,7 +173,7 @@ def limited(hazards: Any, sample: int, limit: Array) -> Array:
 @inner
 def braked(hazards: Any, sample: int) -> bool:
     """Whether brakes hold the robot over the period after a sample."""
-    found = False
+    braked = False
     for k in range(hazards.number):
-        found = found or _kind(hazards, k, sample) == BRAKES
-    return found
+        braked = braked or _kind(hazards, k, sample) == BRAKES
+    return braked

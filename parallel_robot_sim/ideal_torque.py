@@ -63,8 +63,8 @@ def _torque(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
     setup = motion.plant.setup._replace(
         imperfections=Boxed(plant.imperfections.with_memory(state.torque))
     )
-    found: Array = _with_loads(setup, rest, state.torque, torque, velocity, period)
-    return found
+    ideal: Array = _with_loads(setup, rest, state.torque, torque, velocity, period)
+    return ideal
 
 
 @functools.lru_cache(maxsize=2)
@@ -88,7 +88,7 @@ def _with_loads(
         velocity: Rates of the joints in the middle of it [rad/s], shape (N, n).
         period: Of the samples [s].
     """
-    found = torque.copy()
+    ideal = torque.copy()
     for k in range(1, len(torque)):
         begin = (k - 1) * period
         rate = read_row(velocity, k, like)
@@ -96,5 +96,5 @@ def _with_loads(
         needed = -net_torque(load, -read_row(torque, k, like), rate, begin + 0.5 * period)
         if setup.imperfections.on:
             needed = needed + held_disturbance(setup, like, begin, period)
-        write_row(found, k, needed)
-    return found
+        write_row(ideal, k, needed)
+    return ideal

@@ -89,9 +89,9 @@ class Motions(NamedTuple):
     @property
     def best(self) -> Motion:
         """The true motion where it is known, else the one that was seen."""
-        found = self.seen if self.true is None else self.true
-        assert found is not None
-        return found
+        best = self.seen if self.true is None else self.true
+        assert best is not None
+        return best
 
     def between(self, begin: float, end: float) -> Motions:
         """The part from one time on, up to another one [s]."""

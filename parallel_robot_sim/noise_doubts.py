@@ -23,5 +23,5 @@ def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
     noise = float(np.max(sensor.velocity_noise))
     if of_law is None or not noise:
         return ()
-    found = of_law(configuration.control.gains[name], noise, configuration.loop.period)
-    return tuple(f'{name}: {text}' for text in found)
+    doubts = of_law(configuration.control.gains[name], noise, configuration.loop.period)
+    return tuple(f'{name}: {text}' for text in doubts)

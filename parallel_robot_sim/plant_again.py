@@ -98,10 +98,10 @@ def _moved_by(
 ) -> tuple[Array, Array, Array]:
     waiting = not_waiting(torque.shape[1])
     value = FirstClass(step, setup, state, state.torque, period)
-    found: tuple[Array, Array, Array] = _loop(
+    states: tuple[Array, Array, Array] = _loop(
         value, setup, state, heard.told, heard.answered, waiting, torque, period
     )
-    return found
+    return states
 
 
 @kernel

@@ -34,9 +34,9 @@ def coordinates_of(robot: RobotModel, plant: Plant, poses: Array) -> Array:
     start = robot.module.start
     first = np.array(start(robot.parameters, poses[0]), np.float64)
     if len(first) == poses.shape[1]:
-        found: Array = _followed(plant.setup, plant.state, poses, first)
-        if np.isfinite(found).all():
-            return found
+        coordinates: Array = _followed(plant.setup, plant.state, poses, first)
+        if np.isfinite(coordinates).all():
+            return coordinates
     each: list[Any] = [start(robot.parameters, pose) for pose in poses]
     return np.array(each, np.float64)
 
@@ -46,7 +46,7 @@ def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) 
     """Coordinates at poses by Newton's method, each from those before; NaN where it fails."""
     x, size = first.copy(), len(first)
     pose, ends, slopes = np.empty(size), np.empty((2, size)), np.empty((size, size))
-    found = np.full((len(poses), size), np.nan)
+    coordinates = np.full((len(poses), size), np.nan)
     for k in range(len(poses)):
         for _ in range(MOST):
             write_row(pose, 0, _pose(setup, state, x))
@@ -61,11 +61,11 @@ def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) 
             correction = solve(transposed @ slopes, multiply(transposed, poses[k] - pose))
             x += correction
             if np.max(np.abs(correction)) < ENOUGH:
-                found[k] = x
+                coordinates[k] = x
                 break
-        if not np.isfinite(found[k, 0]):
+        if not np.isfinite(coordinates[k, 0]):
             break
-    return found
+    return coordinates
 
 
 @kernel

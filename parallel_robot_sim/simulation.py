@@ -81,10 +81,10 @@ class Simulation(NamedTuple):
         [s]
         """
         estimator = self.experiment.control.setup.estimator
-        found = result(estimator.lock_in)
+        outcome = result(estimator.lock_in)
         delay = np.full((len(self.run.fault), 1), estimator.delay)
-        if found.end:
-            delay[found.end :] = found.delay
+        if outcome.end:
+            delay[outcome.end :] = outcome.delay
         return delay
 
     @property
@@ -107,12 +107,12 @@ class Simulation(NamedTuple):
     @property
     def fault(self) -> tuple[float, Fault] | None:
         """Time [s] and kind of the fault that the controller entered, if any."""
-        found = np.flatnonzero(self.run.fault)
-        if not found.size:
+        faulty = np.flatnonzero(self.run.fault)
+        if not faulty.size:
             return None
         known = faults.of(self.experiment.trajectory.robot.module)
-        fault = known[int(self.run.fault[found[0]])]
-        return float(found[0] * self.experiment.loop.period), fault
+        fault = known[int(self.run.fault[faulty[0]])]
+        return float(faulty[0] * self.experiment.loop.period), fault
 
     @property
     def fault_text(self) -> str:

@@ -43,15 +43,15 @@ class Course:
         indices = np.atleast_1d(indices)
         begins = [part.begin for part in self.parts[1:]]
         which = np.searchsorted(begins, indices)  # a sample at a beginning is of the one before
-        found = []
+        parts = []
         for k, part in enumerate(self.parts):
             own = indices[which == k]
             if own.size:
-                found.append(part.trajectory.sample((own - part.begin) * self.period))
+                parts.append(part.trajectory.sample((own - part.begin) * self.period))
         return (
-            found[0]
-            if len(found) == 1
-            else Reference(*map(np.concatenate, zip(*found, strict=True)))
+            parts[0]
+            if len(parts) == 1
+            else Reference(*map(np.concatenate, zip(*parts, strict=True)))
         )
 
     def until(self, index: int) -> Course:

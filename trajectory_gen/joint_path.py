@@ -56,7 +56,7 @@ def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[fl
     joint_motion = robot.kernel('joint_motion', still)
     constants, size = robot.constants, len(near)
     zero, units = vector(np.zeros(size)), [vector(row) for row in np.eye(size)]
-    found = np.empty((len(times), 3, size))
+    motions = np.empty((len(times), 3, size))
     for k, time in enumerate(times):
         q, rate, acceleration = motion(joints, time)
         located = locate(constants, vector(q), pose)
@@ -70,8 +70,8 @@ def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[fl
         jacobian = np.array([np.asarray(column.velocity) for column in columns]).T
         velocity = np.linalg.solve(jacobian, rate)
         carried = joint_motion(constants, PoseMotion(pose, vector(velocity), zero)).acceleration
-        found[k] = pose, velocity, np.linalg.solve(jacobian, acceleration - np.asarray(carried))
-    return found
+        motions[k] = pose, velocity, np.linalg.solve(jacobian, acceleration - np.asarray(carried))
+    return motions
 
 
 def _hermite(steps: Array, motions: Array) -> Array:

@@ -44,11 +44,11 @@ def led_into(course: Course, index: int, motions: Motions) -> Course:
     left = [here[0] - there[0] for here, there in pairs]
 
     def faded(times: Array) -> Poses:
-        found = bare.poses(own_time + times)
+        poses = bare.poses(own_time + times)
         if not np.any(left):
-            return found
+            return poses
         rest = fading((left[0], left[1], left[2]), duration, times)
-        return Poses(*(a + b for a, b in zip(found, rest, strict=True)))
+        return Poses(*(a + b for a, b in zip(poses, rest, strict=True)))
 
     entered = trajectory.entered(Entry(faded, duration, start, delay))
     return _checked(course, Part(index, trajectory.parameters.shape, entered))

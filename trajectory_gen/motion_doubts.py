@@ -18,27 +18,27 @@ def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
     """What a motion looks like that was given in other units, one line each; often nothing."""
     robot, name = trajectory.robot, trajectory.parameters.shape
     axes = robot.module.coordinates(robot.parameters)
-    found = [trajectory.note] if trajectory.note else []
+    doubts = [trajectory.note] if trajectory.note else []
     poses = trajectory.poses(np.linspace(0.0, trajectory.span, LOOKS + 1)).pose
     for axis, values in zip(axes, poses.T, strict=True):
         angle = float(values[np.argmax(np.abs(values))])
         if axis.unit == 'rad' and abs(angle) > TURN:
-            found.append(
+            doubts.append(
                 f'{name}: {axis.name} reaches {angle:.4g} rad, {angle / TURN:.3g} turns: '
                 f'if that is in degrees, it must be {math.radians(angle):.4g} rad'
             )
     if name != 'waypoints':
-        return tuple(found)
+        return tuple(doubts)
     length = trajectory.span * trajectory.parameters.speed_factor
     if length > LONG:
         unit = next((unit for unit, size in UNITS.items() if length * size <= USUAL), 'ns')
-        found.append(
+        doubts.append(
             f'waypoints.times last {length:.4g} s: if they are in {unit}, they must be divided '
             f'to last {length * UNITS[unit]:.4g} s'
         )
     if trajectory.size > len(axes):
         names = ', '.join(axis.name for axis in axes)
-        found.append(
+        doubts.append(
             f'waypoints.points have phi, which is not used: the pose of {robot.name} is {names}'
         )
-    return tuple(found)
+    return tuple(doubts)

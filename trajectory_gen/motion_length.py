@@ -38,7 +38,7 @@ def with_duration(scenario: str, changed: Mapping[str, Any], hold: float | None 
     values = resolve(scenario, changed)
     end = trajectory_of(values).end
     if hold is None:
-        found = DURATION if end is None else end
+        duration = DURATION if end is None else end
     else:
         hold = check('hold', float, Field('s', '', 0.0), hold)
         if KEY in changed:
@@ -47,7 +47,7 @@ def with_duration(scenario: str, changed: Mapping[str, Any], hold: float | None 
             )
         if end is None:
             raise InputError('hold is for a motion that comes to an end; this one has none')
-        found = end + hold
+        duration = end + hold
     period = float(values['period'])
-    samples = max(1, math.ceil(found / period - 1e-6))
+    samples = max(1, math.ceil(duration / period - 1e-6))
     return merged([{KEY: round(samples * period, 9)}, changed])

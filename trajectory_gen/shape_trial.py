@@ -136,13 +136,13 @@ def _sampled(
     Raises:
         InputError: they are not of one size, or not finite.
     """
-    found = [motion(made, float(t)) for t in times]
-    size = len(found[0].pose) if found else 0
+    motions = [motion(made, float(t)) for t in times]
+    size = len(motions[0].pose) if motions else 0
     with contextlib.suppress(ValueError):  # of different shapes
-        rows = np.array(found, dtype=float)
+        rows = np.array(motions, dtype=float)
         if rows.shape[1:] == (len(NAMES), size) and size and np.isfinite(rows).all():
             return tuple(rows.transpose(1, 0, 2))
-    for t, each in zip(times, found, strict=True):
+    for t, each in zip(times, motions, strict=True):
         for what, row in zip(NAMES, each, strict=True):
             if np.shape(row) != (size,) or not size:
                 raise InputError(
@@ -151,7 +151,7 @@ def _sampled(
                 )
             if not np.isfinite(row).all():
                 raise InputError(f'{name}: {what} at t = {t:.6g} s is {np.array(row).tolist()}')
-    return tuple(np.array([each[i] for each in found]) for i in range(len(NAMES)))
+    return tuple(np.array([each[i] for each in motions]) for i in range(len(NAMES)))
 
 
 def _try_once(name: str, shape: Any, parameters: Any) -> None:

@@ -170,16 +170,16 @@ class Trajectory:
         Returns:
             Pose and joints with two analytic derivatives each; NaN where the robot does not reach.
         """
-        robot, found = self.robot.constants, self.poses(times)
-        return _reference(self._joints, robot, self._pose, *found)
+        robot, poses = self.robot.constants, self.poses(times)
+        return _reference(self._joints, robot, self._pose, *poses)
 
     def poses(self, times: Any) -> Poses:
         """Poses at times since the start [s], a number or shape (N,)."""
         grid = np.atleast_1d(np.asarray(times, dtype=np.float64))
         own = grid if self.entry is None else self.entry.own_times(grid)
         speed = self.parameters.speed_factor
-        found = Poses(*_poses(self._motion, self.shape, self._pose, own, speed))
-        return found if self.entry is None else transition.blend(self.entry, grid, found)
+        poses = Poses(*_poses(self._motion, self.shape, self._pose, own, speed))
+        return poses if self.entry is None else transition.blend(self.entry, grid, poses)
 
 
 @kernel
