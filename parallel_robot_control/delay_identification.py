@@ -156,7 +156,7 @@ def text(lock_in: LockIn, outcome: Result, assumed: float, phase: int) -> str:
 
     Args:
         lock_in: The lock-in.
-        outcome: What has been outcome.
+        outcome: What has been found.
         assumed: The delay without it [s].
         phase: OFF, WAITING, UNDER_WAY, FOUND or KEPT.
     """

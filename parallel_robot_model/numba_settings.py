@@ -42,10 +42,10 @@ class _Finder:
         """Where a module is; None for all others, which Python finds itself."""
         if name != MODULE:
             return None
-        found = PathFinder.find_spec(name, path, target)
-        if found is not None and isinstance(found.loader, SourceFileLoader):
-            found.loader = _Loader(found.loader.name, found.loader.path)
-        return found
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _Loader(spec.loader.name, spec.loader.path)
+        return spec
 
 
 def take_from_environment_alone() -> None:

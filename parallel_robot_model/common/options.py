@@ -25,12 +25,12 @@ class Parser(argparse.ArgumentParser):
         Raises:
             InputError: an argument is wrong.
         """
-        found, others = super().parse_known_args(args, namespace)
+        parsed, others = super().parse_known_args(args, namespace)
         known = self._option_string_actions
         for word in others:
             if word.startswith('--'):
                 raise UnknownNameError('option', word.partition('=')[0], known)
-        return found, others
+        return parsed, others
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:

@@ -43,13 +43,13 @@ def _with_arrays(kind: Any) -> Any:
 
 @in_kernels(arrays_of)
 def _arrays_of(context: Any, value: Any) -> Any:
-    found = _with_arrays(value)
+    arrays = _with_arrays(value)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         made = _array(context, builder, value, values[0])
-        return impl_ret_new_ref(context, builder, found, made)
+        return impl_ret_new_ref(context, builder, arrays, made)
 
-    return found(value), generate
+    return arrays(value), generate
 
 
 @in_kernels(vectors_of)

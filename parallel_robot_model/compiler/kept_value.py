@@ -74,9 +74,9 @@ class KeptValue(int):
     @property
     def begun(self) -> Any:
         """The same with the first value present."""
-        found = self.copy()
-        found[:8].view(np.int64)[0] = FIRST
-        return found
+        first = self.copy()
+        first[:8].view(np.int64)[0] = FIRST
+        return first
 
     def restore(self, copy: Any) -> None:
         """Be as when a copy was made, of this or of one of the same type."""

@@ -109,19 +109,19 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
             rtsys.initialize(context)
 
         context.refresh = initialise
-        found = None
+        overload = None
         try:
             with contextlib.suppress(*UNREADABLE), self._files_of(signature):
-                found = super().load_overload(signature, context)
-                if found is not None and tuple(found.signature.args) != tuple(signature):
-                    found = None  # two processes have written one file
+                overload = super().load_overload(signature, context)
+                if overload is not None and tuple(overload.signature.args) != tuple(signature):
+                    overload = None  # two processes have written one file
                     with self._alone():
                         self._cache_file.flush()
         finally:
             vars(context).pop('refresh', None)
-        if found is None:
+        if overload is None:
             _announce()
-        return found
+        return overload
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Save machine code, if there is a place for it; a full disk is not an error.

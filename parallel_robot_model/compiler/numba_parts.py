@@ -104,8 +104,8 @@ def in_kernels(function: Callable[..., Any]) -> Callable[[Any], Callable[..., An
             key = function
 
             def generic(self, args: Any, kws: Any) -> Any:
-                found = None if kws else define(self.context, *args)
-                return found[0] if found else None
+                defined = None if kws else define(self.context, *args)
+                return defined[0] if defined else None
 
         Template.__name__ = Template.__qualname__ = function.__name__
         infer_global(function, types.Function(Template))

@@ -32,11 +32,11 @@ def plain(value: Any) -> Any:
     return 0 if value is None else value
 
 
-def read_plain(found: Any, like: Any) -> Any:
+def read_plain(record: Any, like: Any) -> Any:
     """A value as it lies in memory, of the type of `like`."""
     if isinstance(like, tuple):
-        parts = [read_plain(found[k], part) for k, part in enumerate(like)]
+        parts = [read_plain(record[k], part) for k, part in enumerate(like)]
         return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
     if isinstance(like, Vector):
-        return np.array(found).view(Vector)
-    return None if like is None else found.item()
+        return np.array(record).view(Vector)
+    return None if like is None else record.item()

@@ -53,8 +53,8 @@ def _floats(address: int, index: int, like: Any) -> Any:
 
 def read_at(address: int, index: int, like: Any) -> Any:
     """Value `index` of the type of `like`, a float or made of floats; nothing is checked."""
-    found = _floats(address, index, like)
-    return found.reshape(like.shape).copy().view(Vector) if np.ndim(like) else found[0]
+    numbers = _floats(address, index, like)
+    return numbers.reshape(like.shape).copy().view(Vector) if np.ndim(like) else numbers[0]
 
 
 def write_at(address: int, index: int, value: Any) -> None:

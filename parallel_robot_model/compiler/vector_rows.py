@@ -36,8 +36,8 @@ def _elements(array: Any, index: int, count: int) -> Any:
 
 def read_row(array: Any, index: int, like: Any) -> Any:
     """Row `index` of an array as a value of the type of `like`; neither is checked."""
-    found = _elements(array, index, np.size(like))
-    return found.reshape(like.shape).copy().view(Vector) if np.ndim(like) else found[0]
+    numbers = _elements(array, index, np.size(like))
+    return numbers.reshape(like.shape).copy().view(Vector) if np.ndim(like) else numbers[0]
 
 
 def write_row(array: Any, index: int, value: Any) -> None:

@@ -38,8 +38,8 @@ class Vector(np.ndarray):
             )
             if method == '__call__' and ufunc is not np.matmul:
                 plain = aligned(plain)
-            found = getattr(ufunc, method)(*plain, **named)
-            return found.view(Vector) if isinstance(found, np.ndarray) else found
+            result = getattr(ufunc, method)(*plain, **named)
+            return result.view(Vector) if isinstance(result, np.ndarray) else result
 
         def __getitem__(self, index: Any) -> Any:
             """An element; the index counts modulo the size."""
@@ -123,10 +123,10 @@ def _type_of_tuple(value: tuple[Any, ...], context: Any) -> Any:
     if any(kind is None for kind in kinds):
         return None
     key = (type(value), *map(id, kinds))  # the type that is found keeps those of its elements
-    found = _TUPLES.get(key)
-    if found is None:
-        found = _TUPLES[key] = types.BaseTuple.from_types(kinds, type(value))
-    return found
+    kind = _TUPLES.get(key)
+    if kind is None:
+        kind = _TUPLES[key] = types.BaseTuple.from_types(kinds, type(value))
+    return kind
 
 
 _TUPLES: dict[tuple[Any, ...], Any] = {}

@@ -168,13 +168,13 @@ def changed(
         if key not in known:
             with locating(changes):
                 raise UnknownNameError('parameter', key, known, key)
-    found = merged((known, changes))
+    config = merged((known, changes))
     for key in CUSTOM:
-        found[key] = modules.absolute(key, found[key])
-    with locating(found):
-        found[hazards.KEY] = hazards.texts(found[hazards.KEY])
-    same = all(found[key] == value for key, value in gains.items())
-    return found | {'preset': PRESET if same else 'custom'}
+        config[key] = modules.absolute(key, config[key])
+    with locating(config):
+        config[hazards.KEY] = hazards.texts(config[hazards.KEY])
+    same = all(config[key] == value for key, value in gains.items())
+    return config | {'preset': PRESET if same else 'custom'}
 
 
 def preset(values: Mapping[str, Any], loaded: Modules = modules.NONE) -> dict[str, Any]:

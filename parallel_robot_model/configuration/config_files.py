@@ -108,10 +108,10 @@ def _layer(file: Path) -> Layer:
 
 def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
     """Nested groups as one dictionary with dotted keys."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
-            found.update(flat(value, f'{prefix}{key}.'))
+            values.update(flat(value, f'{prefix}{key}.'))
         else:
-            found[f'{prefix}{key}'] = list(value) if isinstance(value, list) else value
-    return found
+            values[f'{prefix}{key}'] = list(value) if isinstance(value, list) else value
+    return values

@@ -64,13 +64,13 @@ def parameters(group: type) -> tuple[Parameter, ...]:
 
 @functools.cache
 def _parameters(group: Any) -> tuple[Parameter, ...]:
-    found = []
+    described = []
     for name, hint in get_type_hints(group, include_extras=True).items():
         if get_origin(hint) is not Annotated:
             raise TypeError(f'{group.__name__}.{name} needs Annotated[type, Field(...)]')
         kind, field = get_args(hint)
-        found.append(Parameter(name.rstrip('_'), kind, field))
-    return tuple(found)
+        described.append(Parameter(name.rstrip('_'), kind, field))
+    return tuple(described)
 
 
 def defaults(group: type, prefix: str) -> dict[str, Any]:

@@ -15,19 +15,19 @@ Declared = Iterable[tuple[str, Any]]  # prefix and type of each group; '': keys 
 class Groups:
     """Groups of parameters, whose values are checked: ``groups[SafetyParameters]``."""
 
-    def __init__(self, found: Mapping[tuple[str, Any], Any]) -> None:
+    def __init__(self, groups: Mapping[tuple[str, Any], Any]) -> None:
         """Hold the groups of prefixes and types."""
-        self._found = found
+        self._found = groups
 
     def __getitem__(self, kind: type[Group]) -> Group:
         """The group of a type that is declared once."""
-        (found,) = (group for (_, known), group in self._found.items() if known is kind)
-        return found
+        (group_of_kind,) = (group for (_, known), group in self._found.items() if known is kind)
+        return group_of_kind
 
     def at(self, prefix: str, kind: type[Group]) -> Group:
         """The group of a type that has several prefixes, e.g. that of two robots."""
-        found: Group = self._found[prefix, kind]
-        return found
+        group_there: Group = self._found[prefix, kind]
+        return group_there
 
 
 def build(values: Mapping[str, Any], declared: Declared) -> Groups:
@@ -42,13 +42,13 @@ def build(values: Mapping[str, Any], declared: Declared) -> Groups:
     """
     given = values.get('joints')
     joints = len(given) if isinstance(given, list) else None
-    found: dict[tuple[str, Any], Any] = {}
+    groups: dict[tuple[str, Any], Any] = {}
     for prefix, kind in declared:
         start = f'{prefix}.' if prefix else ''
         keys = [parameter.key for parameter in fields.parameters(kind)]
         own = {key: values[start + key] for key in keys if start + key in values}
-        found[prefix, kind] = fields.build(kind, own, start, joints)
-    return Groups(found)
+        groups[prefix, kind] = fields.build(kind, own, start, joints)
+    return Groups(groups)
 
 
 def group(values: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:

@@ -83,8 +83,8 @@ class HazardTimes:
 
     def sample_of(self, index: int, before: int) -> int:
         """Sample at which the state that was measured at `index` is told, after another one."""
-        found = (index + late for late in (0, *(late for _, _, late in self._late)))
-        known = [k for k in found if k > before and k - self.late(k) == index]
+        candidates = (index + late for late in (0, *(late for _, _, late in self._late)))
+        known = [k for k in candidates if k > before and k - self.late(k) == index]
         return min(known, default=index)
 
     def is_shown(self, sample: int) -> bool:
@@ -107,15 +107,15 @@ class HazardTimes:
             count: Number of samples.
             every: Samples from one interval to the next.
         """
-        found, before = [], None
+        samples, before = [], None
         for sample in filter(self.is_answered, range(count)):
             index = sample - self.late(sample)
             if before is not None and any(before < each <= index for each in self.renewals):
                 before = None  # a new controller knows of no interval before
             if index % every == 0 or (before is not None and index // every != before // every):
-                found.append(sample)
+                samples.append(sample)
             before = index
-        return found
+        return samples
 
     def newest_reference(self, sample: int) -> int:
         """Sample of the newest reference up to a sample that the controller knows."""

@@ -129,8 +129,8 @@ def checked(given: Any, joints: Sequence[str], period: float) -> tuple[Hazard, .
     Raises:
         InputError: one is no hazard, or not of this loop.
     """
-    found = parse(given)
-    for i, hazard in enumerate(found):
+    hazards = parse(given)
+    for i, hazard in enumerate(hazards):
         key = f'{KEY}[{i}]'
         if hazard.joint and hazard.joint not in joints:
             raise UnknownNameError(f'{JOINT} of {key}', hazard.joint, joints, KEY)
@@ -140,7 +140,7 @@ def checked(given: Any, joints: Sequence[str], period: float) -> tuple[Hazard, .
                 f'{key}: {FOR} must be at least one period, {period:g} s, not {hazard.lasts:g}',
                 KEY,
             )
-    return found
+    return hazards
 
 
 def _hazard(key: str, given: Any) -> Hazard:

@@ -58,7 +58,7 @@ def is_of_ros(values: Mapping[str, Any]) -> bool:
 
 def _by_node(path: Path, values: Placed) -> Placed:
     """Parameters of the nodes of the suite."""
-    found: dict[str, tuple[Any, str, Place]] = {}  # value, the node that it is for, its place
+    parameters: dict[str, tuple[Any, str, Place]] = {}  # value, the node that it is for, its place
     strangers = set()
     for own in (False, True):  # a node's own parameters count more than those for all
         for full, value in values.items():
@@ -72,16 +72,16 @@ def _by_node(path: Path, values: Placed) -> Placed:
             if name not in NODES and '*' not in name:
                 strangers.add(printable(node))
             elif (name in NODES) == own and is_configuration(key):
-                before, other, _ = found.get(key, (value, '', None))
+                before, other, _ = parameters.get(key, (value, '', None))
                 if before != value and (other.rpartition('/')[2] in NODES or not own):
                     raise InputError(
                         f'{path}: {key} is {before} for {other} and {value} for {node}'
                     )
-                found[key] = value, node, values.places[full]
+                parameters[key] = value, node, values.places[full]
     for name in sorted(strangers):
         text = f'{path}: {name} is not a node of the suite; its parameters are left out'
         logging.getLogger('parallel_robot').warning(text)
     return Placed(
-        {key: value for key, (value, *_) in found.items()},
-        {key: place for key, (*_, place) in found.items()},
+        {key: value for key, (value, *_) in parameters.items()},
+        {key: place for key, (*_, place) in parameters.items()},
     )

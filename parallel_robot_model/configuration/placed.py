@@ -50,14 +50,14 @@ def places_of(values: Mapping[str, Any]) -> Mapping[str, Place]:
 
 def merged(layers: Iterable[Mapping[str, Any]]) -> Placed:
     """Values of several layers; later ones win."""
-    found = Placed()
+    values = Placed()
     for layer in layers:
-        found.update(layer)
-        if found.places:
-            kept = found.places.items()
-            found.places = {key: place for key, place in kept if key not in layer}
-        found.places.update(places_of(layer))
-    return found
+        values.update(layer)
+        if values.places:
+            kept = values.places.items()
+            values.places = {key: place for key, place in kept if key not in layer}
+        values.places.update(places_of(layer))
+    return values
 
 
 @contextlib.contextmanager
@@ -74,10 +74,10 @@ def locating(values: Mapping[str, Any], file: str = '') -> Iterator[None]:
         key = INDEX.sub('', error.key)
         known = places_of(values)
         group = [place for name, place in known.items() if name.startswith(f'{key}.')]
-        found = [known[key]] if key in known else group
-        if key and found:
-            name = found[0].file
-            lines = sorted({place.line for place in found if place.file == name})
+        places = [known[key]] if key in known else group
+        if key and places:
+            name = places[0].file
+            lines = sorted({place.line for place in places if place.file == name})
             numbers = ' and '.join(map(str, lines))
             file = f'{name}, line{"s" * (len(lines) > 1)} {numbers}'
         if file:

@@ -52,13 +52,13 @@ def load(text: str, longest: int = MAX_LENGTH) -> Any:
     if len(text) > longest:
         raise ValueError(f'longer than {longest} characters')
     try:
-        found = json.loads(text)
+        data = json.loads(text)
     except RecursionError:  # hundreds of brackets or braces, which YAML would have to nest as well
         raise ValueError('too deep') from None
     except ValueError:
-        found = _yaml(text)
-    _check(found, DEEPEST)
-    return found
+        data = _yaml(text)
+    _check(data, DEEPEST)
+    return data
 
 
 def mapping(text: str) -> dict[str, Any]:
@@ -67,10 +67,10 @@ def mapping(text: str) -> dict[str, Any]:
     Keys whose values are neither plain nor lists of plain values are left out.
     """
     try:
-        found = load(text)
+        data = load(text)
     except ValueError:
         return {}
-    items = found.items() if isinstance(found, dict) else ()
+    items = data.items() if isinstance(data, dict) else ()
     return {key: value for key, value in items if flat(value)}
 
 

@@ -81,9 +81,9 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
     """
     name = name_of(scenario, shipped)
     place = _place(scenario) if is_path(scenario) else _shipped(name, shipped)
-    found: list[tuple[Path, Placed]] = []
+    files: list[tuple[Path, Placed]] = []
     while True:
-        way = [path for path, _ in found]
+        way = [path for path, _ in files]
         if place in way or len(way) == MAX_BASES:
             steps = ' -> '.join(path.name for path in [*way, place])
             what = 'lead in a circle' if place in way else f'are more than {MAX_BASES}'
@@ -94,9 +94,9 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
         with locating(values):
             base = values.pop('base', None)
             _check(place, values)
-            found.append((place, points_file.filled(values)))
+            files.append((place, points_file.filled(values)))
             if base is None:
-                return name, found[::-1]
+                return name, files[::-1]
             if not isinstance(base, str):
                 raise InputError('base must be the name or the path of a scenario', 'base')
             if is_path(base):

@@ -79,10 +79,10 @@ def read(path: Path) -> Placed:
         plain_data.bound(content)
         loader = Loader(content)
         root = loader.get_single_node()
-        found = Placed()
+        values = Placed()
         if not isinstance(root, yaml.MappingNode):
             raise InputError(f'{path} must hold keys and values')
-        _flatten(path, loader, root, '', found)
+        _flatten(path, loader, root, '', values)
     except yaml.MarkedYAMLError as error:
         where = f', line {error.problem_mark.line + 1}' if error.problem_mark else ''
         what = ', '.join(filter(None, (error.context, error.problem)))
@@ -91,7 +91,7 @@ def read(path: Path) -> Placed:
         raise InputError(f'{path}: not valid YAML: {printable(error)}') from None
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise InputError(f'{path} has what a configuration cannot: {printable(error)}') from None
-    return found
+    return values
 
 
 def places(text: str, file: str) -> dict[str, Place]:
@@ -104,16 +104,16 @@ def places(text: str, file: str) -> dict[str, Place]:
     Returns:
         Dotted key to place.
     """
-    found: dict[str, Place] = {}
+    places: dict[str, Place] = {}
 
     def note(node: Any, prefix: str) -> None:
         for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
-            found[f'{prefix}{key.value}'] = Place(file, key.start_mark.line + 1)
+            places[f'{prefix}{key.value}'] = Place(file, key.start_mark.line + 1)
             note(value, f'{prefix}{key.value}.')
 
     with contextlib.suppress(yaml.YAMLError):  # JSON may be none
         note(yaml.compose(text, LOADER), '')
-    return found
+    return places
 
 
 def text(path: Path, most: int = plain_data.MAX_LENGTH) -> str:
@@ -139,7 +139,7 @@ def text(path: Path, most: int = plain_data.MAX_LENGTH) -> str:
         raise InputError(f'{path} is not a text in UTF-8') from None
 
 
-def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: Placed) -> None:
+def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: Placed) -> None:
     """Add the keys of a mapping to those found.
 
     Raises:
@@ -152,11 +152,11 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: Placed) -> 
             written = printable(getattr(key_node, 'value', key_node.tag), STRING)
             raise InputError(f'{where}: the key {written} is not a text for YAML; quote it')
         key = f'{prefix}{key_node.value}'
-        if key in own or key in found:
+        if key in own or key in values:
             raise InputError(f'{where}: {printable(key)} stands twice')
         own.add(key)
         if isinstance(value_node, yaml.MappingNode):
-            _flatten(path, loader, value_node, f'{key}.', found)
+            _flatten(path, loader, value_node, f'{key}.', values)
             continue
         value = loader.construct_object(value_node, deep=True)
         for item in value if isinstance(value, list) else [value]:
@@ -167,5 +167,5 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, found: Placed) -> 
                 shown = printable(value_node.value, STRING) if scalar else 'a list'
                 what = f'{printable(key)} cannot be {shown}: YAML reads {kind_of(item)} there'
                 raise InputError(f'{where}: {what}')
-        found[key] = value
-        found.places[key] = Place(str(path), key_node.start_mark.line + 1)
+        values[key] = value
+        values.places[key] = Place(str(path), key_node.start_mark.line + 1)

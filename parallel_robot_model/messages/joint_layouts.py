@@ -39,8 +39,8 @@ def joint_message(type_name: str, data: bytes) -> JointMessage:
     if type_name == 'trajectory_msgs/msg/JointTrajectory':
         make = functools.partial(layouts.joint_trajectory, names, frame)
         return JointMessage(names, ('position', 'velocity', 'acceleration'), make)
-    found = {name: len(message.numbers()) for name in ('position', 'velocity', 'effort')}
-    fields = tuple(name for name, count in found.items() if count == len(names))
+    lengths = {name: len(message.numbers()) for name in ('position', 'velocity', 'effort')}
+    fields = tuple(name for name, count in lengths.items() if count == len(names))
     return JointMessage(
         names, fields, functools.partial(layouts.joint_state, names, fields, frame)
     )

@@ -134,12 +134,12 @@ class Connections:
 
     def _publishers_of(self, name: str) -> str:
         """A line that names the nodes that publish on a topic, by its full name."""
-        found = self._node.get_publishers_info_by_topic(name)
+        publishers = self._node.get_publishers_info_by_topic(name)
         nodes = sorted(
             NOT_KNOWN
             if one.node_name == UNKNOWN
             else f'{one.node_namespace.rstrip("/")}/{one.node_name}'
-            for one in found
+            for one in publishers
         )
         several = '' if len(nodes) == 1 else 's'
         return printable(f'{name} has {len(nodes)} publisher{several}: {", ".join(nodes)}')

@@ -49,15 +49,15 @@ def asked(words: Sequence[str]) -> str:
     The node's parameters are not known yet: rclpy reads them after it has made its participant.
     A value in a parameter file counts for whichever node it stands.
     """
-    found = config.default(KEY)
+    transport = config.default(KEY)
     for option, word in itertools.pairwise(words):
         if option in ('-p', '--param'):
             key, _, value = word.partition(':=')
             if key.rpartition(':')[2] == KEY:  # NODE:KEY or KEY
-                found = value.strip('\'"')
+                transport = value.strip('\'"')
         elif option == '--params-file':
-            found = _in_file(Path(word)) or found
-    return str(found)
+            transport = _in_file(Path(word)) or transport
+    return str(transport)
 
 
 def check(value: str, expected: str) -> None:
@@ -154,10 +154,10 @@ def _in_file(path: Path) -> str:
 
 def _search(tree: Any) -> str:
     """The last value in a tree of namespaces and nodes."""
-    found = ''
+    chosen = ''
     for key, branch in tree.items() if isinstance(tree, dict) else ():
         if key == 'ros__parameters' and isinstance(branch, dict):
-            found = str(branch.get(KEY, found))
+            chosen = str(branch.get(KEY, chosen))
         else:
-            found = _search(branch) or found
-    return found
+            chosen = _search(branch) or chosen
+    return chosen

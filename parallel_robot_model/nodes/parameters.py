@@ -111,9 +111,9 @@ def _meant(own: Any, value: Any) -> Any:
     if isinstance(own, str):
         return own if not isinstance(value, str) and _read(own) == value else value
     if isinstance(own, float) or (isinstance(own, list) and own and isinstance(own[0], float)):
-        found = [_read(item) for item in value] if isinstance(value, list) else _read(value)
-        items = found if isinstance(found, list) else [found]
-        return found if all(isinstance(item, (int, float)) for item in items) else value
+        read = [_read(item) for item in value] if isinstance(value, list) else _read(value)
+        items = read if isinstance(read, list) else [read]
+        return read if all(isinstance(item, (int, float)) for item in items) else value
     return value
 
 

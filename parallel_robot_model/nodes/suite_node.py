@@ -355,8 +355,8 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _tell_strangers(self, topic: Topic) -> None:
         used = 'all are used' if self.lockstep else 'those of one are left out'
-        found = self._connections.publishers_of_input(topic)
-        self.doubt(f'messages of two publishers, {used}: {found}')
+        publishers = self._connections.publishers_of_input(topic)
+        self.doubt(f'messages of two publishers, {used}: {publishers}')
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
@@ -364,11 +364,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         return response
 
     def _doubts(self) -> dict[str, str]:
-        clock, found = self.get_clock(), {}
+        clock, own = self.get_clock(), {}
         stands = clock.ros_time_is_active and not clock.now().nanoseconds
         if stands and not self.lockstep and not self.count_publishers('/clock'):
-            found['clock'] = NO_CLOCK
-        return found | self.doubts()
+            own['clock'] = NO_CLOCK
+        return own | self.doubts()
 
     def _on_second(self) -> None:
         self.background.do(self._publish_diagnostics)

@@ -39,27 +39,27 @@ def directory() -> str:
     """
     version = code_version.of_kernels()
     for root in machine_code_directories():
-        found = root / f'kernels_{version}'
+        directory = root / f'kernels_{version}'
         try:
-            new = not found.exists()
-            found.mkdir(exist_ok=True)
-            os.utime(found)
-            private = is_private(found)
+            new = not directory.exists()
+            directory.mkdir(exist_ok=True)
+            os.utime(directory)
+            private = is_private(directory)
         except OSError:
             continue
-        if private and os.access(found, os.W_OK):
+        if private and os.access(directory, os.W_OK):
             if new:
                 prune(root)
-            _tell_if_unused(found)
-            return str(found)
+            _tell_if_unused(directory)
+            return str(directory)
     _tell_if_unused(Path())
     return ''
 
 
-def _tell_if_unused(found: Path) -> None:
+def _tell_if_unused(directory: Path) -> None:
     """Say that machine code does not lie where the user wants it."""
     chosen = os.environ.get(MACHINE_CODE)
-    if chosen and not found.is_relative_to(os.path.abspath(chosen)):
+    if chosen and not directory.is_relative_to(os.path.abspath(chosen)):
         logging.getLogger('parallel_robot').warning(
             f'{MACHINE_CODE}: {chosen} is not used, for you cannot write there, or others can'
         )
@@ -88,13 +88,13 @@ def subdirectory(name: str) -> str:
 def custom(name: str) -> str:
     """Directory for machine code that depends on a custom module; its name has its hash."""
     root = Path(OWN) / 'custom'
-    found = root / name
+    directory = root / name
     with contextlib.suppress(OSError):
-        if not found.exists():
-            found.mkdir(parents=True)
+        if not directory.exists():
+            directory.mkdir(parents=True)
             prune(root, KEPT_CUSTOM)
-        os.utime(found)
-    return str(found)
+        os.utime(directory)
+    return str(directory)
 
 
 def compiled() -> str:

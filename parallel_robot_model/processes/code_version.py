@@ -48,19 +48,19 @@ def of_kernels() -> str:
     """
     sources = _sources()
     names = {_module(path): path for path in sources}
-    found = [
+    waiting = [
         path
         for path, content in sources.items()
         if any(mark in content for mark in KERNELS) and not _is_of_ros(path)
     ]
-    chosen = {*found, *(path for path, content in sources.items() if TUPLES in content)}
-    while found:
-        for package, imported in FROM.findall(sources[found.pop()]):
+    chosen = {*waiting, *(path for path, content in sources.items() if TUPLES in content)}
+    while waiting:
+        for package, imported in FROM.findall(sources[waiting.pop()]):
             base = package.decode()
             words = [base, *(f'{base}.{name}' for name in imported.decode().split())]
             for path in (names.get(re.sub(r'[^\w.]', '', word)) for word in words):
                 if path is not None and path not in chosen:
-                    found.append(path)
+                    waiting.append(path)
                     chosen.add(path)
     chosen = {path for path in chosen if not _is_of_ros(path)}
     settings = [f'{name}={os.environ[name]}' for name in SETTINGS if name in os.environ]

@@ -42,7 +42,7 @@ def doubt() -> str:
 def _is_up(interface: str) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
         try:
-            found = fcntl.ioctl(asked, FLAGS_OF, struct.pack('16sH14x', interface.encode(), 0))
+            flags = fcntl.ioctl(asked, FLAGS_OF, struct.pack('16sH14x', interface.encode(), 0))
         except OSError:
             return False  # there is none
-    return bool(struct.unpack('16sH14x', found)[1] & UP)
+    return bool(struct.unpack('16sH14x', flags)[1] & UP)

@@ -24,14 +24,16 @@ def imported_sources(source: bytes) -> bytes:
     Args:
         source: The file; empty where it is not valid Python.
     """
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     waiting = [*_names(source)]
     while waiting:
         name = waiting.pop()
-        if name not in found:
-            found[name] = _content(name)
-            waiting += _names(found[name])
-    return b''.join(name.encode() + b'\0' + found[name] for name in sorted(found) if found[name])
+        if name not in contents:
+            contents[name] = _content(name)
+            waiting += _names(contents[name])
+    return b''.join(
+        name.encode() + b'\0' + contents[name] for name in sorted(contents) if contents[name]
+    )
 
 
 def _content(name: str) -> bytes:

@@ -49,10 +49,10 @@ class KeptStop:
 
     def _found(self) -> list[tuple[Path, os.stat_result]]:
         """The user's own files of this name; what else may lie there is not looked at."""
-        found = []
+        files = []
         for root in state_directories():
             with contextlib.suppress(OSError):
                 status = os.lstat(root / self._name)
                 if is_own(status):
-                    found.append((root / self._name, status))
-        return found
+                    files.append((root / self._name, status))
+        return files

@@ -140,10 +140,10 @@ class NodeProcesses:
 
     def doubts(self) -> list[str]:
         """What the nodes have warned of that concerns who started them, each once."""
-        found = [
+        files = [
             f'{name}: {text}' for name in self._logs for text in DOUBTS.findall(self._output(name))
         ]
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(files))
 
     def stop(self) -> None:
         """End all processes that still run, in order, waiting for them."""

@@ -45,11 +45,11 @@ def _own_directories(variable: str, usual: str) -> Iterator[Path]:
     places = [Path(given) / 'parallel_robot'] if os.path.isabs(given) else []  # there is a home
     with contextlib.suppress(FileNotFoundError):  # there is no temporary directory
         places.append(Path(tempfile.gettempdir()) / f'parallel_robot_{os.getuid()}')
-    for found in places:
+    for place in places:
         with contextlib.suppress(OSError):
-            found.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if {found.lstat().st_uid, found.stat().st_uid} == {os.getuid()} and is_private(found):
-                yield found
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if {place.lstat().st_uid, place.stat().st_uid} == {os.getuid()} and is_private(place):
+                yield place
 
 
 def is_private(directory: str | Path) -> bool:
@@ -58,10 +58,10 @@ def is_private(directory: str | Path) -> bool:
     Args:
         directory: It exists.
     """
-    found = Path(directory).resolve()
-    if not _is_ours(found.stat()):
+    resolved = Path(directory).resolve()
+    if not _is_ours(resolved.stat()):
         return False
-    for above in map(Path.stat, found.parents):
+    for above in map(Path.stat, resolved.parents):
         kept = above.st_mode & stat.S_ISVTX  # as /tmp: others cannot rename what is there
         if above.st_uid not in (os.getuid(), ROOT, NOBODY) or not (kept or _is_closed(above)):
             return False

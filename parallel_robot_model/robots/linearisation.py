@@ -62,13 +62,13 @@ def linearise(robot: RobotModel, margins: Any, pose: Any, viscous: Any) -> State
     estimate = robot.kernel('estimate', margins, vector(position), still, here)
 
     def model(joints: Array) -> Model:
-        found = estimate(robot.constants, margins, vector(joints), still, here)
-        if found.fault != FOUND:
+        estimated = estimate(robot.constants, margins, vector(joints), still, here)
+        if estimated.fault != FOUND:
             raise InputError(
-                f'pose {list(pose)} of {robot.name}: {robot.module.FAULTS[found.fault].text}',
+                f'pose {list(pose)} of {robot.name}: {robot.module.FAULTS[estimated.fault].text}',
                 'pose',
             )
-        return Model(*(np.array(part) for part in found.model))
+        return Model(*(np.array(part) for part in estimated.model))
 
     units = [PoseMotion(here, vector(row), zero) for row in np.eye(len(here))]
     rates = [joint_motion(robot.constants, unit).velocity for unit in units]

@@ -46,9 +46,9 @@ def _poses(
     """Poses, and the first sample without a pose with its fault."""
     poses = np.empty((len(position), len(guess)))
     for k in range(len(position)):
-        found = locate(robot, read_row(position, k, row), guess)
-        if found.fault != FOUND:
-            return poses, k, found.fault
-        write_row(poses, k, found.pose)
-        guess = found.pose
+        location = locate(robot, read_row(position, k, row), guess)
+        if location.fault != FOUND:
+            return poses, k, location.fault
+        write_row(poses, k, location.pose)
+        guess = location.pose
     return poses, -1, FOUND

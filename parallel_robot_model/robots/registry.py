@@ -179,10 +179,10 @@ def module_of(loop: LoopParameters) -> Robot:
         UnknownNameError: no such robot.
         InputError: a custom robot cannot be loaded.
     """
-    found, name = robots(loop.custom_robots), loop.robot_model
-    if name not in found:
-        raise UnknownNameError('robot_model', name, found, 'robot_model')
-    return found[name]
+    known, name = robots(loop.custom_robots), loop.robot_model
+    if name not in known:
+        raise UnknownNameError('robot_model', name, known, 'robot_model')
+    return known[name]
 
 
 def robot_with(
@@ -212,11 +212,11 @@ def robot_with(
 
 def rehearse(module: ModuleType) -> None:
     """Call what a robot has in Python; what it raises is reported where it is called again."""
-    found: Any = module
+    robot_module: Any = module
     with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
-        parameters = group(default_values('it', found), found.Parameters, 'robot')
-        robot = RobotModel('it', found, found.validate(parameters, 'robot'))
-        found.joints(robot.parameters), robot.pose_size
+        parameters = group(default_values('it', robot_module), robot_module.Parameters, 'robot')
+        robot = RobotModel('it', robot_module, robot_module.validate(parameters, 'robot'))
+        robot_module.joints(robot.parameters), robot.pose_size
         _unboxed(robot)  # to box them takes the compiler, whose time is not the file's
 
 

@@ -144,10 +144,10 @@ def _kinematics(robot: RobotModel, here: Measurement, pose: Array, rate: Array) 
             'joint_motion', f'{name}, from differences of {of}', getattr(now, name), slope
         )
     guess = vector(pose * (1.0 + GUESS))
-    found = _bound(robot, 'locate', vector(now.position), guess)(vector(now.position), guess)
+    location = _bound(robot, 'locate', vector(now.position), guess)(vector(now.position), guess)
     what = 'pose, from that whose joints it is given'
     missing = np.full(len(pose), np.nan)
-    yield _check('locate', what, found.pose if found.fault == FOUND else missing, pose)
+    yield _check('locate', what, location.pose if location.fault == FOUND else missing, pose)
 
 
 def _dynamics(
@@ -159,10 +159,10 @@ def _dynamics(
     estimate = _bound(robot, 'estimate', *words)
 
     def model_at(state: Measurement) -> Estimate:
-        found: Estimate = estimate(
+        estimated: Estimate = estimate(
             margins, vector(state.position), vector(state.velocity), vector(state.pose)
         )
-        return found
+        return estimated
 
     now, after, before = map(model_at, (here, ahead, behind))
     if any(each.fault != FOUND for each in (now, after, before)):
@@ -199,8 +199,8 @@ def _bound(robot: RobotModel, name: str, *example: Any) -> Callable[..., Any]:
 
 def _slope(ahead: Any, behind: Any) -> Array:
     """Rate of change by a central difference."""
-    found: Array = (np.asarray(ahead) - np.asarray(behind)) / (2 * H)
-    return found
+    slope: Array = (np.asarray(ahead) - np.asarray(behind)) / (2 * H)
+    return slope
 
 
 def _check(function: str, what: str, given: Any, right: Any) -> Check:

@@ -269,13 +269,13 @@ def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[
     turns = np.abs(np.diff(position[:, 0], prepend=position[:1, 0]))
     near = 'singularity, |sin q2| = {} is below trajectory.min_sin_elbow, {}'
     jump = 'the tip passes straight below the shoulder, where q1 jumps by a whole turn'
-    found = [
+    failures = [
         first_sample(sines < limits.min_sin_elbow, sines, near, limits.min_sin_elbow),
         first_sample(turns > math.pi, turns, jump),
     ]
     if unreached.size:
-        found.append(Infeasible(int(unreached[0]), None, f'out of reach ({_reach(robot)})'))
-    return [failure for failure in found if failure is not None]
+        failures.append(Infeasible(int(unreached[0]), None, f'out of reach ({_reach(robot)})'))
+    return [failure for failure in failures if failure is not None]
 
 
 def segments(robot: Parameters, pose: Array, position: Array) -> dict[str, Array]:

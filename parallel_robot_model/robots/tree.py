@@ -28,8 +28,8 @@ def links_of(robot: RobotModel, joints: tuple[str, ...]) -> tuple[Link, ...]:
     Raises:
         InputError: the robot has no ``tree``.
     """
-    found: tuple[Link, ...] = _tree(robot).links(robot.parameters, joints)
-    return found
+    links: tuple[Link, ...] = _tree(robot).links(robot.parameters, joints)
+    return links
 
 
 def angles_of(robot: RobotModel, pose: Array, position: Array) -> Array:

@@ -112,16 +112,16 @@ def _newton(
     bound = math.sqrt(3.0) * (2.0 + distance * robot.per_l3) * robot.per_l2
     active = bound * math.sqrt(norm) * size <= 0.5
     # 4. Newton: X <- X - J^-1 r until the step vanishes.
-    found = select(active, pose - step, pose)
+    nearer = select(active, pose - step, pose)
     reached, turn = 0.0 * determinant, step[2]
     for _ in range(20):
         if not active:
             break
-        next_x, next_y = arms(robot, found[2])
-        residual, jacobian = _closure(robot, elbow_x, elbow_y, found, next_x, next_y)
+        next_x, next_y = arms(robot, nearer[2])
+        residual, jacobian = _closure(robot, elbow_x, elbow_y, nearer, next_x, next_y)
         ix, iy, ip, determinant = inverse_rows(jacobian)
         step = vector((dot(ix, residual), dot(iy, residual), dot(ip, residual)))
-        found = select(active, found - step, found)
+        nearer = select(active, nearer - step, nearer)
         turn = select(active, step[2], turn)
         arm_x, arm_y = select(active, next_x, arm_x), select(active, next_y, arm_y)
         left = abs(step[0]) + abs(step[1]) + abs(step[2])
@@ -130,7 +130,7 @@ def _newton(
         active = active & (done == False)  # noqa: E712 `not` would branch
     # 5. The last step turned the arms by less than 1e-9 rad.
     arm_x, arm_y = arm_x + turn * arm_y, arm_y - turn * arm_x
-    return found, arm_x, arm_y, select(active, 0.0, reached)
+    return nearer, arm_x, arm_y, select(active, 0.0, reached)
 
 
 @kernel
@@ -176,9 +176,9 @@ def _followed(robot: Constants, theta: Array, guess: Array) -> Assembly:
         target = theta if share == 1.0 else first + share * change
         elbow_x = robot.base_x + robot.l1 * np.cos(target)
         elbow_y = robot.base_y + robot.l1 * np.sin(target)
-        found, x, y, determinant = _newton(robot, elbow_x, elbow_y, pose, arm_x, arm_y)
+        nearer, x, y, determinant = _newton(robot, elbow_x, elbow_y, pose, arm_x, arm_y)
         if determinant * side > 0.0:
-            pose, arm_x, arm_y = found, x, y
+            pose, arm_x, arm_y = nearer, x, y
             side = determinant
             done = share
         else:
@@ -211,13 +211,13 @@ def forward_kinematics(robot: Constants, theta: Array, guess: Array) -> Assembly
     close = every((along > 0.0) & (np.abs(across) < SHORT))
     # 2. Newton's iteration, which must not end beyond a type 2 singularity.
     elbow_x, elbow_y = robot.base_x + robot.l1 * ct, robot.base_y + robot.l1 * st
-    found, arm_x, arm_y, reached = _newton(
+    reached_pose, arm_x, arm_y, reached = _newton(
         robot, elbow_x, elbow_y, guess, start.arm_x, start.arm_y
     )
     side = type_2_measure(robot, start)
     trusted = (abs(side) > SINGULAR) & (abs(reached) > SINGULAR) & (reached * side > 0.0)
     done = close & trusted
-    result = _assembled(robot, ct, st, found, arm_x, arm_y)
+    result = _assembled(robot, ct, st, reached_pose, arm_x, arm_y)
     # 3. From farther away.
     if not done:
         result = _followed(robot, theta, guess)

@@ -64,7 +64,7 @@ def infeasible(robot: RobotParameters, limits: MotionLimits, reference: Any) -> 
     beta = reference.passive[reached]
     sines = np.abs(np.sin(beta - reference.position[reached]))
     conditions = condition_numbers(robot, reference.pose[reached, 2], beta)
-    found = [
+    failures = [
         first_sample(
             sines < limits.min_sin_psi,
             sines,
@@ -82,5 +82,5 @@ def infeasible(robot: RobotParameters, limits: MotionLimits, reference: Any) -> 
         k = int(unreached[0])
         reach = f'{abs(robot.l2 - robot.l1):g} to {robot.l1 + robot.l2:g} m'
         leg = int(reference.out_of_reach[k]) + 1
-        found.append(Infeasible(k, leg, f'out of reach (a leg spans {reach})'))
-    return [failure for failure in found if failure is not None]
+        failures.append(Infeasible(k, leg, f'out of reach (a leg spans {reach})'))
+    return [failure for failure in failures if failure is not None]
