@@ -54,6 +54,7 @@ class Run:
         warnings: What to know of the run, one line each.
         simulation: All that the simulation has recorded; None for a run from a bag.
         motions: The motions of a run from a bag, of which its metrics are; None for a simulation.
+        name: Name of the bag of a run from one, by which tables and pictures call it; else empty.
     """
 
     scenario: str
@@ -74,6 +75,7 @@ class Run:
     warnings: tuple[str, ...] = ()
     simulation: Simulation | None = None
     motions: Motions | None = None
+    name: str = ''
 
     @property
     def error(self) -> Array:

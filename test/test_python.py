@@ -573,3 +573,13 @@ def test_a_spectrum_sums_to_the_variance_and_has_a_sine_at_its_frequency(run):
     assert not nothing.any()
     with pytest.raises(InputError, match="unknown of 'speed'"):
         parallel_robot.spectrum(run, 'speed')
+
+
+def test_runs_keep_the_names_of_their_bags(run, tmp_path):
+    for name in ('before', 'after'):
+        parallel_robot.save(run, tmp_path / name)
+    loaded = [parallel_robot.load(tmp_path / name) for name in ('before', 'after', 'after')]
+    assert list(parallel_robot.compare([*loaded, run]).index) == [
+        'before', 'after', 'after #2', 'smc',
+    ]  # fmt: skip
+    assert parallel_robot.load(next((tmp_path / 'before').glob('*.mcap'))).name == 'before_0'

@@ -135,6 +135,7 @@ def load(
         ', '.join(sorted(limits)),
         (*log.warnings, *filter(None, [part.cut, ended]), *part.remarks, *part.doubts),
         motions=part.motions,
+        name=Path(bag).resolve().name.removesuffix('.mcap'),
     )
 
 
@@ -212,7 +213,7 @@ def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
     {'smc': 8.24, 's_smc': 16.97}
 
     Args:
-        runs: The runs, or name to run; without names the rows are named after the laws.
+        runs: The runs, or name to run; without names the rows are named after bags or laws.
 
     Returns:
         Columns with units in their names, as those of a sweep; a bound that is never reached is
@@ -367,7 +368,7 @@ def _named(
     runs: Iterable[Run] | Mapping[str, Run],
     title: Callable[[str], str] = str,
 ) -> dict[str, Run]:
-    """Runs by name; without names by their laws, with a number where there are several of one.
+    """Runs by name; without names by their bags or laws, with a number for several of one.
 
     Raises:
         InputError: something is not a run.
@@ -383,9 +384,10 @@ def _named(
     seen: Counter[str] = Counter()
     named = {}
     for run in members:
-        seen[run.law] += 1
-        number = '' if seen[run.law] == 1 else f' #{seen[run.law]}'
-        named[title(run.law) + number] = run
+        name = run.name or title(run.law)
+        seen[name] += 1
+        number = '' if seen[name] == 1 else f' #{seen[name]}'
+        named[name + number] = run
     return named
 
 
