@@ -276,7 +276,7 @@ def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
         ('smc', 'none', 'none'),  # a second later
     ]  # fmt: skip
     stamp = statuses[1].header.stamp
-    assert [law for _, law in laws] == ['s_fotsmc', 'smc'] and laws[0][0] == 10**9
+    assert laws == [(10**9, 's_fotsmc'), (stamp.sec * 10**9 + stamp.nanosec, 'smc')]
     switched = round((stamp.sec - 1) * 1e3 + stamp.nanosec * 1e-6)
     torques = [
         deserialize_message(data, Float64MultiArray).data

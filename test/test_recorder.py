@@ -1,5 +1,6 @@
 """The recorder without ROS."""
 
+import itertools
 import json
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from mcap.reader import make_reader
 from parallel_robot.bags import bag_reader, history
 from parallel_robot.bags import recorder as module
 from parallel_robot.bags.bag_files import open_file
-from parallel_robot.bags.channels import channel, qos_profile
+from parallel_robot.bags.channels import channel, channel_of, qos_profile
 from parallel_robot.bags.mcap_block import Block
 from parallel_robot.bags.mcap_records import scan
 from parallel_robot.bags.record_names import MESSAGES
@@ -91,17 +92,78 @@ def test_a_whole_motion_in_lockstep_has_the_time_of_the_simulation(make, tmp_pat
     assert len(report) == len(topics.RECORDED)
 
 
-def test_in_lockstep_the_first_law_is_that_of_the_start(make, tmp_path):
-    """Whenever its name is heard; when another became active says the status."""
+SWITCHES = [(0, 's_fotsmc'), (5, 'pid'), (12, 's_fotsmc')]  # state, law
+
+
+@pytest.mark.parametrize('common', [True, False])
+@pytest.mark.parametrize('order', ['name first', 'status first', 'names last', 'statuses last'])
+def test_in_lockstep_the_name_of_a_law_has_the_time_of_its_switch(order, common, make, tmp_path):
+    names = [(topics.ACTIVE_LAW, layouts.text_message(law)) for _, law in SWITCHES]
+    statuses = [
+        (topics.STATUS, status_message(START + k * MS, Status(law, None, limits)))
+        for k, law in SWITCHES
+        for limits in (0, 1)  # the second says no other law
+    ]
+    pairs = [[name, *statuses[2 * i : 2 * i + 2]] for i, name in enumerate(names)]
+    told = {
+        'name first': [*itertools.chain(*pairs)],
+        'status first': [*itertools.chain(*(pair[::-1] for pair in pairs))],
+        'names last': statuses + names,
+        'statuses last': names + statuses,
+    }[order]
+    recorder = make()
+    recorder.open(START if common else 0)
+    take(recorder, range(9), left_out=[(topics.ACTIVE_LAW, 0), (topics.STATUS, 0)])
+    for topic, data in told:
+        recorder.take(topic, data)
+    recorder.close()
+    expected = [(START + k * MS, data) for (k, _), (_, data) in zip(SWITCHES, names, strict=True)]
+    assert recorded(tmp_path)['controller/active_law'] == expected
+
+
+def test_names_of_laws_that_no_status_knows_are_kept(make, tmp_path):
+    """One of before the first state, one of which the status is lost, one that is broken."""
     recorder = make()
     recorder.open(START)
     take(recorder, range(9), left_out=[(topics.ACTIVE_LAW, 0), (topics.STATUS, 0)])
-    names = [layouts.text_message('s_fotsmc'), layouts.text_message('pid')]
+    names = [layouts.text_message(law) for law in ('s_fotsmc', 'pid', 'smc')] + [
+        b'\x00\x01\x00\x00'
+    ]
     for name in names:
         recorder.take(topics.ACTIVE_LAW, name)
+    recorder.take(topics.STATUS, b'\x00\x01\x00\x00' + bytes(8) + b'broken')
+    recorder.take(topics.STATUS, status_message(START + 3 * MS, Status('pid', None, 0)))
     recorder.close()
-    expected = [(START, names[0]), (START + 8 * MS, names[1])]
+    times = [0, 3, 3, 3]
+    expected = [(START + k * MS, name) for k, name in zip(times, names, strict=True)]
     assert recorded(tmp_path)['controller/active_law'] == expected
+
+
+def test_names_of_laws_do_not_wait_in_numbers(make, tmp_path):
+    """Somebody else publishes on the topic, or the statuses are lost."""
+    recorder = make()
+    recorder.open(START)
+    for k in range(3000):
+        recorder.take(topics.ACTIVE_LAW, layouts.text_message(f'law {k}'))
+        recorder.take(
+            topics.STATUS, status_message(START + k * MS, Status(f'status {k}', None, 0))
+        )
+    assert len(recorder._switches._names) <= 100 and len(recorder._switches._switches) <= 100
+    recorder.close()
+    assert len(recorded(tmp_path)['controller/active_law']) == 3000
+
+
+def test_the_name_of_a_law_without_statuses_is_written_at_once(tmp_path):
+    values = config.resolve('paper_circle', {'time_mode': 'lockstep'})
+    loop = group(values, LoopParameters, '')
+    recorder = Recorder(tmp_path / 'bag', loop, values, pytest.fail, suite=())
+    for topic in (topics.JOINT_STATES, topics.ACTIVE_LAW):
+        recorder.add(topic, channel_of(topic))
+    recorder.open()
+    recorder.take(topics.JOINT_STATES, message(topics.JOINT_STATES, 7))
+    recorder.take(topics.ACTIVE_LAW, LAW)
+    recorder.close()
+    assert recorded(tmp_path)['controller/active_law'] == [(START + 7 * MS, LAW)]
 
 
 def test_messages_from_outside_the_motion_are_left_out(make, tmp_path):

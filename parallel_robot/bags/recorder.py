@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from parallel_robot.bags.certificate import Certificate
 from parallel_robot.bags.channels import Channel, channel_of
 from parallel_robot.bags.experiment import describe, software
 from parallel_robot.bags.record_names import CHANGES, MISSING, PARAMETERS
+from parallel_robot.bags.switch_times import SwitchTimes
 from parallel_robot.bags.topic_stream import TopicStream
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.configuration import plain_data
@@ -26,11 +27,13 @@ from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages.topics import (
+    ACTIVE_LAW,
     ANSWERED,
     COMMANDS,
     JOINT_STATES,
     POSE,
     RECORDED,
+    STATUS,
     TELEMETRY,
     Topic,
 )
@@ -90,6 +93,7 @@ class Recorder:
         self._streams = {topic: TopicStream(topic, channel_of(topic)) for topic in self._suite}
         self._sources: dict[str, bytes] = {}  # attachments, made or to be made, by name
         self._newest = 0  # ns, largest stamp of the suite
+        self._switches = SwitchTimes(0)
         self._queue: queue.SimpleQueue[tuple[TopicStream, int, bytes]] = queue.SimpleQueue()
         self._notes: queue.SimpleQueue[Callable[[BagWriter], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -107,6 +111,7 @@ class Recorder:
             RunError: the disk is full.
         """
         self._start = start_stamp or (self._loop.step_start if self._loop.lockstep else 0)
+        self._switches = SwitchTimes(self._start)
         if self._loop.last_index is not None and start_stamp:
             self._end = start_stamp + self._loop.last_index * self._loop.period_ns
             last = self._times.last_told(self._loop.last_index)
@@ -208,8 +213,6 @@ class Recorder:
         elif stream.of_suite and not stream.is_law:
             of_state = next(self._answered) if self._lockstep else stream.received
             stamp = start + of_state * self._loop.period_ns
-        elif stream.is_law and self._lockstep and not stream.received:
-            stamp = start  # the law of the first state, whenever it is heard
         else:
             stamp = max(newest, start)
         if stamp > newest and stream.of_suite:
@@ -219,7 +222,18 @@ class Recorder:
             self._over = True
         log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
-        self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_law and STATUS in self._streams:
+            self._switches.add_name(data)
+        else:
+            self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_status:
+            self._switches.add_status(data)
+        if stream.is_law or stream.is_status:
+            self._put_laws(self._switches.dated())
+
+    def _put_laws(self, dated: Iterable[tuple[int, bytes]]) -> None:
+        for log_time, data in dated:
+            self._queue.put((self._streams[ACTIVE_LAW], log_time, data))
 
     def several(self, topic: Topic) -> None:
         """Note that a topic has several publishers, whose numbers cannot be told apart."""
@@ -274,6 +288,7 @@ class Recorder:
         Returns:
             The report: one line a topic with received, written and lost messages.
         """
+        self._put_laws(self._switches.rest())
         self._stop.set()
         if self._writer is None:
             return []

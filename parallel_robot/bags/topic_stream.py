@@ -12,6 +12,7 @@ from parallel_robot_model.messages.topics import (
     JOINT_STATES,
     RECORDED,
     SLIDING_VARIABLE,
+    STATUS,
     SYNCHRONISATION_ERROR,
     UNSTAMPED,
     Topic,
@@ -42,7 +43,7 @@ class TopicStream:
         self.of_suite = topic in RECORDED
         self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
         self.is_measured = topic in MEASURED
-        self.is_law = topic == ACTIVE_LAW
+        self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
         stamped = self.of_suite and topic.type not in UNSTAMPED
         self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
         self.received = 0
