@@ -8,7 +8,7 @@ from parallel_robot import simulate
 from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import config, parameter_file
+from parallel_robot_model.configuration import config, parameter_file, points_table
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.waypoints import Parameters, motion, prepare
@@ -162,6 +162,8 @@ def test_a_bag_runs_again_without_the_file(scenario, tmp_path, capsys):
         (b't, x, y\n0, 0.5, 0.3\n', 'must hold at least 2 points, not 1'),
         (b'\x7fELF\x80\xff', 'is not a text in UTF-8'),
         (b't, x, y\n' + b'a' * 200_000, 'field larger than field limit'),
+        (b'a' * 200_000 + b'\n0, 1, 2\n', 'field larger than field limit'),
+        (b'# from a camera\nt; x; y; angle\n', 'line 2: the header must be'),
         (None, 'is not a file'),
     ],
 )  # fmt: skip
@@ -293,6 +295,13 @@ def test_options_that_do_not_fit_a_table_cost_one_line(scenario, options, reason
     with pytest.raises(InputError) as caught:
         config.resolve('paper_circle', changes)
     assert reason in str(caught.value)
+
+
+def test_a_table_that_is_too_large_is_not_read(scenario, monkeypatch):
+    path = scenario.parent / 'points.csv'
+    monkeypatch.setattr(points_table, 'MAX_BYTES', len(GOOD) - 1)
+    with pytest.raises(InputError, match=f'has more than {len(GOOD) - 1} bytes'):
+        points_table.read(path)
 
 
 def test_a_log_of_many_rows_is_thinned_and_told(scenario):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import points_table
+from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.placed import Place, Placed, locating
 from parallel_robot_model.configuration.points_table import COLUMNS, UNITS, Table
 
@@ -40,7 +41,10 @@ def filled(values: Placed) -> Placed:
         beside = next((key for key in (TIMES, POINTS) if values.get(key)), None)
         if beside:
             raise InputError(f'{FILE} and {beside} exclude each other', FILE)
-        columns, units = (_words(values, key) for key in (COLUMNS, UNITS))
+        columns, units = (
+            check(key, tuple[str, ...], Field('', ''), values.get(key, []))
+            for key in (COLUMNS, UNITS)
+        )
         try:
             path = Path(place.file if place else '').parent / Path(name).expanduser()
             table = points_table.read(path, columns, units)
@@ -61,18 +65,6 @@ def filled(values: Placed) -> Placed:
     places = dict.fromkeys(entries, place) if place else {}
     places[POINTS] = (place or Place(str(path), 1))._replace(columns=table.names)
     return values | Placed(entries, places)
-
-
-def _words(values: Placed, key: str) -> list[str]:
-    """A list of texts.
-
-    Raises:
-        InputError: it is none.
-    """
-    words = values.get(key) or []
-    if not isinstance(words, list | tuple) or not all(isinstance(word, str) for word in words):
-        raise InputError(f'{key} must be a list of texts, not {words!r}', key)
-    return list(words)
 
 
 def _thinned(table: Table, name: str) -> tuple[NDArray[np.int64], str]:

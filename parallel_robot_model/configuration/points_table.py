@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -45,11 +46,13 @@ class _Lines(NamedTuple):
     """Lines of a table.
 
     Attributes:
-        header: Its first line, as text.
-        rows: The others, and the first, too, if it holds numbers, each with its number.
+        number: Number of its first line.
+        header: That line, as text.
+        rows: The others, and that one, too, if it holds numbers, each with its number.
         comma: Whether it has commas in its numbers.
     """
 
+    number: int
     header: list[str]
     rows: Iterator[tuple[int, list[str]]]
     comma: bool
@@ -69,21 +72,16 @@ def read(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> 
         InputError: it cannot be read, a line is wrong, or an option does not fit.
     """
     scales = _scales(units)
-    lines = _lines(path)
-    names, places = _chosen(path, lines.header, columns)
-    count = len(lines.header)
     table: list[list[float]] = []
     try:
+        lines = _lines(path)
+        names, places = _chosen(path, lines, columns)
+        count = len(lines.header)
         for number, row in lines.rows:
             where = f'{path}, line {number}'
             if len(row) != count:
                 raise InputError(f'{where} must hold {count} numbers, not {len(row)}')
-            try:
-                values = [float(row[k]) for k in places]
-            except ValueError:
-                values = []
-            if not values or not all(map(math.isfinite, values)) or '_' in ''.join(row):
-                values = [_number(where, row[k], lines.comma) for k in places]
+            values = [_number(where, row[k], lines.comma) for k in places]
             if table and values[0] <= table[-1][0]:
                 what = f't = {values[0]:.10g} is not after {table[-1][0]:.10g}'
                 raise InputError(f'{where}: {what}; times must increase')
@@ -108,22 +106,24 @@ def _lines(path: Path) -> _Lines:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
     header = cells(first)
-    rows = ((k, cells(line)) for k, line in used)
-    if all(_is_number(cell, comma) for cell in header) and header:
-        rows = (pair for part in ([(number, header)], rows) for pair in part)
-    return _Lines(header, rows, comma)
+    rows: Iterator[tuple[int, list[str]]] = ((k, cells(line)) for k, line in used)
+    if header and all(_read(cell, comma) is not None for cell in header):
+        rows = itertools.chain([(number, header)], rows)
+    return _Lines(number, header, rows, comma)
 
 
 def _chosen(
-    path: Path, header: list[str], columns: Sequence[str]
+    path: Path, lines: _Lines, columns: Sequence[str]
 ) -> tuple[tuple[str, ...], list[int]]:
     """Names of time and coordinates, and where in a line they stand."""
+    header = lines.header
     shown = printable(', '.join(header), yaml_file.STRING)
     if not columns:
         names = [name.lower() for name in header]
         if not _are_names(names):
             hint = f'; {COLUMNS} says which column is what, such as [t=1, x=2, y=3]'
-            raise InputError(f'{path}, line 1: the header must be {HEADER}, not {shown!r}{hint}')
+            where = f'{path}, line {lines.number}'
+            raise InputError(f'{where}: the header must be {HEADER}, not {shown!r}{hint}')
         return tuple(names), list(range(len(names)))
     pairs = dict(entry.split('=', 1) for entry in columns if '=' in entry)
     if len(pairs) != len(columns) or not _are_names(sorted(pairs, key=_order)):
@@ -188,12 +188,12 @@ def _scales(units: Sequence[str]) -> dict[str, float]:
     return dict.fromkeys(KINDS, 1.0) | scales
 
 
-def _is_number(text: str, comma: bool) -> bool:
+def _read(text: str, comma: bool) -> float | None:
+    """A number, also one that is not finite; None if it is none."""
     try:
-        float(text.replace(',', '.') if comma else text)
+        return float(text.replace(',', '.') if comma else text)
     except ValueError:
-        return False
-    return True
+        return None
 
 
 def _number(where: str, text: str, comma: bool) -> float:
@@ -202,11 +202,8 @@ def _number(where: str, text: str, comma: bool) -> float:
     Raises:
         InputError: it is none.
     """
-    try:
-        value = float(text.replace(',', '.') if comma else text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value) or '_' in text:
+    value = _read(text, comma)
+    if value is None or not math.isfinite(value) or '_' in text:
         shown = printable(text.strip(), yaml_file.STRING)
         raise InputError(f'{where}: {shown!r} is not a finite number')
     return value
