@@ -10,6 +10,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
+from parallel_robot_model.robots.poses import rates_of
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.waypoints import Spline, motion
 
@@ -55,7 +56,7 @@ def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[fl
     still = PoseMotion(pose, pose, pose)
     joint_motion = robot.kernel('joint_motion', still)
     constants, size = robot.constants, len(near)
-    zero, units = vector(np.zeros(size)), [vector(row) for row in np.eye(size)]
+    zero = vector(np.zeros(size))
     motions = np.empty((len(times), 3, size))
     for k, time in enumerate(times):
         q, rate, acceleration = motion(joints, time)
@@ -65,9 +66,8 @@ def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[fl
             shown = ', '.join(f'{angle:.4g}' for angle in q)
             raise InputError(f'{POINTS}: at t = {time:.4g} s, joints [{shown}]: {what}', POINTS)
         pose = located.pose
-        # The joints follow the pose: qd = G v and qdd = G a + h(v); G has a column for each rate.
-        columns = [joint_motion(constants, PoseMotion(pose, unit, zero)) for unit in units]
-        jacobian = np.array([np.asarray(column.velocity) for column in columns]).T
+        # The joints follow the pose: qd = G v and qdd = G a + h(v).
+        jacobian = rates_of(joint_motion, constants, pose)
         velocity = np.linalg.solve(jacobian, rate)
         carried = joint_motion(constants, PoseMotion(pose, vector(velocity), zero)).acceleration
         motions[k] = pose, velocity, np.linalg.solve(jacobian, acceleration - np.asarray(carried))

@@ -10,6 +10,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots.contract import FOUND, REACHED, Model, PoseMotion
+from parallel_robot_model.robots.poses import rates_of
 from parallel_robot_model.robots.registry import RobotModel
 
 SMALL = 1e-5  # rad, a step of the joints
@@ -49,7 +50,7 @@ def linearise(robot: RobotModel, margins: Any, pose: Any, viscous: Any) -> State
     Raises:
         InputError: the pose is out of reach, or violates a margin.
     """
-    here = vector(robot.pose_of('pose', list(pose)))
+    here = vector(robot.pose_of('pose', pose))
     zero = vector(np.zeros(len(here)))
     joint_motion = robot.kernel('joint_motion', PoseMotion(here, here, here))
     rest = joint_motion(robot.constants, PoseMotion(here, zero, zero))
@@ -70,8 +71,6 @@ def linearise(robot: RobotModel, margins: Any, pose: Any, viscous: Any) -> State
             )
         return Model(*(np.array(part) for part in estimated.model))
 
-    units = [PoseMotion(here, vector(row), zero) for row in np.eye(len(here))]
-    rates = [joint_motion(robot.constants, unit).velocity for unit in units]
     steps = SMALL * np.eye(n)
     rises = [model(position + step).gravity - model(position - step).gravity for step in steps]
     stiffness = np.transpose(rises) / (2.0 * SMALL)
@@ -81,6 +80,11 @@ def linearise(robot: RobotModel, margins: Any, pose: Any, viscous: Any) -> State
     return StateSpace(
         np.vstack([np.hstack([nothing, np.eye(n)]), lower[:, : 2 * n]]),
         np.vstack([nothing, lower[:, 2 * n :]]),
-        np.hstack([np.linalg.pinv(np.transpose(rates)), np.zeros((len(here), n))]),
+        np.hstack(
+            [
+                np.linalg.pinv(rates_of(joint_motion, robot.constants, here)),
+                np.zeros((len(here), n)),
+            ]
+        ),
         np.zeros((len(here), n)),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
-from parallel_robot_model.robots.contract import FOUND
+from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
 
 
@@ -37,6 +37,20 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
             f'joints at {np.round(joints[failed], 4).tolist()} rad)'
         )
     return poses
+
+
+def rates_of(joint_motion: Any, robot: Any, pose: Any) -> Array:
+    """Rates of the joints for a unit rate of each coordinate of the pose, shape (n, m).
+
+    Args:
+        joint_motion: The robot's kernel of that name.
+        robot: Its constants.
+        pose: A pose, a vector of shape (m,).
+    """
+    units = (vector(row) for row in np.eye(len(pose)))
+    still = vector(np.zeros(len(pose)))
+    moved = (joint_motion(robot, PoseMotion(pose, unit, still)).velocity for unit in units)
+    return np.array([np.asarray(velocity) for velocity in moved]).T
 
 
 @kernel
