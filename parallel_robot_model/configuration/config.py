@@ -161,8 +161,8 @@ def changed(
     changes = points_file.filled(_plain(changes))
     modules.check(changes)
     asked = {**values, **changes}
-    gains = preset(asked, loaded)
     own = loaded.defaults(str(asked['robot_model']))
+    gains = merged(values for _, values in _gains(shipped(), asked, own))
     known = gains | _of(modules.names(asked, 'custom_trajectories'), own) | dict(values)
     for key in changes:
         if key not in known:
@@ -225,10 +225,11 @@ def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) ->
     if taken:
         raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
     if name in custom:
-        others = modules.names(values, 'custom_laws') | modules.names(
-            values, 'custom_trajectories'
+        laws, shapes = (
+            modules.names(values, f'custom_{kind}') for kind in ('laws', 'trajectories')
         )
-        return CUSTOM_DEFAULT, {k: v for k, v in own.items() if k not in _of(others, own)}
+        others = _of(laws | shapes, own)
+        return CUSTOM_DEFAULT, {key: value for key, value in own.items() if key not in others}
     if name not in files.robots:
         raise UnknownNameError('robot_model', name, [*files.robots, *custom], 'robot_model')
     return files.robots[name]

@@ -167,9 +167,8 @@ def prepared(
         files = custom_files(bag, past.sources, log.config, Path(directory), trust, told)
         values = log.config | files
         held_code.check(bag, values)
-        values = (
-            load(values).defaults(values['robot_model']) | values
-        )  # a recorder started by hand has no gains
+        own = load(values).defaults(values['robot_model'])
+        values = own | values  # a recorder started by hand has no gains
         if values['law'] not in available(values['custom_laws']):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
         values['duration'] = planned_length(log, past) if duration is None else duration
