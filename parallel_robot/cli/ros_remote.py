@@ -20,6 +20,7 @@ from parallel_robot_model.nodes.tool_node import tool_node
 from parallel_robot_model.processes import discovery
 
 HEARD = 5.0  # s, in which a node must be heard
+POLL = 0.05  # s, between two looks
 ANSWERED = 10.0  # s, in which it must answer
 NOT_SET = ParameterType.PARAMETER_NOT_SET
 TRIGGER = 'std_srvs/srv/Trigger'
@@ -75,7 +76,9 @@ class Remote:
         Raises:
             InputError: it has no such service, or one of another type.
         """
-        own = {name: kinds[0] for name, kinds in self._services().items() if kinds}
+        deadline = time.monotonic() + HEARD
+        while service not in (own := self._services()) and time.monotonic() < deadline:
+            rclpy.spin_once(self._own, timeout_sec=POLL)  # it may be heard after its node
         if service not in own:
             known = ', '.join(name for name, kind in sorted(own.items()) if kind == TRIGGER)
             raise InputError(f'{self.name} has no service {service}; without arguments: {known}')
@@ -87,11 +90,11 @@ class Remote:
         answer = self._wait(client.call_async(Trigger.Request()))
         return bool(answer.success), str(answer.message)
 
-    def _services(self) -> dict[str, list[str]]:
+    def _services(self) -> dict[str, str]:
         """Types of the services whose names begin with that of the node, by the rest."""
         head = f'{self.name}/'
-        found = self._own.get_service_names_and_types()
-        return {name[len(head) :]: kinds for name, kinds in found if name.startswith(head)}
+        every = self._own.get_service_names_and_types()
+        return {name[len(head) :]: kind for name, (kind, *_) in every if name.startswith(head)}
 
     def _parameters(self) -> AsyncParameterClient:
         client = AsyncParameterClient(self._own, self.name)
@@ -125,7 +128,7 @@ def remote(name: str) -> Iterator[Remote]:
             if time.monotonic() > deadline:
                 others = ', '.join(heard) or 'none'
                 raise RunError(f'no node {full} is heard; those that are: {others}')
-            rclpy.spin_once(own, timeout_sec=0.05)
+            rclpy.spin_once(own, timeout_sec=POLL)
         yield Remote(own, full)
 
 
