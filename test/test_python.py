@@ -583,3 +583,17 @@ def test_runs_keep_the_names_of_their_bags(run, tmp_path):
         'before', 'after', 'after #2', 'smc',
     ]  # fmt: skip
     assert parallel_robot.load(next((tmp_path / 'before').glob('*.mcap'))).name == 'before_0'
+
+
+@pytest.mark.parametrize(
+    ('call', 'reason'),
+    [
+        (lambda: parallel_robot.verify(seed=-1), 'seed must not be negative, not -1'),
+        (lambda: parallel_robot.verify(2.5), 'robots must be at least 1, not 2.5'),
+        (lambda: parallel_robot.verify(duration=99), 'duration must be 0.001 to 10 s, not 99'),
+        (lambda: parallel_robot.linearise('paper_circle', 3), 'pose must be a list of numbers'),
+    ],
+)
+def test_numbers_that_cannot_be_are_one_line(call, reason):
+    with pytest.raises(InputError, match=reason):
+        call()

@@ -12,10 +12,9 @@ from parallel_robot.bags.recovery import Recovery
 from parallel_robot.python import arguments
 from parallel_robot.studies.robot_verification import verify_robot
 from parallel_robot.studies.tuning import fronts as drawing
-from parallel_robot.studies.verification import SCENARIOS
+from parallel_robot.studies.verification import SCENARIOS, check_numbers
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.data_frames import Frame, pandas
-from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.placed import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 
@@ -44,16 +43,13 @@ def verify(robots: int = 10, *, seed: int = 0, duration: float = 1.0, **values: 
     """
     frames = pandas()
     frame: Frame
+    check_numbers(robots, seed, duration)
     if values:
         _, checks = verify_robot(Placed(values), seed)
         rows = [(*check, check.passes(FINE)) for check in checks]
         columns = ['function', 'what', 'difference', 'size', 'agrees']
         frame = frames.DataFrame(rows, columns=columns)
         return frame
-    if robots < 1 or not 0.001 <= duration <= 10.0:
-        raise InputError(
-            f'verify takes at least 1 robot and 0.001 to 10 s, not {robots} and {duration:g} s'
-        )
     differences = [
         (kind, *difference)
         for kind in SCENARIOS

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.robots.configuration import resolve, robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_model import MujocoRobot
@@ -47,6 +47,26 @@ class Difference(NamedTuple):
     robot: int
     largest: float
     path: float
+
+
+def check_numbers(robots: int, seed: int, duration: float, before: str = '') -> None:
+    """Refuse numbers with which nothing can be compared.
+
+    Args:
+        robots: Robots of each kind.
+        seed: Of all that is random.
+        duration: Of each motion [s].
+        before: What stands before their names in messages.
+
+    Raises:
+        InputError: one is wrong.
+    """
+    if not isinstance(robots, int) or robots < 1:
+        raise InputError(f'{before}robots must be at least 1, not {robots}')
+    if not isinstance(seed, int) or seed < 0:
+        raise InputError(f'{before}seed must not be negative, not {seed}')
+    if not 0.001 <= duration <= 10.0:
+        raise InputError(f'{before}duration must be 0.001 to 10 s, not {duration:g}')
 
 
 def verify(kind: str, numbers: Iterable[int], seed: int, duration: float) -> list[Difference]:

@@ -7,7 +7,7 @@ import argparse
 from parallel_robot.bags.progress import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.studies.robot_verification import verify_robot
-from parallel_robot.studies.verification import SCENARIOS, verify
+from parallel_robot.studies.verification import SCENARIOS, check_numbers, verify
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.placed import Placed
 from parallel_robot_model.robots.robot_checks import FINE
@@ -35,12 +35,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     robots = ROBOTS if arguments.robots is None else arguments.robots
     duration = DURATION if arguments.duration is None else arguments.duration
-    if robots < 1:
-        raise InputError(f'--robots must be at least 1, not {robots}')
-    if arguments.seed < 0:
-        raise InputError(f'--seed must not be negative, not {arguments.seed}')
-    if not 0.001 <= duration <= 10.0:
-        raise InputError(f'--duration must be 0.001 to 10 s, not {duration:g}')
+    check_numbers(robots, arguments.seed, duration, '--')
     given = simulate.given(arguments)
     if not given:
         return _against_mujoco(robots, arguments.seed, duration)
