@@ -32,6 +32,10 @@ def test_parameters_are_read_changed_together_and_dumped(controller, capsys):
     ('words', 'code', 'reason'),
     [
         (['param', 'set', 'controller', 'nothing=3'], 2, "refuses: unknown parameter 'nothing'"),
+        (['param', 'set', 'controller', 'law={a: 1}'], 2, "law cannot be {'a': 1}: a parameter"),
+        (['param', 'set', 'controller', 'law=[1, a]'], 2, "law cannot be [1, 'a']: a parameter"),
+        (['param', 'set', 'controller', f'law={10**25}'], 2, f'law cannot be {10**25}: a'),
+        (['param', 'set', 'controller', 'law=null'], 2, "'law' has a value of unknown type"),
         (['param', 'get', 'controller', 'law', 'nothing'], 2, 'has no parameter nothing'),
         (['call', 'controller/nothing'], 2, 'without arguments: clear_fault, confirm_pose, em'),
         (['call', 'controller/get_parameters'], 2, 'is of rcl_interfaces/srv/GetParameters'),

@@ -16,6 +16,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.common.printable import printable
 from parallel_robot_model.nodes.tool_node import tool_node
 from parallel_robot_model.processes import discovery
 
@@ -63,7 +64,7 @@ class Remote:
         if len(types) != len(values):  # it does not know all names, and says so when they are set
             types = [NOT_SET] * len(values)
         typed = [
-            Parameter(name, value=_as_doubles(value) if kind in DOUBLES else value)
+            _parameter(name, _as_doubles(value) if kind in DOUBLES else value)
             for (name, value), kind in zip(values.items(), types, strict=True)
         ]
         result = self._wait(client.set_parameters_atomically(typed)).result
@@ -117,7 +118,6 @@ def remote(name: str) -> Iterator[Remote]:
         name: Its name, with its namespace if it has one.
 
     Raises:
-        InputError: the name is none.
         RunError: it is not heard; those that are, are named.
     """
     full = f'/{name.strip("/")}'
@@ -136,6 +136,25 @@ def _heard(own: Node) -> list[str]:
     places = own.get_node_names_and_namespaces()
     names = {f'{space.rstrip("/")}/{name}' for name, space in places}
     return sorted(names - {own.get_fully_qualified_name()})
+
+
+def _parameter(name: str, value: Any) -> Parameter:
+    """A parameter of ROS.
+
+    Raises:
+        InputError: ROS has none of such a value.
+    """
+    items = value if isinstance(value, list) else [value]
+    try:
+        if any(isinstance(item, int) and item.bit_length() > 63 for item in items):
+            raise TypeError
+        return Parameter(name, value=value)
+    except TypeError:
+        shown = printable(repr(value))
+        raise InputError(
+            f'{name} cannot be {shown}: a parameter of ROS is a number of 64 bits, a text, true '
+            'or false, or a list of one of these'
+        ) from None
 
 
 def _as_doubles(value: Any) -> Any:
