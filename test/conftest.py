@@ -33,7 +33,7 @@ PROCESSES = (  # tests that start processes
     *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
     *('rehearse', 'replay', 'report', 'rerun', 'run', 'run_log', 'safety_nodes', 'show', 'start'),
-    *('study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
+    *('state_period', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
 LONG = (  # tests that take as long as all others without processes together
     *('calm', 'driven_out', 'hostile_messages', 'identification', 'identify', 'recover', 'rivals'),

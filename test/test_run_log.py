@@ -69,6 +69,22 @@ def test_directory_or_file(path, tmp_path):
     assert np.array_equal(log.position, POSITION[10:])  # what was before t = 0 is left out
 
 
+@pytest.mark.parametrize(('told', 'mode'), [(1e-3, 'wall'), (2e-3, 'wall'), (1e-3, 'lockstep')])
+def test_states_of_another_rate_than_the_controller_was_told_are_told(told, mode, tmp_path):
+    """Every second state is all there are; in lockstep the period is that of the plant."""
+    metadata = {'config': str({'joints': list(JOINTS), 'period': told, 'time_mode': mode})}
+    found = streams(REFERENCE, POSITION)
+    found[topics.JOINT_STATES] = found[topics.JOINT_STATES][::2]
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, metadata) as writer:
+        for topic, messages in found.items():
+            for log_time, payload in messages:
+                writer.write(topic.name, log_time, payload)
+    log = recording.read(tmp_path / 'bag').log
+    rates = [line for line in log.warnings if 'come at 500 Hz, the period says 1000 Hz' in line]
+    assert len(rates) == (told == 1e-3 and mode == 'wall')
+    assert (log.messages['joint_states'].missing == 0) == (mode == 'wall')
+
+
 def test_messages_that_are_removed_are_missing(record):
     found = streams(REFERENCE, POSITION)
     for topic, lost in (
