@@ -27,6 +27,14 @@ def test_the_period_is_that_of_stamps_with_jitter_and_gaps(period):
     assert found % 1000 == 0 and abs(found - period * MS) <= max(1000, 5e-4 * period * MS)
 
 
+@pytest.mark.parametrize('seed', range(20))
+def test_the_period_is_found_beside_a_long_gap(seed):
+    """Of 200 periods, in which one is easily counted too many."""
+    draw = np.random.default_rng(seed)
+    at = np.delete(np.arange(600) + draw.uniform(0.0, 0.1, 600), np.arange(300, 500))
+    assert abs(period_of(START + (at * MS).astype(np.int64)) - MS) <= 1000
+
+
 def test_stamps_that_are_too_few_or_stand_tell_nothing():
     assert period_of(np.zeros(0, np.int64)) == period_of(np.full(1000, START)) == 0
     assert period_of(START + np.arange(400) * MS) == 0  # of 0.4 s

@@ -19,6 +19,7 @@ from parallel_robot_model.nodes.subscription import listen
 
 AUTO = 'auto'
 FEW = 20  # steps from a state to the next, at least, of which the period is found
+LONG = 1.5  # times the usual step, of one over missing states
 SPAN = NANOSECONDS // 2  # ns, over all of them, at least
 LOOK = 0.1  # s, between two looks whether the states suffice
 REMINDER = 5.0  # s, from one word that it still waits to the next
@@ -76,5 +77,6 @@ def period_of(stamps: np.ndarray) -> int:
     steps = steps[steps > 0]
     if len(steps) < FEW or steps.sum() < SPAN:
         return 0
-    periods = np.maximum(np.rint(steps / np.median(steps)), 1.0)
+    single = steps[steps < LONG * np.median(steps)]
+    periods = np.maximum(np.rint(steps / single.mean()), 1.0)  # those of long ones, too
     return round(float(steps.sum() / periods.sum()) / MICROSECOND) * MICROSECOND
