@@ -343,6 +343,24 @@ def test_messages_of_other_publishers_are_left_out(record):
     assert '10 of 110 messages on joint_states have no velocity' in positions
 
 
+def test_joints_of_a_gripper_in_the_same_messages_may_know_nothing(record):
+    """As a broadcaster writes them, in an order of its own; they are not looked at."""
+    found, names = streams(CALM, CALM, EFFORT), ('gripper', *JOINTS[::-1], 'lamp')
+    layout = layouts.joint_state(names)
+    known = np.full((3, COUNT, len(names)), np.nan)
+    known[:, :, 1:4] = np.array([CALM, CALM + 1.0, EFFORT])[:, :, ::-1]
+    found[topics.JOINT_STATES] = [
+        (
+            START + k * MS,
+            layout.encode(START + k * MS, position=row[0], velocity=row[1], effort=row[2]),
+        )
+        for k, row in enumerate(np.moveaxis(known, 1, 0))
+    ]
+    log = record(found)
+    assert np.array_equal(log.velocity, CALM + 1.0) and np.array_equal(log.effort, EFFORT)
+    assert np.array_equal(log.position, CALM) and log.has_efforts
+
+
 def test_states_of_two_publishers_or_recordings_are_doubted(record):
     leaping = CALM.copy()
     leaping[::10] += 0.5

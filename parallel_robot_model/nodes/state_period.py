@@ -10,6 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from parallel_robot_model.common.steps import usual_step
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import MICROSECOND
 from parallel_robot_model.messages import cdr_reader
@@ -19,7 +20,6 @@ from parallel_robot_model.nodes.subscription import listen
 
 AUTO = 'auto'
 FEW = 20  # steps from a state to the next, at least, of which the period is found
-LONG = 1.5  # times the usual step, of one over missing states
 SPAN = NANOSECONDS // 2  # ns, over all of them, at least
 LOOK = 0.1  # s, between two looks whether the states suffice
 REMINDER = 5.0  # s, from one word that it still waits to the next
@@ -77,6 +77,4 @@ def period_of(stamps: np.ndarray) -> int:
     steps = steps[steps > 0]
     if len(steps) < FEW or steps.sum() < SPAN:
         return 0
-    single = steps[steps < LONG * np.median(steps)]
-    periods = np.maximum(np.rint(steps / single.mean()), 1.0)  # those of long ones, too
-    return round(float(steps.sum() / periods.sum()) / MICROSECOND) * MICROSECOND
+    return round(usual_step(steps) / MICROSECOND) * MICROSECOND
