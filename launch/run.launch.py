@@ -17,12 +17,16 @@ from parallel_robot_model.configuration import scenario_file
 PARAMETERS = {  # of all nodes, where they are given
     'scenario': ('one of config/scenarios or a YAML file, else paper_circle', str),
     'law': ('a file of config/laws, else that of the scenario', str),
+    'period': ('s, one sample, or auto: as joint_states come; else 0.001', float),
+    'joints': ('their names in a list: [joint1, joint2, joint3]', list[str]),
     'time_mode': ('wall or lockstep, else wall', str),
     'end_with_parent': ('true: the nodes end when this launch is killed, else false', bool),
     'use_sim_time': ('true: take the time from /clock, else false', bool),
 }
 OTHERS = {
-    'params_file': ('', 'parameters of the nodes; the arguments win over them'),
+    'plant': ('true', 'false: none, for a robot that is there (hardware.launch.py)'),
+    'limits': ('', 'parameters of the nodes, as config/hardware/strict.yaml'),
+    'params_file': ('', 'parameters of the nodes; they win over limits, the arguments over both'),
     'namespace': ('', 'of the nodes, so that several robots share a domain'),
     'record': ('false', 'true: write a bag'),
     'out': (
@@ -32,6 +36,9 @@ OTHERS = {
     'monitor': ('false', 'true: publish metrics'),
     'live': ('false', 'true: serve the page of the robot, and print its address'),
 }
+AUTO = 'auto'
+# The controller manager takes its own description from the topic of this name.
+BESIDE_ROS2_CONTROL = [('robot_description', 'monitor/robot_description')]
 
 
 def nodes(context: LaunchContext) -> list[Node]:
@@ -39,19 +46,24 @@ def nodes(context: LaunchContext) -> list[Node]:
     given = {name: LaunchConfiguration(name).perform(context) for name in (*PARAMETERS, *OTHERS)}
     given['scenario'] = scenario_file.absolute(given['scenario'])
     parameters = {
-        name: ParameterValue(TextSubstitution(text=given[name]), value_type=kind)
+        name: ParameterValue(
+            TextSubstitution(text=given[name]), value_type=str if given[name] == AUTO else kind
+        )
         for name, (_, kind) in PARAMETERS.items()
         if given[name]
     }
     out = {'recorder.out': ParameterValue(given['out'] or default_bag(given), value_type=str)}
     sources = [parameters | out] if given['out'] else [out, parameters]  # later ones win
-    if given['params_file']:
-        if not Path(given['params_file']).is_file():
-            raise RuntimeError(f'params_file: {given["params_file"]} is not a file')
-        sources.insert(-1, given['params_file'])
+    for name in ('limits', 'params_file'):
+        if given[name]:
+            if not Path(given[name]).is_file():
+                raise RuntimeError(f'{name}: {given[name]} is not a file')
+            sources.insert(-1, given[name])
+    simulated = IfCondition(LaunchConfiguration('plant'))
     optional = {
         'recorder': None if given['out'] else IfCondition(LaunchConfiguration('record')),
         'monitor': IfCondition(LaunchConfiguration('monitor')),
+        'plant': simulated,
     }
     return [
         Node(
@@ -59,6 +71,7 @@ def nodes(context: LaunchContext) -> list[Node]:
             executable=executable,
             namespace=LaunchConfiguration('namespace'),
             parameters=sources,
+            remappings=[] if simulated.evaluate(context) else BESIDE_ROS2_CONTROL,
             output='screen',
             condition=optional.get(executable),
         )

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.steps import usual_step
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.loop import MICROSECOND
 
 FEW = 10  # steps from a state to the next, below which nothing is said
 NEAR = 0.1  # share of the period, by which steps may differ from it on average
@@ -50,7 +52,7 @@ class StateRhythm:
         periods = _periods(steps, self._told)
         near = abs(steps.sum() / (periods.sum() * self._told) - 1.0) < NEAR
         fits = near and np.mean(periods == 1) > SINGLE
-        self.period = self._told if fits else round(float(np.median(steps)))
+        self.period = self._told if fits else _whole(usual_step(steps))
         # Each by itself counts steps that are long by chance, all together a period that is.
         missing = min(_periods(steps, self.period).sum(), round(steps.sum() / self.period))
         self.skipped += max(0, int(missing) - len(steps))
@@ -65,6 +67,11 @@ class StateRhythm:
             f'joint states come at {come:.4g} Hz, the period says {told:.4g} Hz: '
             f'give the controller the period {self.period / NANOSECONDS:.4g}'
         )
+
+
+def _whole(period: float) -> int:
+    """A period in whole microseconds [ns], as a configuration has it."""
+    return max(1, round(period / MICROSECOND)) * MICROSECOND
 
 
 def _periods(steps: NDArray[np.int64], period: int) -> Array:

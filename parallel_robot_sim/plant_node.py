@@ -41,6 +41,7 @@ class PlantNode(SuiteNode):
     """
 
     priority = realtime.LOOP
+    makes_states = True
 
     def __init__(self) -> None:
         """Put the robot at its initial pose and start to publish."""

@@ -23,7 +23,7 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 
 
 PROCESSES = (  # tests that start processes
-    *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'cluster', 'command_line'),
+    *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'bus', 'cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
     *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
     *('first_power_up', 'forked_process'),
@@ -33,7 +33,7 @@ PROCESSES = (  # tests that start processes
     *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
     *('rehearse', 'replay', 'report', 'rerun', 'run', 'run_log', 'safety_nodes', 'show', 'start'),
-    *('study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
+    *('state_period', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
 LONG = (  # tests that take as long as all others without processes together
     *('calm', 'driven_out', 'hostile_messages', 'identification', 'identify', 'recover', 'rivals'),

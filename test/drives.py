@@ -11,11 +11,17 @@ joint_state_broadcaster):
   activated. The states go on.
 - The joints are in an order of their own, with others among them, and NaN stands for what there
   is no interface for, and for all until the hardware has written.
+- Stamps tell when an update begins, which jitters; what it publishes leaves in order, later.
+  A cycle that is missed tells nothing, while the last torque acts on.
+
+A gripper may have a broadcaster of its own, on the same topic.
 """
 
 import json
+import queue
 import sys
 import threading
+import time
 
 import numpy as np
 import rclpy
@@ -34,10 +40,34 @@ from parallel_robot_sim.simulator import Simulator
 
 SYSTEM_DEFAULT = QoSProfile(depth=10)
 ORDER = ('gripper', 2, 0, 'lamp', 1)  # names, and indices of the joints
+GRIPPER = 0.02  # s, period of the states of a gripper with a broadcaster of its own
 EMPTY = 20  # states before the hardware has written
 NOISE = 5e-6, 2e-3  # rad, rad/s, rms
 TURNS = 60  # samples for which a hand turns the joints
 EVERY = 10  # samples from one message on `bench` to the next
+
+
+class Wire(threading.Thread):
+    """Publishes messages in order, each some time after its stamp."""
+
+    def __init__(self, publisher, delays):
+        super().__init__(daemon=True)
+        self._publisher, (self._least, self._most) = publisher, delays
+        self._random = np.random.default_rng(2)
+        self._waiting = queue.SimpleQueue()
+
+    def publish(self, stamp, message):
+        if self._most:
+            delay = self._random.uniform(self._least, self._most)
+            self._waiting.put((stamp * 1e-9 + delay, message))
+        else:
+            self._publisher.publish(message)
+
+    def run(self):
+        while True:
+            due, message = self._waiting.get()
+            time.sleep(max(0.0, due - time.time()))
+            self._publisher.publish(message)
 
 
 class Drives(Node):
@@ -47,18 +77,29 @@ class Drives(Node):
     torques [N m] of one who releases the brakes for a moment and turns the joints.
     """
 
-    def __init__(self, overrides, efforts):
+    def __init__(self, overrides=None, efforts=True, late=(0.0, 0.0), jitter=0.0, active=False):
+        """Put the robot at its initial pose.
+
+        Args:
+            overrides: Parameters of the robot, and the period.
+            efforts: Whether the drives tell them.
+            late: Least and largest age of states when they are published [s].
+            jitter: Largest delay of an update [s].
+            active: Whether the effort controller begins active.
+        """
         super().__init__('controller_manager')
-        values = resolve('paper_circle', overrides)
+        values = resolve('paper_circle', overrides or {})
         configuration = configure_plant(values)
         self._names = configuration.loop.joints
         self._robot, self._efforts = Simulator(configuration), efforts
         self._random = np.random.default_rng(1)
         self._turn = threading.Lock()
         n = len(self._names)
-        self._active, self._command, self._hand = False, None, np.zeros(n)
+        self._active, self._command, self._hand = active, None, np.zeros(n)
         self._interface, self._torque, self._count = np.zeros(n), np.zeros(n), 0
-        self._states = self.create_publisher(JointState, 'joint_states', SYSTEM_DEFAULT)
+        states = self.create_publisher(JointState, 'joint_states', SYSTEM_DEFAULT)
+        self._states, self._jitter = Wire(states, late), jitter
+        self._states.start()
         self._bench = self.create_publisher(Float64MultiArray, 'bench', QoSProfile(depth=1000))
         self._turns, self._peaks = 0, np.zeros(2)  # of the hand; of torque and command [N m]
         commands = topics.COMMANDS.name
@@ -93,7 +134,9 @@ class Drives(Node):
     def _update(self, stamp):
         """One turn of the controller manager: read, update, write."""
         with self._turn:
-            self._publish(stamp)
+            if time.time_ns() - stamp < self.thread._period:
+                self._publish(stamp)
+            self._show()
             if self._active and self._command is not None:
                 self._interface = self._command
             driven = self._active and np.isfinite(self._interface).all()
@@ -103,15 +146,17 @@ class Drives(Node):
             if self._active or self._turns:
                 self._robot.advance(self._torque + (self._hand if self._turns else 0.0))
             else:  # braked
-                _, rate, _, time = self._robot._state
+                _, rate, _, passed = self._robot._state
                 rate[:] = 0.0
-                time += 1e-9 * self.thread._period
+                passed += 1e-9 * self.thread._period
 
     def _publish(self, stamp):
-        seconds, nanoseconds = divmod(stamp, 10**9)
+        wake = self._random.uniform(0.0, self._jitter)
+        seconds, nanoseconds = divmod(stamp + round(1e9 * wake), 10**9)
         joints, known = self._robot.measurement(), self._count >= EMPTY
         noise = self._random.normal(size=(2, len(self._names)))
-        rows = [joints.position + NOISE[0] * noise[0], joints.velocity + NOISE[1] * noise[1]]
+        rows = [joints.position + joints.velocity * wake + NOISE[0] * noise[0]]
+        rows.append(joints.velocity + NOISE[1] * noise[1])
         rows.append(self._torque if self._efforts else np.full_like(self._torque, np.nan))
         told = JointState()
         told.header.stamp.sec, told.header.stamp.nanosec = seconds, nanoseconds
@@ -119,7 +164,10 @@ class Drives(Node):
         told.position, told.velocity, told.effort = (
             [np.nan if isinstance(i, str) or not known else row[i] for i in ORDER] for row in rows
         )
-        self._states.publish(told)
+        self._states.publish(stamp, told)
+
+    def _show(self):
+        joints = self._robot.measurement()
         if self._count % EVERY == 0:
             seen = [*joints.pose, *self._peaks, *joints.position]
             self._bench.publish(Float64MultiArray(data=list(map(float, seen))))
@@ -130,12 +178,28 @@ class Drives(Node):
         self.get_logger().fatal(str(error))
 
 
+class Gripper(Node):
+    """A broadcaster of its own."""
+
+    def __init__(self):
+        super().__init__('gripper_broadcaster')
+        self._states = self.create_publisher(JointState, 'joint_states', SYSTEM_DEFAULT)
+        self.create_timer(GRIPPER, self._publish)
+
+    def _publish(self):
+        told = JointState(name=['gripper_left', 'gripper_right'], position=[0.01, 0.01])
+        told.header.stamp = self.get_clock().now().to_msg()
+        self._states.publish(told)
+
+
 def main():
-    """Run them; the first word says what is special: overrides of the robot, efforts."""
+    """Run them; the first word says what is special, see Drives; gripper: whether there is one."""
     given = json.loads(sys.argv[1])
     rclpy.init()
-    drives = Drives(given.get('overrides', {}), given.get('efforts', True))
     executor = SingleThreadedExecutor()
+    if given.pop('gripper', False):
+        executor.add_node(Gripper())
+    drives = Drives(**given)
     executor.add_node(drives)
     drives.thread.start()
     try:

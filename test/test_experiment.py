@@ -43,6 +43,15 @@ def test_the_plant_started_by_hand_says_its_seed():
     assert values['seed'] == loop.seed == 7 and values['sensor.jitter'] == 0.002
 
 
+def test_without_a_plant_the_trajectory_says_period_and_joints():
+    facts = {'config': plain_data.dump(DEFAULTS)}
+    nodes = {'/trajectory': {'period': 0.004, 'joints': ['a', 'b', 'c']}}
+    _, loop, _ = experiment.configuration('bag', facts, nodes)
+    assert (loop.period, loop.joints) == (0.004, ('a', 'b', 'c'))
+    _, loop, _ = experiment.configuration('bag', facts, nodes | {'/plant': {'period': 0.002}})
+    assert (loop.period, loop.joints) == (0.002, ('a', 'b', 'c'))
+
+
 def test_a_bag_from_before_a_key_has_its_default():
     older = {key: value for key, value in DEFAULTS.items() if key != 'trajectory.transition'}
     values, *_ = configuration({'config': plain_data.dump(older)})

@@ -11,7 +11,7 @@ import sys
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import NamedTuple, get_args, get_origin
 from xml.etree import ElementTree
 
 import pytest
@@ -57,7 +57,8 @@ ROS_PACKAGES = {  # of Jazzy
     *('std_srvs', 'trajectory_msgs', 'visualization_msgs'),
 }
 MAIN = 'parallel_robot.__main__'
-LAUNCH_FILE = ROOT / 'launch' / 'run.launch.py'
+RUN, HARDWARE = (ROOT / 'launch' / f'{name}.launch.py' for name in ('run', 'hardware'))
+STRICT = ROOT / 'config' / 'hardware' / 'strict.yaml'
 IMPORTED = '_multiarray_umath'  # by a process that has begun to import the suite
 
 
@@ -222,15 +223,19 @@ class Value:
     """As strict as launch_ros: only a substitution is converted, a value must have its type."""
 
     def __init__(self, value, *, value_type):
-        if not isinstance(value, (Text, Configuration, value_type)):
+        if not isinstance(value, (Text, Configuration, get_origin(value_type) or value_type)):
             raise TypeError(f'value={value!r} is not an instance of {value_type}')
         self._value, self._type = value, value_type
 
     def evaluate(self, context):
-        if isinstance(self._value, self._type):
+        if not isinstance(self._value, (Text, Configuration)):
             return self._value
         text = self._value.perform(context)
-        value = yaml.safe_load(text) if self._type is bool else self._type(text)
+        if self._type in (str, int, float):
+            return self._type(text)
+        value, items = yaml.safe_load(text), get_args(self._type)
+        if items and isinstance(value, list) and all(isinstance(item, items) for item in value):
+            return value
         if type(value) is not self._type:
             raise ValueError(f"Cannot convert value '{text}' to '{self._type}'")
         return value
@@ -256,13 +261,22 @@ def evaluated(source, context):
 
 @pytest.fixture
 def launch(monkeypatch, tmp_path):
-    """Launch the file with arguments, in what stands for ROS's launch; the nodes by executable."""
-    declared, functions = {}, []
+    """Launch a file with arguments, in what stands for ROS's launch; the nodes by executable."""
+    declared, functions, included = {}, [], {}
+
+    def describe(file):
+        runpy.run_path(str(file))['generate_launch_description']()
+
+    def include(file, *, launch_arguments):
+        included.update(launch_arguments)
+        describe(file)
+
     stand_in = {
         'launch': {'LaunchContext': dict, 'LaunchDescription': list},
         'launch.actions': {
-            'DeclareLaunchArgument': lambda name, **words: declared.update({name: words}),
+            'DeclareLaunchArgument': lambda name, **words: declared.setdefault(name, words),
             'ExecuteProcess': lambda **words: words,
+            'IncludeLaunchDescription': include,
             'OpaqueFunction': lambda function: functions.append(function),
         },
         'launch.conditions': {'IfCondition': Condition},
@@ -276,20 +290,22 @@ def launch(monkeypatch, tmp_path):
     monkeypatch.setenv('HOME', str(tmp_path))
     monkeypatch.delenv('ROS_HOME', raising=False)
 
-    def context_of(arguments):
-        runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']()
+    def context_of(file, arguments):
+        for known in (declared, included):
+            known.clear()
+        describe(file)
         assert all(words['description'] for words in declared.values())
         context = {name: words['default_value'] for name, words in declared.items()}
-        assert set(arguments) <= set(context)
-        return context | arguments
+        assert {*arguments, *included} <= set(context)
+        return context | arguments | included
 
     def page(**arguments):
-        context = context_of(arguments)
+        context = context_of(RUN, arguments)
         (found,) = functions[-2](context)
         return found
 
-    def start(**arguments):
-        context = context_of(arguments)
+    def start(file=RUN, **arguments):
+        context = context_of(file, arguments)
         return {
             node['executable']: node
             | {
@@ -330,14 +346,23 @@ def test_launch_takes_every_argument(launch, value, tmp_path):
     file = tmp_path / 'my.yaml'
     file.write_text('{}')
     texts = {'scenario': 'paper_line', 'law': 'smc', 'time_mode': 'lockstep'}
-    switches = dict.fromkeys(('use_sim_time', 'end_with_parent', 'record', 'monitor'), value)
-    nodes = launch(**texts, **switches, namespace='left', params_file=str(file))
+    names = ('use_sim_time', 'end_with_parent', 'record', 'monitor', 'plant')
+    nodes = launch(
+        **texts,
+        **dict.fromkeys(names, value),
+        namespace='left',
+        limits=str(STRICT),
+        params_file=str(file),
+        period='0.004',
+        joints='[a, b, c]',
+    )
     yes = value == 'true'
     for node in nodes.values():
-        _, path, given = node['parameters']
-        assert path == str(file)
-        assert given == {**texts, 'use_sim_time': yes, 'end_with_parent': yes}
-    assert ({'recorder', 'monitor'} <= started(nodes)) == yes
+        _, *paths, given = node['parameters']
+        assert paths == [str(STRICT), str(file)]
+        values = {'use_sim_time': yes, 'end_with_parent': yes, 'joints': ['a', 'b', 'c']}
+        assert given == {**texts, 'period': 0.004, **values}
+    assert ({'recorder', 'monitor', 'plant'} <= started(nodes)) == yes
 
 
 def test_launch_passes_on_what_is_given_alone(launch):
@@ -347,6 +372,21 @@ def test_launch_passes_on_what_is_given_alone(launch):
         launch(params_file='nowhere')
     with pytest.raises(ValueError, match=r"'maybe' to '<class 'bool'>'"):
         launch(use_sim_time='maybe')
+    with pytest.raises(ValueError, match='four'):
+        launch(period='four')
+    with pytest.raises(ValueError, match='joint1'):
+        launch(joints='joint1')
+
+
+def test_launch_of_hardware_starts_no_plant_and_a_controller_that_is_stopped(launch):
+    nodes = launch(HARDWARE, period='auto', plant='true')
+    assert started(nodes) == {'trajectory', 'controller'}
+    for node in nodes.values():
+        _, limits, given = node['parameters']
+        assert (limits, given) == (str(STRICT), {'period': 'auto'})
+        assert node['remappings'] == [('robot_description', 'monitor/robot_description')]
+    assert yaml.safe_load(STRICT.read_text())['/**']['ros__parameters']['controller']['stopped']
+    assert all(node['remappings'] == [] for node in launch().values())
 
 
 def test_launch_records_where_ros_keeps_its_own_or_where_it_is_told(launch, tmp_path, monkeypatch):
@@ -384,25 +424,36 @@ def test_the_launch_of_ros_takes_every_argument(value, tmp_path):
     texts = {'scenario': 'paper_line', 'law': 'smc', 'time_mode': 'lockstep'}
     switches = dict.fromkeys(('use_sim_time', 'end_with_parent', 'record', 'monitor'), value)
     context = launch.LaunchContext()
-    context.launch_configurations.update(
-        {**texts, **switches, 'namespace': 'left', 'params_file': str(file)}
-    )
-    made = []
-    for entity in runpy.run_path(str(LAUNCH_FILE))['generate_launch_description']().entities:
-        made += entity.execute(context) or []
-    page, *nodes = made
+    others = {'namespace': 'left', 'params_file': str(file), 'period': '4e-3', 'joints': '[a, b]'}
+    context.launch_configurations.update({**texts, **switches, **others})
+    description = runpy.run_path(str(HARDWARE))['generate_launch_description']()
+    page, *nodes = processes(description, context, launch.actions.ExecuteProcess)
     assert not isinstance(page, actions.Node)
     for node in nodes:
         assert isinstance(node, actions.Node)
         node._perform_substitutions(context)
         texts_of = [[getattr(part, 'text', '') for part in word] for word in node.cmd]
         files = [Path(*b) for a, b in pairwise(texts_of) if a == ['--params-file']]
-        _, own, given = (yaml.safe_load(path.read_text()) for path in files)
+        _, limits, own, given = (yaml.safe_load(path.read_text()) for path in files)
         (parameters,) = given.values()
-        assert own == {}
+        assert own == {} and limits == yaml.safe_load(STRICT.read_text())
         yes = value == 'true'
-        switched = {'use_sim_time': yes, 'end_with_parent': yes}
-        assert parameters['ros__parameters'] == {**texts, **switched}
+        values = {
+            'use_sim_time': yes,
+            'end_with_parent': yes,
+            'period': 4e-3,
+            'joints': ['a', 'b'],
+        }
+        assert parameters['ros__parameters'] == {**texts, **values}
+        assert node.condition is None or not node.condition.evaluate(context) or value == 'true'
+
+
+def processes(entity, context, kind):
+    """The processes that ROS's launch would start for an entity, whatever their conditions."""
+    if isinstance(entity, kind):
+        return [entity]
+    found = entity.visit(context) or []
+    return [process for part in found for process in processes(part, context, kind)]
 
 
 def test_colcon_test_runs_with_the_pytest_of_ubuntu(setup, request):

@@ -69,6 +69,22 @@ def test_directory_or_file(path, tmp_path):
     assert np.array_equal(log.position, POSITION[10:])  # what was before t = 0 is left out
 
 
+@pytest.mark.parametrize(('told', 'mode'), [(1e-3, 'wall'), (2e-3, 'wall'), (1e-3, 'lockstep')])
+def test_states_of_another_rate_than_the_controller_was_told_are_told(told, mode, tmp_path):
+    """Every second state is all there are; in lockstep the period is that of the plant."""
+    metadata = {'config': str({'joints': list(JOINTS), 'period': told, 'time_mode': mode})}
+    found = streams(REFERENCE, POSITION)
+    found[topics.JOINT_STATES] = found[topics.JOINT_STATES][::2]
+    with BagWriter(tmp_path / 'bag', topics.RECORDED, metadata) as writer:
+        for topic, messages in found.items():
+            for log_time, payload in messages:
+                writer.write(topic.name, log_time, payload)
+    log = recording.read(tmp_path / 'bag').log
+    rates = [line for line in log.warnings if 'come at 500 Hz, the period says 1000 Hz' in line]
+    assert len(rates) == (told == 1e-3 and mode == 'wall')
+    assert (log.messages['joint_states'].missing == 0) == (mode == 'wall')
+
+
 def test_messages_that_are_removed_are_missing(record):
     found = streams(REFERENCE, POSITION)
     for topic, lost in (
@@ -325,6 +341,24 @@ def test_messages_of_other_publishers_are_left_out(record):
     gripper, positions, _ = log.warnings
     assert '10 messages on joint_states are of other joints (gripper)' in gripper
     assert '10 of 110 messages on joint_states have no velocity' in positions
+
+
+def test_joints_of_a_gripper_in_the_same_messages_may_know_nothing(record):
+    """As a broadcaster writes them, in an order of its own; they are not looked at."""
+    found, names = streams(CALM, CALM, EFFORT), ('gripper', *JOINTS[::-1], 'lamp')
+    layout = layouts.joint_state(names)
+    known = np.full((3, COUNT, len(names)), np.nan)
+    known[:, :, 1:4] = np.array([CALM, CALM + 1.0, EFFORT])[:, :, ::-1]
+    found[topics.JOINT_STATES] = [
+        (
+            START + k * MS,
+            layout.encode(START + k * MS, position=row[0], velocity=row[1], effort=row[2]),
+        )
+        for k, row in enumerate(np.moveaxis(known, 1, 0))
+    ]
+    log = record(found)
+    assert np.array_equal(log.velocity, CALM + 1.0) and np.array_equal(log.effort, EFFORT)
+    assert np.array_equal(log.position, CALM) and log.has_efforts
 
 
 def test_states_of_two_publishers_or_recordings_are_doubted(record):

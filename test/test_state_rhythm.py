@@ -47,6 +47,12 @@ def test_another_period_is_told_and_is_that_of_which_states_are_missing(period, 
     )
 
 
+def test_the_period_that_is_told_is_a_whole_number_of_microseconds_in_spite_of_jitter():
+    at = 2.0 * np.arange(500) + np.random.default_rng(2).uniform(0.0, 0.1, 500)
+    rhythm = found(np.diff(at))
+    assert rhythm.period == 2 * MS and rhythm.skipped == 0
+
+
 def test_another_run_and_commands_that_answer_no_state_are_no_states():
     rhythm = found([*[1] * 50, 700, *[1] * 50, -500, *[1] * 50])
     rhythm.note(np.zeros(5, np.int64))

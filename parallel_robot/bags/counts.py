@@ -28,7 +28,10 @@ class TopicCount:
 
 
 def count(
-    streams: Mapping[Topic, Sequence[Samples]], period: int, answered: Answered | None
+    streams: Mapping[Topic, Sequence[Samples]],
+    period: int,
+    answered: Answered | None,
+    states_period: int,
 ) -> dict[str, TopicCount]:
     """Count the messages of each topic.
 
@@ -37,6 +40,7 @@ def count(
         period: Control period [ns].
         answered: What the controller recorded. None, or not all of it: a command is taken to
             answer each state.
+        states_period: From a joint state to the next [ns].
     """
     counts: dict[str, TopicCount] = {}
     for topic, parts in streams.items():
@@ -54,7 +58,8 @@ def count(
             due = due[(due > stamps[0]) & (due < stamps[-1])]
             missing = int((~np.isin(due, stamps)).sum())
         elif topic.every:
-            steps = np.diff(stamps) / (topic.every * period)
+            each = states_period if topic == topics.JOINT_STATES else topic.every * period
+            steps = np.diff(stamps) / each
             missing = int(np.maximum(np.rint(steps) - 1, 0).sum())
         counts[topic.name] = TopicCount(len(stamps), missing)
     return counts

@@ -27,7 +27,7 @@ from parallel_robot_sim.parameter_groups import members
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 SIMULATION, NODES = 'simulation', 'nodes'  # what moved the robot
 OWNERS = {  # nodes whose parameters count, the later overriding; and common keys they own
-    'trajectory': ('scenario',),
+    'trajectory': ('scenario', 'robot_model', 'joints', 'period', 'time_mode'),
     'plant': ('robot_model', 'joints', 'period', 'duration', 'seed', 'time_mode'),
     'controller': ('law', 'preset'),
 }

@@ -110,7 +110,7 @@ def ours(
         parts = having
     total = sum(len(part.stamps) for part in parts)
     for field in MAY_LACK.get(topic, ()):
-        having = [part for part in parts if _measured(part, field)]
+        having = [part for part in parts if _measured(part, field, joints)]
         lacking = total - sum(len(part.stamps) for part in having)
         if having and 0 < lacking < FEW * total and len(having) < len(parts):
             remarks.append(
@@ -132,7 +132,8 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
     fields = tuple(
         field
         for field in fields
-        if field not in MAY_LACK.get(topic, ()) or all(_measured(part, field) for part in parts)
+        if field not in MAY_LACK.get(topic, ())
+        or all(_measured(part, field, joints) for part in parts)
     )
     if not all({*fields} <= {*part.numbers} for part in parts):
         raise BagError(f'{bag}: not all messages on {topic.name} have {", ".join(fields)}')
@@ -158,9 +159,12 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
     )
 
 
-def _measured(samples: Samples, field: str) -> bool:
-    """Whether a field has a number for each joint, in at least one message."""
-    return field in samples.numbers and bool(np.isfinite(samples.numbers[field]).all(axis=1).any())
+def _measured(samples: Samples, field: str, joints: tuple[str, ...]) -> bool:
+    """Whether a field has a number for each of our joints, in at least one message."""
+    if field not in samples.numbers:
+        return False
+    own = [name in joints for name in samples.joints]
+    return bool(np.isfinite(samples.numbers[field][:, own]).all(axis=1).any())
 
 
 def physical(samples: Samples) -> np.ndarray:

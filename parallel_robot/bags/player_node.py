@@ -42,6 +42,7 @@ SETTABLE = {  # parameters that can change while a bag is played
 class PlayerNode(SuiteNode):
     """Publishes what a bag holds, byte by byte, from a thread of its own."""
 
+    makes_states = True
     example = 'runs/exact --rate 0.5 --ros-args -r __ns:=/left'
 
     def __init__(self, **options_by_name: Any) -> None:

@@ -18,6 +18,7 @@ from parallel_robot.bags.record_names import MESSAGES
 from parallel_robot.bags.state_doubts import doubts
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.state_rhythm import StateRhythm
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
@@ -147,6 +148,11 @@ def of(
         warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
     position = states.numbers['position'][used]
     warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps, position)]
+    rhythm = StateRhythm(loop.period_ns)
+    rhythm.note(stamps)
+    rhythm.look()
+    if found.metadata and rhythm.doubt and not loop.lockstep:
+        warnings.append(f'{bag}: {rhythm.doubt}')
     limit = _reference_timeout(values, references.stamps)
     referenced = newest_age(stamps + age, references.stamps) <= limit
     if not referenced.all():
@@ -174,7 +180,9 @@ def of(
             stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
         ),
         commands.numbers['data'],
-        count(streams, loop.period_ns, answered),
+        count(
+            streams, loop.period_ns, answered, loop.period_ns if loop.lockstep else rhythm.period
+        ),
         answer,
         states.log_times[used],
         answered_states,

@@ -38,7 +38,10 @@ class LoopParameters(NamedTuple):
         tuple[str, ...], Field('', 'Python files with custom trajectories')
     ]
     joints: Annotated[tuple[str, ...], Field('', 'names of the actuated joints, in order')]
-    period: Annotated[float, Field('s', 'one sample of trajectory, plant and law', 1e-4, 0.1)]
+    period: Annotated[
+        float,
+        Field('s', 'one sample of all; auto: as joint states come (nodes, wall time)', 1e-4, 0.1),
+    ]
     duration: Annotated[float, Field('s', 'length of the motion; 0: without end', 0.0)]
     seed: Annotated[int, Field('', 'of all that is random in the plant', 0, 2**53)]
     hazards: Annotated[tuple[str, ...], Field('', 'what happens to the loop, and when')]

@@ -75,7 +75,8 @@ class Connections:
             if ours is not None and ours.others(data):
                 self._on_others(topic)
             elif watched.strange(number):
-                self._on_stranger(topic, watched.several())
+                if watched.contradicted():
+                    self._on_stranger(topic, watched.several())
             else:
                 callback(data)
 

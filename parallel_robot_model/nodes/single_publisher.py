@@ -95,6 +95,13 @@ class SinglePublisher:
         """Whether publishers take turns: twice within a second, and just now."""
         return self._several and self._clock() - self._turned_at < SETTLED
 
+    def contradicted(self) -> bool:
+        """Whether a message that was not used is known to be of a second publisher.
+
+        Else it came while that was still to be found, among the publishers of a shared topic.
+        """
+        return self._trusted is not None or self.several()
+
     def strange(self, number: int) -> bool:
         """Whether a message may be of another publisher, so that it must not be used.
 

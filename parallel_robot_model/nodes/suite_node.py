@@ -27,6 +27,7 @@ from parallel_robot_model.common.errors import (
     UnknownNameError,
     first_line,
 )
+from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, fields, loop, scenario_file
 from parallel_robot_model.configuration.groups import build
 from parallel_robot_model.messages.topics import Topic
@@ -37,12 +38,17 @@ from parallel_robot_model.nodes.connections import Connections
 from parallel_robot_model.nodes.diagnostics import Usage, diagnostics_message
 from parallel_robot_model.nodes.parameter_services import BoundedParameterService
 from parallel_robot_model.nodes.parameters import START, CommonStart
+from parallel_robot_model.nodes.state_period import AUTO, wait_for_period
 from parallel_robot_model.processes.deadline import DeadlineThread
 from parallel_robot_model.processes.node_processes import WATCH
 
 STRANGERS = 10.0  # s without messages of a stranger, after which they are told anew
 NO_CLOCK = 'use_sim_time is true and nobody publishes /clock: set it to false, or start who does'
-GRANTED = {'realtime': 'real-time priority', 'middleware': 'middleware'}  # in the diagnostics
+GRANTED = {  # in the diagnostics
+    'realtime': 'real-time priority',
+    'middleware': 'middleware',
+    'period': 'period',
+}
 Resolve = Callable[[str, Mapping[str, Any]], dict[str, Any]]
 
 
@@ -60,9 +66,11 @@ class SuiteNode(Node):  # type: ignore[misc]
         exit_code: None while the node runs, then the code it ends with.
         priority: Real-time priority that the node should have in wall time; 0: none.
         example: What may follow the name of the node on a command line, for its help.
+        makes_states: Whether the node publishes joint states, and so cannot take their period.
     """
 
     priority = 0
+    makes_states = False
     example = '--ros-args -p scenario:=paper_line'
 
     def __init__(self, name: str, resolve: Resolve = config.resolve) -> None:
@@ -96,7 +104,12 @@ class SuiteNode(Node):  # type: ignore[misc]
         given = parameters.overrides(self)
         self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
         self.values = resolve(self._scenario, given)
+        auto = self.values['period'] == AUTO
+        if auto:
+            self.values['period'] = config.default('period')
         self.loop = loop.loop_of(self.values)
+        if auto:
+            self._take_period_of_states()
         self.lockstep = self.loop.lockstep
         self.period_ns, self.last_index = self.loop.period_ns, self.loop.last_index
         self._common_start = CommonStart(self.loop)
@@ -329,6 +342,18 @@ class SuiteNode(Node):  # type: ignore[misc]
         if result.successful and effect is not None:
             self.background.in_loop(self._times.timed('change of parameters', effect))
         return result
+
+    def _take_period_of_states(self) -> None:
+        """Wait for the period with which joint states come, in place of one that is given."""
+        if self.makes_states or self.loop.lockstep:
+            reason = 'of this node' if self.makes_states else 'in lockstep'
+            raise InputError(f'period must be a number {reason}, not {AUTO!r}', 'period')
+        period = wait_for_period(self, self.loop.joints, self.loop.end_with_parent) / NANOSECONDS
+        self.values['period'] = period
+        self.loop = loop.loop_of(self.values)
+        text = f'{period:g} s: joint states come at {1.0 / period:.4g} Hz'
+        self.get_logger().info(f'period {text}')
+        self.show_granted(period=text)
 
     def _pass_on_start(self, stamp: int) -> None:
         """Pass a new start stamp on, once."""
