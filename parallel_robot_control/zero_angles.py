@@ -22,5 +22,13 @@ def corrected(values: Mapping[str, Any], position: Array) -> Array:
     Raises:
         InputError: ``estimator.zero_angle`` is wrong.
     """
-    zero = np.array(group(values, EstimatorParameters, 'estimator').zero_angle)
-    return np.asarray(position - zero, np.float64)
+    return np.asarray(position - known(values), np.float64)
+
+
+def known(values: Mapping[str, Any]) -> Array:
+    """Zero angles that the controller knows [rad], shape (n,).
+
+    Raises:
+        InputError: ``estimator.zero_angle`` is wrong.
+    """
+    return np.array(group(values, EstimatorParameters, 'estimator').zero_angle)
