@@ -36,8 +36,8 @@ _PLACES = {  # module to what it offers
 }  # fmt: skip
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'calibrate', 'compare',
-    'export', 'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load', 'metrics', 'plot',
-    'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show', 'simulate',
+    'export', 'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load', 'metrics',
+    'plot', 'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show', 'simulate',
     'spectrum', 'sweep', 'tune', 'urdf', 'verify', 'video',
 ]  # fmt: skip
 

@@ -16,10 +16,13 @@ from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
 
-TRUE = {
+TRUE = {  # all of it: what is not said follows the robot that is believed in
     'true_robot.l1': 0.4008,
     'true_robot.l2': 0.5993,
+    'true_robot.l3': 0.2,
     'true_robot.base_x': [0.001, 0.9995, 0.5],
+    'true_robot.base_y': [0.0, 0.0, 0.8660254],
+    'true_robot.platform_angle': [3.6651914, 5.7595865, 1.5707963],
     'sensor.zero_angle': [0.002, -0.001, 0.001],
 }
 NOISE = np.array([1e-5, 1e-5, 5e-5])

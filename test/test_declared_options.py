@@ -103,7 +103,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.compare.simulation.attempt',
     'parallel_robot.cli.commands.verify.verify',
     'parallel_robot.studies.identification.design.design',
-    'parallel_robot.studies.calibration.design.design',
+    'parallel_robot.studies.calibration.design.choose',
     'parallel_robot.live.started_graph.NodeProcesses',
     'os.nice',  # the page begins to serve
 )

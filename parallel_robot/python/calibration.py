@@ -13,6 +13,7 @@ from parallel_robot.studies.calibration import bag_calibration, modes
 from parallel_robot.studies.calibration.bag_calibration import Calibration
 from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.scenario_run import changes, named
 
 Place = str | Path
@@ -59,6 +60,10 @@ def calibrate(
 ) -> Calibration | Designed:
     """Calibrate the geometry of the robot of a bag, as ``parallel_robot calibrate`` does.
 
+    >>> import parallel_robot as pr
+    >>> pr.calibrate(scenario='serial_2r_circle', design=4).poses.shape
+    (4, 2)
+
     Args:
         bag: Directory of the bag, or its MCAP file.
         poses: CSV of measured poses, t [s] or stamp [ns] and coordinates; default: of the bag.
@@ -103,6 +108,8 @@ def calibrate(
             chosen.write(file)
         return chosen
     modes.check_unchanged(values)
+    if not (pose_topic is None or isinstance(pose_topic, str)):
+        raise InputError(f'pose_topic must be the name of a topic, not {pose_topic!r}')
     found = bag_calibration.calibrate(
         arguments.path('a bag', bag),
         arguments.optional('poses', poses),

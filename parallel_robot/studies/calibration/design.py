@@ -128,7 +128,11 @@ def design(
     """
     count = check('--design', int, Field('', '', 2, MOST), count)
     seed = check('--seed', int, Field('', '', 0, 2**63 - 1), seed)
-    values = resolve(scenario, changes)
+    return choose(resolve(scenario, changes), count, free, seed)
+
+
+def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: int) -> Designed:
+    """Choose poses of the robot of a resolved configuration, see :func:`design`."""
     robot, centre = nominal_of(values)
     trajectory = trajectory_of(values)
     poses = np.vstack((centre, reach.candidates(trajectory, centre, CANDIDATES, seed)))

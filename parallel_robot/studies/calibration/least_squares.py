@@ -69,7 +69,7 @@ def fit(model: PoseModel) -> Fit:
         BagError: there are too few poses, or the nominal robot is too far from them.
     """
     size, (poses, each) = len(model.start), model.measured.pose.shape
-    count, least = poses * each, size // each + 1
+    least = size // each + 1
     if poses < least:
         what = f'{poses} poses of {each} numbers are too few for {size} unknown'
         raise BagError(f'{what}; at least {least} are needed')
@@ -79,7 +79,7 @@ def fit(model: PoseModel) -> Fit:
     untold = np.zeros((0, size))
     noise = np.ones(model.measured.pose.shape[1])
     for _ in range(ITERATIONS):
-        values, noise = _weighted(model, kept, noise)
+        values, noise, degrees = _weighted(model, kept, noise)
         slopes = model.slopes(values)
         found, combinations = kept_values(_flat(slopes, noise) * model.told, model.preference)
         if len(found) == len(kept):
@@ -94,7 +94,7 @@ def fit(model: PoseModel) -> Fit:
     inverse = vectors.T / singular
     covariance = np.zeros((size, size))
     covariance[np.ix_(told, told)] = inverse @ inverse.T
-    interval = float(stats.t.ppf(0.975, count - len(told)))
+    interval = float(stats.t.ppf(0.975, degrees))
     condition = float(singular[0] / singular[-1])
     return Fit(
         values, covariance, interval, noise, tuple(kept), untold, left, before, slopes, condition
@@ -121,8 +121,12 @@ def kept_values(slopes: Array, preference: Array) -> tuple[list[int], Array]:
     return sorted(order[: len(untold)].tolist()), untold
 
 
-def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, Array]:
-    """Estimates, and the noise of the coordinates of each unit that is left by them."""
+def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, Array, float]:
+    """Estimates, and the noise of the coordinates of each unit that is left by them.
+
+    Returns:
+        Both, and the degrees of freedom of the noise that is known worst.
+    """
     told = [k for k in range(len(model.start)) if k not in kept]
     values = model.start.copy()
     for _ in range(ITERATIONS):
@@ -131,16 +135,17 @@ def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, A
         assert left is not None
         orthogonal, _ = np.linalg.qr(_flat(model.slopes(values, kept), noise)[:, told])
         pull = (orthogonal**2).sum(axis=1).reshape(left.shape)
-        found = noise.copy()
+        found, least = noise.copy(), float(left.size)
         for unit in {*model.units}:
             of = np.array([each == unit for each in model.units])
             degrees = max(left[:, of].size - float(pull[:, of].sum()), 0.5)
+            least = min(least, max(degrees, 1.0))
             found[of] = max(np.sqrt((left[:, of] ** 2).sum() / degrees), FLOOR)
         same = np.allclose(found, noise, rtol=1e-3)
         noise = found
         if same:
             break
-    return values, noise
+    return values, noise, least
 
 
 def _solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Array:
