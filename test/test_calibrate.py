@@ -130,6 +130,23 @@ def test_a_tracker_that_strays_is_doubted(case, tmp_path):
     assert f't = {table[11, 0]:.3f} s' in warning
 
 
+def test_zero_angles_that_are_known_are_found_again(case, tmp_path):
+    """A second calibration of a loop with the first: nothing changes."""
+    found = pr.calibrate(case.bag, poses=case.poses)
+    still = {'approach.duration': 0.4, 'law': 'pid', 'duration': 6}
+    again = pr.simulate('paper_circle', **still, **{**found.values, **TRUE})
+    pr.save(again, tmp_path / 'bag')
+    rows = np.arange(1000, 6000, 25)
+    pose = again.pose[rows] + NOISE * np.random.default_rng(2).normal(size=(len(rows), 3))
+    table = np.column_stack([again.time[rows], pose])
+    second = pr.calibrate(tmp_path / 'bag', poses=tracker(tmp_path / 'p.csv', 't,x,y,phi', table))
+    start = second.model.start[second.model.zeros]
+    assert start == pytest.approx(found.values['estimator.zero_angle'], abs=1e-9)
+    assert np.sqrt((second.found.before[:, :2] ** 2).mean()) < 1.5e-5
+    off = np.abs(second.found.values - second.model.start)
+    assert (off <= 4.0 * second.found.half_widths + 1e-12).all()
+
+
 KINDS = {
     'geometry_msgs/msg/PoseStamped': lambda types, header, pose: types.PoseStamped(header, pose),
     'geometry_msgs/msg/PoseWithCovarianceStamped': lambda types, header, pose: (
@@ -143,7 +160,7 @@ KINDS = {
 }  # fmt: skip
 
 
-def recorded(case, folder, kind, topic, frame='world'):
+def recorded(case, folder, kind, topic, frame='world', lost=()):
     """A bag of joint states alone, and poses as rosbags serialises them."""
     types = SimpleNamespace(
         **{name.rpartition('/')[2]: each for name, each in STORE.types.items() if '/msg/' in name}
@@ -154,7 +171,8 @@ def recorded(case, folder, kind, topic, frame='world'):
         stamp = start + round(1e9 * t)
         header = types.Header(types.Time(*divmod(stamp, 10**9)), frame[: len(frame) - k % 2])
         turned = types.Quaternion(0.0, 0.0, float(np.sin(phi / 2)), float(np.cos(phi / 2)))
-        pose = types.Pose(types.Point(float(x), float(y), 0.2), turned)
+        x, y = (float('nan') if k in lost else float(each) for each in (x, y))
+        pose = types.Pose(types.Point(x, y, 0.2), turned)
         message = KINDS[kind](types, header, pose)
         messages.append((stamp, bytes(STORE.serialize_cdr(message, kind))))
     streams = {JOINT_STATES: content(file)['joint_states'], Topic(topic, kind): messages}
@@ -171,6 +189,20 @@ def test_poses_in_the_bag_are_those_of_the_file(case, tmp_path, kind):
     expected = pr.calibrate(case.bag, poses=case.poses)
     for key, value in expected.values.items():
         np.testing.assert_allclose(calibrated.values[key], value, atol=2e-6, err_msg=key)
+
+
+def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path):
+    kind = 'geometry_msgs/msg/PoseStamped'
+    bag = recorded(case, tmp_path / 'bag', kind, 'tracker', lost=(5, 9))
+    found = pr.calibrate(bag)
+    assert any('not used: 2 messages without a pose' in line for line in found.warnings)
+    assert len(found.model.measured.time) == len(case.table) - 2
+    [file] = case.bag.glob('*.mcap')
+    cut = [(k, bytes([0, 1, 0, 0, *([255] * 40)])) for k in range(10**9, 10**9 + 5)]
+    streams = {JOINT_STATES: content(file)['joint_states'], Topic('tracker', kind): cut}
+    write_foreign(tmp_path / 'broken', streams)
+    with pytest.raises(BagError, match='tracker is not understood: a message is broken'):
+        pr.calibrate(tmp_path / 'broken')
 
 
 def test_one_topic_of_poses_is_chosen(case, tmp_path, capsys):

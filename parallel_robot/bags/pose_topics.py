@@ -23,6 +23,7 @@ TEXTS = {  # type to the number of its texts before the pose
     'geometry_msgs/msg/TransformStamped': 2,
 }
 OURS = (topics.POSE.name, topics.POSE_REFERENCE.name)  # computed, not measured
+FARTHEST = 1e6  # m, of a pose
 HEAD = 4  # bytes of the encapsulation
 FEW = 5  # topics that a message names
 SHOWN = 60  # characters of a name
@@ -34,10 +35,12 @@ class StampedPoses(NamedTuple):
     Attributes:
         stamps: Of their headers [ns], shape (N,).
         pose: x, y [m] and phi [rad], shape (N, 3).
+        missing: Number of messages whose numbers are none, as where a tracker saw nothing.
     """
 
     stamps: np.ndarray
     pose: Array
+    missing: int
 
 
 def read(bag: Path, name: str | None = None, memory: int = MEMORY) -> StampedPoses:
@@ -78,23 +81,26 @@ def read(bag: Path, name: str | None = None, memory: int = MEMORY) -> StampedPos
         raise BagError(f'{bag}: --pose-topic {printable(wanted, SHOWN)} {why}{has}')
     topic = Topic(wanted.lstrip('/'), there[wanted])
 
-    def condense(_: Topic, messages: Messages) -> StampedPoses:
+    def condense(_: Topic, messages: Messages) -> tuple[np.ndarray, Array]:
         return _decoded(bag, topic, messages)
 
     parts = bag_reader.read(bag, [topic], condense, memory).streams.get(wanted, [])
     if not parts:
         raise BagError(f'{bag} has no messages on {printable(wanted, SHOWN)}')
-    whole = StampedPoses(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
-    order = np.argsort(whole.stamps, kind='stable')
-    return StampedPoses(whole.stamps[order], whole.pose[order])
+    stamps, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    seen = (np.abs(pose) <= FARTHEST).all(axis=1)  # nor NaN
+    if not seen.any():
+        raise BagError(f'{bag}: no message on {printable(wanted, SHOWN)} holds a pose')
+    rows = np.flatnonzero(seen)[np.argsort(stamps[seen], kind='stable')]
+    return StampedPoses(stamps[rows], pose[rows], int((~seen).sum()))
 
 
 def _nothing(_: Topic, messages: Messages) -> None:
     """Only the names of topics are asked for."""
 
 
-def _decoded(bag: Path, topic: Topic, messages: Messages) -> StampedPoses:
-    """Messages of one length; the texts in them may differ."""
+def _decoded(bag: Path, topic: Topic, messages: Messages) -> tuple[np.ndarray, Array]:
+    """Stamps and poses of messages of one length; the texts in them may differ."""
     stamps, poses = [], []
     for payload in messages.payloads:
         raw = payload.tobytes()
@@ -107,10 +113,10 @@ def _decoded(bag: Path, topic: Topic, messages: Messages) -> StampedPoses:
             place += -place % 8
             numbers = np.frombuffer(body, f'{order}f8', 7, place)
             seconds, rest = np.frombuffer(body, f'{order}u4', 2).tolist()
-        except ValueError:
+        except (ValueError, IndexError):
             raise BagError(f'{bag}: {topic.name} is not understood: a message is broken') from None
         x, y, _, qx, qy, qz, qw = numbers.tolist()
         phi = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         stamps.append(seconds * NANOSECONDS + rest)
         poses.append((x, y, float(phi)))
-    return StampedPoses(np.array(stamps, np.int64), np.array(poses))
+    return np.array(stamps, np.int64), np.array(poses)

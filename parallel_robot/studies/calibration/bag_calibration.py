@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -127,6 +127,8 @@ def calibrate(
         columns = tuple(k for k, name in enumerate(names) if name in ('x', 'y', 'phi'))
         if not robot.module.PLANAR:
             raise InputError(f'{robot.name} moves in no plane: --poses FILE.csv has its poses')
+        if found.missing:
+            warnings.append(f'{bag}: not used: {found.missing} messages without a pose')
         time = (found.stamps - log.start_stamp) / NANOSECONDS
         measured = MeasuredPoses(time, columns, found.pose[:, : len(columns)])
     track = _track(log)
@@ -195,7 +197,7 @@ def _doubts(model: PoseModel, found: Fit) -> list[str]:
 
 
 @contextlib.contextmanager
-def _naming(bag: Path) -> Any:
+def _naming(bag: Path) -> Iterator[None]:
     """Errors of a bag with its name."""
     try:
         yield

@@ -21,6 +21,7 @@ import numpy as np
 
 from parallel_robot.bags import new_files
 from parallel_robot.studies.calibration import least_squares, reach
+from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.identification.robot_file import dump
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -33,7 +34,6 @@ from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Trajectory
 
 CANDIDATES = 500
-NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a tracker, for the figures
 PASSES = 20  # of exchanges
 BETTER = 1e-9  # of the logarithm of the determinant
 RANDOM = 20  # choices at random, for comparison

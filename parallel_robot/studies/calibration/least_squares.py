@@ -21,10 +21,11 @@ from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
 
+NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a tracker, before its poses tell it
 SAME = 1e-12  # of the largest singular value: a combination that changes nothing
 ITERATIONS = 4  # of weights, and of what keeps its value
 FLOOR = 1e-9  # m or rad, least noise that is assumed
-TOLERANCE = 1e-12  # relative, at which the search ends
+TOLERANCE = 1e-10  # relative, at which the search ends
 FAR = 1e6  # of the noise, in place of poses that there are not
 
 
@@ -75,18 +76,20 @@ def fit(model: PoseModel) -> Fit:
         raise BagError(f'{what}; at least {least} are needed')
     before = model.left(model.start)
     assert before is not None  # it was looked at when the model was made
-    kept: list[int] = []
-    untold = np.zeros((0, size))
-    noise = np.ones(model.measured.pose.shape[1])
+    noise = np.array([NOISE[unit] for unit in model.units])
+    slopes = model.slopes(model.start)
+    kept, untold = kept_values(_flat(slopes, noise) * model.told, model.preference)
     for _ in range(ITERATIONS):
         values, noise, degrees = _weighted(model, kept, noise)
         slopes = model.slopes(values)
         found, combinations = kept_values(_flat(slopes, noise) * model.told, model.preference)
         if len(found) == len(kept):
             untold = combinations
-        if len(found) <= len(kept):
             break
         kept, untold = found, combinations
+    else:
+        values, noise, degrees = _weighted(model, kept, noise)
+        slopes = model.slopes(values)
     left = model.left(values)
     assert left is not None
     told = [k for k in range(size) if k not in kept]

@@ -75,11 +75,8 @@ def expected_error(model: PoseModel, found: Fit) -> dict[str, float]:
     slopes = found.slopes[:, :, of_robot]
     spread = found.covariance[of_robot, of_robot]
     variance = np.einsum('nkp,pq,nkq->nk', slopes, spread, slopes).mean(axis=0)
-    return {
-        unit: float(np.sqrt(sum(each for each, own in zip(variance, model.units, strict=True)
-                                if own == unit)))
-        for unit in dict.fromkeys(model.units)
-    }  # fmt: skip
+    units = np.array(model.units)
+    return {unit: float(np.sqrt(variance[units == unit].sum())) for unit in sorted({*units})}
 
 
 def as_data(model: PoseModel, found: Fit) -> dict[str, Any]:
