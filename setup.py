@@ -47,6 +47,7 @@ setup(
         'parallel_robot.live',
         'parallel_robot.python',
         'parallel_robot.studies',
+        'parallel_robot.studies.calibration',
         'parallel_robot.studies.identification',
         'parallel_robot.studies.limit',
         'parallel_robot.studies.sweep',

@@ -345,6 +345,7 @@ def run_cycle(
         when: Age of the state, time since the one before.
     """
     limits, estimator, dt = setup.limits, setup.estimator, when.dt
+    position = position - estimator.zero_angle
     identified, known, filter_ = estimator.lock_in, state.last.known, estimator.kalman
     if identified.on:
         lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)

@@ -35,6 +35,12 @@ class EstimatorParameters(NamedTuple):
             'levant: differentiator; kalman: motion and disturbance when the torque acts',
         ),
     ]
+    zero_angle: Annotated[
+        PerJoint,
+        Field(
+            'rad', 'zero angle that is taken off the measured positions, as `calibrate` finds it'
+        ),
+    ]
     bandwidth: Annotated[float, Field('Hz', 'of the filter', 1e-3)]
     acceleration: Annotated[
         PerJoint, Field('rad/s^2', 'bound of the accelerations for the differentiator', 1e-3)
@@ -77,6 +83,7 @@ class Estimator(NamedTuple):
 
     Attributes:
         kind: Number of the kind.
+        zero_angle: What is taken off the measured positions [rad], shape (n,).
         bandwidth: Of the filter [Hz].
         acceleration: Bound of the accelerations [rad/s^2], shape (n,).
         delay: Age of the states that their stamps do not tell [s].
@@ -85,6 +92,7 @@ class Estimator(NamedTuple):
     """
 
     kind: int
+    zero_angle: Array
     bandwidth: float
     acceleration: Array
     delay: float
@@ -145,6 +153,7 @@ def estimator_of(
 
     return Estimator(
         kind_for(parameters, law),
+        vector(parameters.zero_angle),
         parameters.bandwidth,
         vector(parameters.acceleration),
         delay,

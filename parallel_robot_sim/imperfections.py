@@ -20,6 +20,9 @@ MAX_DELAY = 0.1  # s, of a delay
 class SensorParameters(NamedTuple):
     """What the joint states tell of the true motion; all zero: exactly that."""
 
+    zero_angle: Annotated[
+        PerJoint, Field('rad', 'zero angle: what the positions show where a joint is at zero')
+    ]
     position_noise: Annotated[PerJoint, Field('rad', 'noise of the positions, rms', 0.0)]
     velocity_noise: Annotated[PerJoint, Field('rad/s', 'noise of the velocities, rms', 0.0)]
     resolution: Annotated[PerJoint, Field('rad', 'step of the encoders; 0: none', 0.0)]
@@ -41,6 +44,7 @@ class SensorParameters(NamedTuple):
 class Sensor(NamedTuple):
     """The parameters as the kernels take them: all but the text."""
 
+    zero_angle: PerJoint
     position_noise: PerJoint
     velocity_noise: PerJoint
     resolution: PerJoint

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.zero_angles import corrected
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS
@@ -19,7 +20,10 @@ from parallel_robot_sim.messages import reported_effort
 from parallel_robot_sim.simulation import Simulation
 
 # Parameters by which the joints that are told are not the true ones, see docs/noise.md.
-UNTRUE = ('sensor.position_noise', 'sensor.resolution', 'sensor.delay', 'sensor.jitter', 'hazards')
+UNTRUE = (
+    'sensor.zero_angle', 'estimator.zero_angle', 'sensor.position_noise', 'sensor.resolution',
+    'sensor.delay', 'sensor.jitter', 'hazards',
+)  # fmt: skip
 AS_TOLD = (
     'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
 )
@@ -211,7 +215,7 @@ def _told(made: Simulation) -> Motion:
     )
     return Motion(
         tick * (measured - late) / NANOSECONDS,
-        run.position[rows],
+        corrected(made.configuration.values, run.position[rows]),
         reference.position,
         reported_effort(run.effort[: run.steps], late)[rows - np.maximum(heard.late[rows], 0)],
         Poses(run.pose[:0], run.pose[:0]),

@@ -1,4 +1,4 @@
-"""What the sensors tell of the joints: noise, encoder steps, differences, delay."""
+"""What the sensors tell of the joints: zero angles, noise, encoder steps, differences, delay."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ def _taken(setup: Any, joints: Measurement, sample: int, period: float) -> tuple
     """Positions [rad] and velocities [rad/s] as the sensors take them, each shape (n,)."""
     seed, sensor = setup.imperfections.seed, setup.imperfections.sensor
     noise = normals(seed, sample, OF_POSITION, setup.imperfections.draws, joints.position)
-    noisy = joints.position + vector(sensor.position_noise) * noise
+    shown = joints.position + vector(sensor.zero_angle)
+    noisy = shown + vector(sensor.position_noise) * noise
     position = rounded(noisy, vector(sensor.resolution))
     noise = normals(seed, sample, OF_VELOCITY, setup.imperfections.draws, joints.position)
     velocity = joints.velocity + vector(sensor.velocity_noise) * noise

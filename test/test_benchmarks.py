@@ -90,7 +90,10 @@ def test_the_programs_that_pages_cite_run(monkeypatch):
     assert noise._cell('pid', noise.ENCODER, 0.05).count(' / ') == 1
 
 
-@pytest.mark.parametrize('words', [('delays', '1'), ('estimators', '1'), ('kernels', '1', '1')])
+@pytest.mark.parametrize(
+    'words',
+    [('calibration', '2', '8'), ('delays', '1'), ('estimators', '1'), ('kernels', '1', '1')],
+)
 def test_a_program_that_a_page_cites_ends_with_figures(words, monkeypatch, capsys):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks')
     monkeypatch.setattr(sys, 'argv', list(words))

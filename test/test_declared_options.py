@@ -24,6 +24,8 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'design': 'no_such_scenario',
     'bag': '{tmp}/none',
     'validate': '{tmp}/none',
+    'poses': '{tmp}/none',
+    'pose_topic': 'none',
     'out': '{tmp}/file/out.mp4',
     'json': '{tmp}/file/out.json',
     'figure': '{tmp}/figure.none',
@@ -86,6 +88,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
         ('{bag}', '--rest'),
         ('--design', 'paper_circle', '--out', '{tmp}/out'),
     ],
+    'calibrate': [('{bag}',), ('--scenario', 'paper_circle', '--design', '8')],
     'rehearse': [OUT],
     'limit': [('paper_circle',), ('uncertain_robot',)],
     'verify': [(), ('--set', 'robot_model=axes')],
@@ -100,6 +103,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.compare.simulation.attempt',
     'parallel_robot.cli.commands.verify.verify',
     'parallel_robot.studies.identification.design.design',
+    'parallel_robot.studies.calibration.design.choose',
     'parallel_robot.live.started_graph.NodeProcesses',
     'os.nice',  # the page begins to serve
 )
@@ -170,6 +174,17 @@ def test_a_wrong_value_of_an_option_is_never_taken(
         ('identify --design paper_circle --rest --out x', '--design reads no bag: no --rest'),
         (
             'identify --design paper_circle --format json --out x',
+            '--design reads no bag: no --format json',
+        ),
+        ('calibrate {bag} --seed 0', '--seed goes with --scenario alone'),
+        ('calibrate {bag} --param-file {file}', '--param-file goes with --scenario alone'),
+        ('calibrate {bag} --design 8', '--design goes with --scenario alone'),
+        ('calibrate {bag} --poses x --pose-topic y', '--poses and --pose-topic exclude'),
+        ('calibrate --scenario paper_circle', '--scenario goes with --design N'),
+        ('calibrate --scenario paper_circle --design 8 --poses x', 'reads no bag: no --poses'),
+        ('calibrate --scenario paper_circle --design 8 --trust', 'reads no bag: no --trust'),
+        (
+            'calibrate --scenario paper_circle --design 8 --format json',
             '--design reads no bag: no --format json',
         ),
         ('simulate robustness --row 0 --fit-speed 1 --out x', '--fit-speed and --row exclude'),

@@ -29,7 +29,8 @@ def _estimates(estimator, state, known, positions, like, found):
 
 def estimates(kind, positions, first=None, bandwidth=20.0, acceleration=10.0):
     """Estimates of the velocity over samples of a position, which begin at rest or at `first`."""
-    estimator = Estimator(kind, bandwidth, vector([acceleration]), 0.0, 0.0, 0.0)
+    zero, bound = vector([0.0]), vector([acceleration])
+    estimator = Estimator(kind, zero, bandwidth, bound, 0.0, 0.0, 0.0)
     state = Estimated(vector([positions[0]]), vector([first or 0.0]))
     rows = np.empty((len(positions), 1))
     _estimates(estimator, state, first is not None, positions[:, None], state.position, rows)

@@ -31,8 +31,9 @@ H = 1e-3  # s
 N = 20_000
 ZERO = vector(np.zeros(3))
 ALL = {
-    'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-2, 'sensor.resolution': 1e-5,
-    'sensor.delay': 2e-3, 'sensor.jitter': 2e-3, 'actuator.lag': 2e-3, 'actuator.noise': 0.1,
+    'sensor.zero_angle': 1e-4, 'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-2,
+    'sensor.resolution': 1e-5, 'sensor.delay': 2e-3, 'sensor.jitter': 2e-3,
+    'actuator.lag': 2e-3, 'actuator.noise': 0.1,
     'actuator.resolution': 0.01, 'actuator.delay': 1e-3, 'actuator.jitter': 1e-3,
     'actuator.effectiveness': [1.0, 0.9, 1.0], 'actuator.bias': 0.1, 'actuator.fault_time': 0.05,
     'disturbance.constant': 0.1, 'disturbance.pulse': 0.2, 'disturbance.pulse_start': 0.02,

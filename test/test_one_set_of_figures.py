@@ -19,9 +19,10 @@ SENSED = (
     {},
     {'sensor.delay': 2e-3, 'sensor.position_noise': 1e-5},
     {'sensor.delay': 3e-3, 'sensor.stamp': 'measured', 'actuator.lag': 1e-3},
-    {'sensor.resolution': 1e-5, 'sensor.jitter': 2e-3, 'actuator.delay': 1e-3, 'seed': 3},
+    {'sensor.resolution': 1e-5, 'sensor.jitter': 2e-3, 'actuator.delay': 1e-3, 'seed': 3,
+     'sensor.zero_angle': 3e-4, 'estimator.zero_angle': 2e-4},
     {'hazards': ['motors_clipped limit 0.4 at 0.05 for 0.05', 'states_lost at 0.12 for 0.01']},
-)
+)  # fmt: skip
 BUILT = {
     'paper_circle': ({'true_robot.l1': 0.4005}, {'friction.coulomb': 0.05}),
     'serial_2r_circle': ({'true_robot.l2': 0.4001}, {'plant.integrator': 'rk4'}),

@@ -11,8 +11,9 @@ from parallel_robot.analysis import metrics
 from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.history import History
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run_log import RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
+from parallel_robot_control.zero_angles import corrected
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import REFERENCE
@@ -102,8 +103,11 @@ def of_bag(log: RunLog, past: History) -> Recorded:
 
 def _of_bag(log: RunLog, past: History) -> Recorded:
     """The motions of a bag, without the ideal torque."""
-    part, poses, cut = metrics.with_poses(log)
-    seen = Motion(part.time, part.position, part.reference_position, part.effort, poses)
+    taken, poses, cut = metrics.with_poses(
+        log._replace(position=corrected(log.config, log.position))
+    )
+    seen = Motion(taken.time, taken.position, taken.reference_position, taken.effort, poses)
+    part = head(with_reference(log), len(taken.time))
     unknown = recorded_robot.unknown(log.config)
     if unknown:
         return Recorded(part, poses, Motions(None, seen), cut, unknown)

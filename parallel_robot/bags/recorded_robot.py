@@ -60,6 +60,7 @@ def read(
     memory: int = MEMORY,
     code: RobotCode = NONE,
     topics: Collection[Topic] = (),
+    motion_only: bool = False,
 ) -> Recording:
     """Read a bag of a run, with a configuration that knows its robot, where its code may run.
 
@@ -70,12 +71,13 @@ def read(
         memory: What may be held of it [bytes].
         code: What may run.
         topics: What else is wanted, see :func:`recording.read`.
+        motion_only: Whether references and commands may be missing.
 
     Raises:
         BagError: not a bag of a run, it takes too much, or its robot is in neither bag nor files.
         InputError: a file is not a robot.
     """
-    found = recording.read(bag, topics, memory)
+    found = recording.read(bag, topics, memory, motion_only)
     log, past, _ = found
     values = log.config | {KEY: modules.absolute(KEY, list(code.files))}
     name = values['robot_model']

@@ -46,6 +46,7 @@ COMMANDS = {
     'tune': 'gains of a law: error against chattering, under the uncertainty of a study',
     'fronts': 'the fronts of several tunings in one picture',
     'identify': 'masses, inertias and friction of the robot from its motion in a bag',
+    'calibrate': 'links, base and zero angles of the robot from measured poses and a bag',
     'rehearse': 'the first power-up of a robot, step by step, on the simulated one',
     'limit': 'the least error of any controller, in a scenario or on the robots of a study',
     'verify': 'the simulated plants against MuJoCo, on random robots under random torques',

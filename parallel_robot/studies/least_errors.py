@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.analysis.report.figures import save
 from parallel_robot.bags.progress import tracked
-from parallel_robot.studies.limit.causes import CAUSES, LeastError, least_error
+from parallel_robot.studies.limit.causes import CAUSES, NEGLIGIBLE, LeastError, least_error
 from parallel_robot.studies.limit.picture import draw
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
@@ -28,6 +28,7 @@ from trajectory_gen.motion_length import with_duration
 LEVELS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)  # N m, of chattering
 ESTIMATE = 'sensor.resolution: the step of an encoder counts as noise: an estimate, no bound'
 TRAVELLED = 'travelled while a state is late'
+GEOMETRY = 'joints exact, geometry as it is'
 
 
 class LeastErrors(NamedTuple):
@@ -60,13 +61,14 @@ class LeastErrors(NamedTuple):
         errors = [f'{name.replace(" ", "_")}_{unit}' for name in CAUSES]
         calm = any(one.calm for members in self.members.values() for one in members)
         levels = LEVELS if calm else ()
-        head = ['scenario', 'sample', *errors, 'travelled_m']
+        head = ['scenario', 'sample', *errors, 'travelled_m', f'geometry_{unit}']
         head += [f'at_{level:g}_nm_{unit}' for level in levels]
         rows = []
         for scenario, members in self.members.items():
             for k, one in enumerate(members):
                 prices = [one.calm.at(level) if one.calm else math.nan for level in levels]
-                rows.append([scenario, k, *one.errors.values(), one.travelled, *prices])
+                causes = [*one.errors.values(), one.travelled, one.geometry]
+                rows.append([scenario, k, *causes, *prices])
         return head, rows
 
     def csv(self) -> str:
@@ -170,6 +172,9 @@ def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:
     travelled = [1e6 * one.travelled for one in members]
     if np.isfinite(travelled).all():
         columns[TRAVELLED] = travelled
+    geometry = [1e6 * one.geometry for one in members]
+    if max(geometry) > 1e6 * NEGLIGIBLE:
+        columns[GEOMETRY] = geometry
     lines = [head]
     if len(members) > 1:
         lines.append(f'  {"":<34}{"median":>10}{"5 %":>10}{"95 %":>10}')

@@ -9,7 +9,7 @@ from signal import Signals
 from parallel_robot_model.common.printable import printable
 
 NEAR = 0.6  # similarity of names, from 0 to 1, from which one is suggested for the other
-FEW = 24  # names that a message lists
+FEW = 30  # names that a message lists
 DRIVEN_OUT = 'the robot was driven out of its workspace'  # prefix of the plant's alarm, too
 
 

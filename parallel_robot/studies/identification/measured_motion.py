@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_control.zero_angles import corrected
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration.groups import group
@@ -68,12 +69,13 @@ def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, MeasuredMotion]:
     Raises:
         BagError: not a bag of a run, or it holds no torques or no motion.
     """
-    log, past, _ = recording.read(bag, memory=memory)
+    log, past, _ = recording.read(bag, memory=memory, motion_only=True)
     limit = group(log.config, PlantParameters, 'plant').torque_limit
     try:
-        return log, of(log, past.statuses, np.array(limit))
+        motion = of(log, past.statuses, np.array(limit))
     except BagError as error:
         raise BagError(f'{bag}: {error}') from None
+    return log, replace(motion, position=corrected(log.config, motion.position))
 
 
 def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -> MeasuredMotion:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.studies.limit.calm import Calm, price_of_calm
+from parallel_robot.studies.limit.geometry import geometry_error
 from parallel_robot.studies.limit.linear_motion import linearise
 from parallel_robot.studies.limit.prediction import EXACT, Noise, least, noise_of
 from parallel_robot_model.common.errors import InputError
@@ -42,11 +43,14 @@ class LeastError(NamedTuple):
         travelled: Distance that the reference travels while a state is late, root mean square [m].
             A law that believes late states to be new is that far behind. NaN without a plane,
             and where stamps tell when states were measured, so that no law need believe it.
+        geometry: Error of a robot whose joints, as they are measured, are exactly where they
+            should be: that of its geometry and zero angles alone. NaN where it was not asked for.
         calm: Least errors by chattering; None where it was not asked for or there is no noise.
     """
 
     errors: dict[str, float]
     travelled: float
+    geometry: float = np.nan
     calm: Calm | None = None
 
 
@@ -66,7 +70,7 @@ def least_error(
 
     Args:
         configuration: The experiment; its law and gains are of no account.
-        causes: Whether all CAUSES are asked for, or only WHOLE.
+        causes: Whether all CAUSES are asked for, and what geometry costs, or only WHOLE.
         calm: Whether the price of calm is asked for.
 
     Raises:
@@ -86,17 +90,17 @@ def least_error(
         poses = configuration.trajectory.sample(times).pose
         coordinates_of(plant.robot, assemble_plant(plant), poses)
         found = dict.fromkeys(asked, 0.0)
-    travelled = np.nan
+    steady = times[times >= 0.5 * times[-1]]
+    travelled, price = np.nan, None
     told = plant.imperfections.age > 0.0
     if plant.robot.module.PLANAR and not told:
-        steady = times[times >= 0.5 * times[-1]]
         rate = configuration.trajectory.sample(steady).pose_rate[:, :2]
         late = np.floor(plant.imperfections.sensor.delay / loop.period + 0.5) * loop.period
         travelled = float(late * np.sqrt(np.mean(np.sum(rate**2, axis=1))))
-    price = None
+    geometry = geometry_error(configuration, steady) if causes else np.nan
     if calm and found[WHOLE] > NEGLIGIBLE:
         try:
             price = price_of_calm(motion, noise, loop.period)
         except np.linalg.LinAlgError as error:
             raise InputError(f'no price of calm: {error}') from None
-    return LeastError(found, travelled, price)
+    return LeastError(found, travelled, geometry, price)

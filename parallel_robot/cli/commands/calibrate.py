@@ -1,0 +1,99 @@
+"""The command ``calibrate``: geometry and zero angles of the robot from measured poses."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from parallel_robot.bags import new_files
+from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.robot_code import robot_code
+from parallel_robot.studies.calibration import bag_calibration, design, modes
+from parallel_robot.studies.calibration.pose_model import FREE
+from parallel_robot_model.common.errors import InputError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('bag', type=Path, nargs='?', help='bag with the joint states')
+    parser.add_argument(
+        '--poses',
+        type=Path,
+        metavar='FILE',
+        help='CSV of measured poses: t [s] or stamp [ns], x, y, phi; default: a topic of the bag',
+    )
+    parser.add_argument(
+        '--pose-topic', metavar='TOPIC', help='topic of the bag with measured poses'
+    )
+    parser.add_argument(
+        '--free',
+        action='append',
+        default=[],
+        choices=FREE,
+        help='frame: where the tracker stands is unknown; target: where its target sits on the '
+        'platform; may be repeated',
+    )
+    parser.add_argument(
+        '--out', type=Path, metavar='FILE', help='write the robot as YAML, for --param-file'
+    )
+    parser.add_argument('--format', choices=('text', 'json'), help='of the results, default: text')
+    parser.add_argument(
+        '--scenario',
+        help='no bag: choose poses that tell most, around the first one of a scenario',
+    )
+    parser.add_argument(
+        '--design', type=int, metavar='N', help='how many; --out has the motion through them'
+    )
+    parser.add_argument('--seed', type=int, help='of --design, default 0')
+    add_trust_argument(parser, 'the robot')
+    simulate.add_set_argument(parser)
+    add_memory_argument(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    if arguments.out:
+        new_files.check(arguments.out, '--out')
+    others = {'param-file': arguments.param_files, 'pose-topic': arguments.pose_topic}
+    if modes.mode(vars(arguments) | others) == modes.DESIGN:
+        return _design(arguments)
+    found = bag_calibration.calibrate(
+        arguments.bag,
+        arguments.poses,
+        arguments.pose_topic,
+        arguments.free,
+        arguments.max_memory,
+        robot_code(arguments),
+    )
+    for warning in found.warnings:
+        print(f'warning: {warning}', file=sys.stderr)
+    lines = found.lines()
+    if arguments.out:
+        found.write(arguments.out)
+        lines.append(f'robot   {arguments.out}')
+    json_asked = arguments.format == 'json'
+    print(json.dumps(found.as_data(), indent=2) if json_asked else '\n'.join(lines))
+    return 0
+
+
+def _design(arguments: argparse.Namespace) -> int:
+    """Choose poses that tell most, and write a motion through them."""
+    if arguments.format == 'json':
+        raise InputError('--design reads no bag: no --format json')
+    found = design.design(
+        arguments.scenario,
+        simulate.given(arguments),
+        arguments.design,
+        arguments.free,
+        arguments.seed or 0,
+    )
+    lines = found.lines()
+    if arguments.out:
+        found.write(arguments.out)
+        lines.append(f'motion  {arguments.out}')
+    print('\n'.join(lines))
+    return 0

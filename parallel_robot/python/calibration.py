@@ -1,0 +1,123 @@
+"""The robot of a bag, calibrated by measured poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, overload
+
+from parallel_robot.bags import new_files, recorded_robot
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.python import arguments
+from parallel_robot.studies.calibration import bag_calibration, modes
+from parallel_robot.studies.calibration.bag_calibration import Calibration
+from parallel_robot.studies.calibration.design import Designed
+from parallel_robot.studies.calibration.design import design as designed
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_sim.scenario_run import changes, named
+
+Place = str | Path
+
+
+@overload
+def calibrate(
+    bag: Place,
+    *,
+    poses: Place | None = None,
+    pose_topic: str | None = None,
+    free: Sequence[str] = (),
+    out: Place | None = None,
+    memory: int = MEMORY,
+    trust: bool = False,
+    custom_robots: Sequence[Place] = (),
+) -> Calibration: ...
+@overload
+def calibrate(
+    *,
+    scenario: Place,
+    design: int,
+    free: Sequence[str] = (),
+    out: Place | None = None,
+    seed: int | None = None,
+    param_file: Place | Iterable[Place] | None = None,
+    **values: Any,
+) -> Designed: ...
+def calibrate(
+    bag: Place | None = None,
+    *,
+    poses: Place | None = None,
+    pose_topic: str | None = None,
+    free: Sequence[str] = (),
+    out: Place | None = None,
+    memory: int = MEMORY,
+    trust: bool = False,
+    custom_robots: Sequence[Place] = (),
+    scenario: Place | None = None,
+    design: int | None = None,
+    seed: int | None = None,
+    param_file: Place | Iterable[Place] | None = None,
+    **values: Any,
+) -> Calibration | Designed:
+    """Calibrate the geometry of the robot of a bag, as ``parallel_robot calibrate`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.calibrate(scenario='serial_2r_circle', design=4).poses.shape
+    (4, 2)
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        poses: CSV of measured poses, t [s] or stamp [ns] and coordinates; default: of the bag.
+        pose_topic: Topic of measured poses in the bag; default: the only one.
+        free: What is unknown of the tracker: ``frame``, ``target``.
+        out: YAML file of the robot, or of the motion, for ``param_file``; it must not exist.
+        memory: What may be held of the bag [bytes].
+        trust: Whether the file of a custom robot in the bag may run.
+        custom_robots: Files of custom robots of yours.
+        scenario: Scenario around whose first pose others are chosen, in place of a bag.
+        design: How many poses are chosen.
+        seed: Seed of the poses that they are chosen from; default: 0.
+        param_file: YAML file with keys of the configuration of `scenario`, or several.
+        values: Keys of that configuration and their values.
+
+    Returns:
+        The robot as keys of the configuration, ``values``, with tables and warnings; with
+        `scenario` the poses that tell most.
+
+    Raises:
+        BagError: not a bag of a run, or its poses do not suffice.
+        InputError: arguments do not go together, a value is wrong, or a file cannot be written.
+    """
+    options = {
+        'bag': bag,
+        'poses': poses,
+        'pose-topic': pose_topic,
+        'free': free,
+        'trust': trust,
+        'scenario': scenario,
+        'design': design,
+        'seed': seed,
+        'param-file': param_file,
+    }
+    mode, file = modes.mode(options), arguments.optional('out', out)
+    if file is not None:
+        new_files.check(file, 'out')
+    if mode == modes.DESIGN:
+        name = named('scenario', scenario)
+        chosen = designed(name, changes(param_file, values), design or 0, free, seed or 0)
+        if file is not None:
+            chosen.write(file)
+        return chosen
+    modes.check_unchanged(values)
+    if not (pose_topic is None or isinstance(pose_topic, str)):
+        raise InputError(f'pose_topic must be the name of a topic, not {pose_topic!r}')
+    found = bag_calibration.calibrate(
+        arguments.path('a bag', bag),
+        arguments.optional('poses', poses),
+        pose_topic,
+        free,
+        memory,
+        recorded_robot.chosen(trust, custom_robots),
+    )
+    if file is not None:
+        found.write(file)
+    return found

@@ -1,0 +1,1 @@
+"""Geometry and zero angles of a robot from measured poses."""

@@ -1,0 +1,300 @@
+"""Poses that tell most of the geometry: those with the largest determinant of the information.
+
+Of many poses that the robot reaches, some are chosen one after another, then exchanged one by one
+as long as that is better.
+
+Source:
+    Fedorov (1972), Theory of Optimal Experiments, chapter 3 (exchange); Borm, Menq (1991),
+    Determination of optimal measurement configurations for robot calibration based on
+    observability measure, Int. J. Robotics Research 10(1).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.bags import new_files
+from parallel_robot.studies.calibration import least_squares, reach
+from parallel_robot.studies.calibration.least_squares import NOISE
+from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.identification.robot_file import dump
+from parallel_robot_control.configuration import nominal_of, resolve
+from parallel_robot_control.zero_angles import known
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.fields import Field, check
+from trajectory_gen import preflight
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.trajectory import Trajectory
+
+CANDIDATES = 500
+PASSES = 20  # of exchanges
+BETTER = 1e-9  # of the logarithm of the determinant
+RANDOM = 20  # choices at random, for comparison
+MOST = 200  # poses
+REST = 1.0  # s at each pose
+FASTEST = 0.3  # rad/s of a joint on the way
+SHORTEST = 1.0  # s of a way
+INNER = 7  # points of a way between its ends, and of a rest
+
+
+@dataclass(frozen=True)
+class Designed:
+    """Poses that tell most.
+
+    Attributes:
+        robot: Name of the robot.
+        names: Names of the coordinates.
+        joints: Names of the joints.
+        time: Middle of the rest at each pose [s], shape (N,).
+        poses: The poses in the order in which they are visited, shape (N, m).
+        position: Actuated joints at them [rad], shape (N, n).
+        error: Error of the calibrated robot that is to be expected over its reach, rms, for a
+            noise of NOISE [m], or [rad] without a plane.
+        at_random: The same with as many poses at random, the median of RANDOM choices.
+        condition: Condition number of what is looked for.
+        unit: Unit of the errors.
+        motion: Keys of a motion that visits them.
+    """
+
+    robot: str
+    names: tuple[str, ...]
+    joints: tuple[str, ...]
+    time: Array
+    poses: Array
+    position: Array
+    error: float
+    at_random: float
+    condition: float
+    unit: str
+    motion: dict[str, dict[str, Any]]
+
+    def lines(self) -> list[str]:
+        """The poses, and what they tell."""
+        lines = [''.join(f'{name:>12}' for name in ('t', *self.names, *self.joints))]
+        for row in np.column_stack((self.time, self.poses, self.position)):
+            lines.append(''.join(f'{value:>12.5f}' for value in row))
+        size = f'{len(self.poses)} poses'
+        noise = f'noise of {1e6 * NOISE["m"]:g} µm and {1e6 * NOISE["rad"]:g} µrad'
+        error, at_random = (f'{1e6 * each:.3g}' for each in (self.error, self.at_random))
+        lines.append(
+            f'error of the calibrated robot that is to be expected, rms, with a {noise}: '
+            f'{error} µ{self.unit}; by {size} at random {at_random}'
+        )
+        lines.append(f'condition number {self.condition:.4g}')
+        return lines
+
+    def write(self, path: Path) -> None:
+        """Write the motion as YAML, for ``--param-file``, into a file that must not exist.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        comment = (
+            f'# {len(self.poses)} poses of {self.robot} that tell most of its geometry, with '
+            f'{REST:g} s of rest at each.\n'
+        )
+        new_files.save(path, (comment + dump(self.motion)).encode())
+
+    def __repr__(self) -> str:
+        """The same in lines."""
+        return '\n'.join(self.lines())
+
+
+def design(
+    scenario: str,
+    changes: Mapping[str, Any],
+    count: int,
+    free: Collection[str] = (),
+    seed: int = 0,
+) -> Designed:
+    """Choose poses for a calibration.
+
+    Args:
+        scenario: Name or file of a scenario, whose first pose they are around.
+        changes: What changes in it.
+        count: Number of poses.
+        free: What is unknown of the tracker, see FREE.
+        seed: Seed of the candidates.
+
+    Raises:
+        InputError: a value is wrong, or so few poses cannot tell the geometry.
+    """
+    count = check('--design', int, Field('', '', 2, MOST), count)
+    seed = check('--seed', int, Field('', '', 0, 2**63 - 1), seed)
+    return choose(resolve(scenario, changes), count, free, seed)
+
+
+def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: int) -> Designed:
+    """Choose poses of the robot of a resolved configuration, see :func:`design`."""
+    robot, centre = nominal_of(values)
+    trajectory = trajectory_of(values)
+    poses = np.vstack((centre, reach.candidates(trajectory, centre, CANDIDATES, seed)))
+    position = np.array([_joints(trajectory, pose) for pose in poses])
+    time = np.arange(len(poses), dtype=np.float64)
+    joints = tuple(values['joints'])
+    measured = MeasuredPoses(time, tuple(range(poses.shape[1])), poses)
+    track = JointTrack(time, position + known(values))
+    model = PoseModel(robot, joints, track, measured, poses, known(values), free)
+    slopes, of_robot = _slopes(model), model.zeros.stop
+    told = _told(model, slopes)
+    if count * poses.shape[1] < len(told):
+        raise InputError(
+            f'--design must be at least {-(-len(told) // poses.shape[1])} poses for '
+            f'{len(told)} unknown, not {count}'
+        )
+    J = slopes[:, :, told]
+    chosen = _exchanged(J, _greedy(J, count))
+    rng = np.random.default_rng(seed)
+    planar = robot.module.PLANAR
+    columns = measured.columns[:2] if planar else measured.columns
+    robots = [k for k, each in enumerate(told) if each < of_robot]
+    scale = np.array([NOISE[unit] for unit in model.units])
+    others = [rng.choice(len(J), count, replace=False) for _ in range(RANDOM)]
+    error, *at_random = (_error(J, rows, scale, robots, columns) for rows in (chosen, *others))
+    ordered = _ordered(position, chosen)
+    motion, rests = _motion(values, trajectory, centre, poses[ordered])
+    singular = np.linalg.svd(J[chosen].reshape(-1, len(told)), compute_uv=False)
+    return Designed(
+        robot.name,
+        tuple(axis.name for axis in robot.module.coordinates(robot.parameters)),
+        joints,
+        rests,
+        poses[ordered],
+        position[ordered],
+        error,
+        float(np.median(at_random)),
+        float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf,
+        'm' if planar else 'rad',
+        motion,
+    )
+
+
+def _joints(trajectory: Trajectory, pose: Array) -> Array:
+    """Joints at a pose within reach [rad], shape (n,)."""
+    return np.asarray(reach.along(trajectory, pose, pose).position[0])
+
+
+def _slopes(model: PoseModel) -> Array:
+    """Derivatives of the poses over their noise, without those by the clock, shape (N, k, P)."""
+    clock = len(model.start) - 1
+    scale = np.array([NOISE[unit] for unit in model.units])
+    slopes = model.slopes(model.start, (clock,)) / scale[:, np.newaxis]
+    return np.asarray(slopes[:, :, :clock])
+
+
+def _told(model: PoseModel, slopes: Array) -> list[int]:
+    """Numbers of the unknown that are told where as many as there must be keep their values."""
+    size = slopes.shape[-1]
+    flat = slopes.reshape(-1, size) * model.told[:size]
+    kept, _ = least_squares.kept_values(flat, model.preference[:size])
+    return [k for k in range(size) if k not in kept]
+
+
+def _information(J: Array, rows: Any) -> Array:
+    """Information of some poses, with a trace of some that is known before, shape (P, P)."""
+    found = np.einsum('nkp,nkq->pq', J[rows], J[rows])
+    return np.asarray(found + np.eye(J.shape[2]))
+
+
+def _gains(J: Array, information: Array) -> Array:
+    """By how much each pose increases the logarithm of its determinant, shape (N,)."""
+    of = np.einsum('nkp,pq,nlq->nkl', J, np.linalg.inv(information), J)
+    return np.asarray(np.linalg.slogdet(np.eye(J.shape[1]) + of)[1])
+
+
+def _greedy(J: Array, count: int) -> list[int]:
+    """Poses chosen one after another, each the best beside those before."""
+    chosen: list[int] = []
+    for _ in range(count):
+        gains = _gains(J, _information(J, chosen))
+        gains[chosen] = -math.inf
+        chosen.append(int(np.argmax(gains)))
+    return chosen
+
+
+def _exchanged(J: Array, chosen: list[int]) -> list[int]:
+    """Poses after exchanges, each for the best beside the others."""
+    chosen = [*chosen]
+    for _ in range(PASSES):
+        changed = False
+        for place, old in enumerate([*chosen]):
+            others = chosen[:place] + chosen[place + 1 :]
+            gains = _gains(J, _information(J, others))
+            gains[others] = -math.inf
+            best = int(np.argmax(gains))
+            if gains[best] > gains[old] + BETTER:
+                chosen[place], changed = best, True
+        if not changed:
+            break
+    return chosen
+
+
+def _error(
+    J: Array, rows: Any, scale: Array, of_robot: list[int], columns: Collection[int]
+) -> float:
+    """Error of the robot that is to be expected over all poses by a calibration at some, rms."""
+    covariance = np.linalg.inv(_information(J, rows))[np.ix_(of_robot, of_robot)]
+    slopes = (J * scale[:, np.newaxis])[:, list(columns)][:, :, of_robot]
+    square = np.einsum('nkp,pq,nkq->n', slopes, covariance, slopes).mean()
+    return float(np.sqrt(square if len(columns) == 2 else square / len(columns)))
+
+
+def _ordered(position: Array, chosen: list[int]) -> list[int]:
+    """Poses in an order of short ways between their joints, from the first of all candidates."""
+    left, here, found = [*chosen], 0, []
+    while left:
+        ways = np.abs(position[left] - position[here]).max(axis=1)
+        here = left.pop(int(np.argmin(ways)))
+        found.append(here)
+    return found
+
+
+def _motion(
+    values: Mapping[str, Any], trajectory: Trajectory, centre: Array, poses: Array
+) -> tuple[dict[str, dict[str, Any]], Array]:
+    """A motion with a rest at each of some poses, by straight lines; over the centre if need be.
+
+    Returns:
+        Its keys, and the middle of the rest at each pose [s], shape (N,).
+
+    Raises:
+        InputError: the robot cannot perform it.
+    """
+    stops, wanted = [centre], []
+    for pose in poses:
+        if not reach.is_clear(trajectory, centre, stops[-1], pose):
+            stops.append(centre)
+        wanted.append(len(stops))
+        stops.append(pose)
+    times, points, rests, now = [0.0], [stops[0]], [], 0.0
+    shares = np.arange(1, INNER + 2) / (INNER + 1)
+    for first, last in zip([stops[0], *stops], stops, strict=False):
+        turned = np.abs(_joints(trajectory, last) - _joints(trajectory, first)).max()
+        way = max(SHORTEST, 1.875 * turned / FASTEST)  # a quintic's peak over its mean rate
+        if (last != first).any():
+            smooth = shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2)
+            times += (now + way * shares).tolist()
+            points += [first + share * (last - first) for share in smooth]
+            now += way
+        times += (now + REST * shares).tolist()
+        points += [last] * len(shares)
+        rests.append(now + 0.5 * REST)
+        now += REST
+    tree: dict[str, dict[str, Any]] = {
+        'trajectory': {'shape': 'waypoints'},
+        'waypoints': {
+            'times': [round(time, 4) for time in times],
+            'points': [round(float(number), 6) for point in points for number in point],
+        },
+        'plant': {'initial_pose': [round(float(number), 6) for number in stops[0]]},
+    }
+    flat = {f'{group}.{key}': each for group, of in tree.items() for key, each in of.items()}
+    preflight.check(trajectory_of({**values, **flat}), float(values['period']))
+    return tree, np.array(rests)[wanted]

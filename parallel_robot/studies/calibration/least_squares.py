@@ -1,0 +1,187 @@
+"""Geometry and zero angles by least squares, with what the poses cannot tell.
+
+Combinations of the unknown that the poses do not tell, as the place of a base that nobody has
+measured, are the singular vectors of the Jacobian with small singular values. As many of the
+unknown as there are such combinations keep their values; the others can be told then.
+
+Source:
+    Hollerbach, Khalil, Gautier (2016), Model identification, in: Springer Handbook of Robotics,
+    2nd edition, chapter 6; Golub, Van Loan (2013), Matrix Computations, 4th edition, section 5.5.7
+    (subset selection by QR with column pivoting).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize, stats
+
+from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import BagError
+
+NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a tracker, before its poses tell it
+SAME = 1e-12  # of the largest singular value: a combination that changes nothing
+ITERATIONS = 4  # of weights, and of what keeps its value
+FLOOR = 1e-9  # m or rad, least noise that is assumed
+TOLERANCE = 1e-10  # relative, at which the search ends
+FAR = 1e6  # of the noise, in place of poses that there are not
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least-squares estimate of what is unknown.
+
+    Attributes:
+        values: Estimates, shape (P,).
+        covariance: Of the estimates, shape (P, P); zero for those that keep their values.
+        interval: Half width of a 95 % interval over the standard error.
+        noise: Standard deviation of the measured coordinates, shape (k,).
+        kept: Numbers of those that keep their values, as the poses cannot tell them.
+        untold: Combinations that they cannot tell, unit vectors, shape (len(kept), P).
+        left: What is left of the poses, shape (N, k).
+        before: What was left before, shape (N, k).
+        slopes: Derivatives of the predicted poses, shape (N, k, P).
+        condition: Condition number of the weighted Jacobian of those that are told.
+    """
+
+    values: Array
+    covariance: Array
+    interval: float
+    noise: Array
+    kept: tuple[int, ...]
+    untold: Array
+    left: Array
+    before: Array
+    slopes: Array
+    condition: float
+
+    @property
+    def half_widths(self) -> Array:
+        """Half widths of 95 % intervals, shape (P,)."""
+        return np.asarray(self.interval * np.sqrt(np.diag(self.covariance)))
+
+
+def fit(model: PoseModel) -> Fit:
+    """Estimate what is unknown.
+
+    Raises:
+        BagError: there are too few poses, or the nominal robot is too far from them.
+    """
+    size, (poses, each) = len(model.start), model.measured.pose.shape
+    least = size // each + 1
+    if poses < least:
+        what = f'{poses} poses of {each} numbers are too few for {size} unknown'
+        raise BagError(f'{what}; at least {least} are needed')
+    before = model.left(model.start)
+    assert before is not None  # it was looked at when the model was made
+    noise = np.array([NOISE[unit] for unit in model.units])
+    slopes = model.slopes(model.start)
+    kept, untold = kept_values(_flat(slopes, noise) * model.told, model.preference)
+    for _ in range(ITERATIONS):
+        values, noise, degrees = _weighted(model, kept, noise)
+        slopes = model.slopes(values)
+        found, combinations = kept_values(_flat(slopes, noise) * model.told, model.preference)
+        if len(found) == len(kept):
+            untold = combinations
+            break
+        kept, untold = found, combinations
+    else:
+        values, noise, degrees = _weighted(model, kept, noise)
+        slopes = model.slopes(values)
+    left = model.left(values)
+    assert left is not None
+    told = [k for k in range(size) if k not in kept]
+    _, singular, vectors = np.linalg.svd(_flat(slopes, noise)[:, told], full_matrices=False)
+    inverse = vectors.T / singular
+    covariance = np.zeros((size, size))
+    covariance[np.ix_(told, told)] = inverse @ inverse.T
+    interval = float(stats.t.ppf(0.975, degrees))
+    condition = float(singular[0] / singular[-1])
+    return Fit(
+        values, covariance, interval, noise, tuple(kept), untold, left, before, slopes, condition
+    )
+
+
+def kept_values(slopes: Array, preference: Array) -> tuple[list[int], Array]:
+    """Which of the unknown keep their values, so that the others can be told.
+
+    Args:
+        slopes: Derivatives of what was measured over its noise, times the standard errors from
+            which on an unknown is not told, shape (N, P).
+        preference: How much each is to keep its value, shape (P,).
+
+    Returns:
+        Their numbers, and as many combinations that are not told, unit vectors.
+    """
+    _, singular, vectors = np.linalg.svd(slopes, full_matrices=False)
+    weak = (singular < 1.0) | (singular < SAME * singular[0])
+    untold = vectors[weak]
+    if not len(untold):
+        return [], untold
+    _, _, order = linalg.qr(untold * preference, pivoting=True)
+    return sorted(order[: len(untold)].tolist()), untold
+
+
+def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, Array, float]:
+    """Estimates, and the noise of the coordinates of each unit that is left by them.
+
+    Returns:
+        Both, and the degrees of freedom of the noise that is known worst.
+    """
+    told = [k for k in range(len(model.start)) if k not in kept]
+    values = model.start.copy()
+    for _ in range(ITERATIONS):
+        values[told] = _solved(model, values, told, noise)
+        left = model.left(values)
+        assert left is not None
+        orthogonal, _ = np.linalg.qr(_flat(model.slopes(values, kept), noise)[:, told])
+        pull = (orthogonal**2).sum(axis=1).reshape(left.shape)
+        found, least = noise.copy(), float(left.size)
+        for unit in {*model.units}:
+            of = np.array([each == unit for each in model.units])
+            degrees = max(left[:, of].size - float(pull[:, of].sum()), 0.5)
+            least = min(least, max(degrees, 1.0))
+            found[of] = max(np.sqrt((left[:, of] ** 2).sum() / degrees), FLOOR)
+        same = np.allclose(found, noise, rtol=1e-3)
+        noise = found
+        if same:
+            break
+    return values, noise, least
+
+
+def _solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Array:
+    """Weighted least squares for those of the unknown that are told."""
+    kept = set(range(len(start))) - set(told)
+
+    def whole(x: Array) -> Array:
+        values = start.copy()
+        values[told] = x
+        return values
+
+    def residual(x: Array) -> Array:
+        left = model.left(whole(x))
+        return np.full(model.measured.pose.size, FAR) if left is None else (left / noise).ravel()
+
+    def jacobian(x: Array) -> Array:
+        return -_flat(model.slopes(whole(x), kept), noise)[:, told]
+
+    found = optimize.least_squares(
+        residual,
+        start[told],
+        jacobian,
+        x_scale=model.told[told],
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
+        max_nfev=200,
+    )
+    if not found.success or model.left(whole(found.x)) is None:
+        raise BagError('no geometry was found that explains the poses: least squares do not end')
+    return np.asarray(found.x, np.float64)
+
+
+def _flat(slopes: Array, noise: Array) -> Array:
+    """Derivatives over the noise, one row for each number that was measured, shape (N k, P)."""
+    return np.asarray((slopes / noise[:, np.newaxis]).reshape(-1, slopes.shape[-1]))

@@ -1,0 +1,65 @@
+"""What calibrating is asked for: the robot of a bag, or poses that tell most."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from parallel_robot.studies.calibration.pose_model import FREE
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+
+BAG, DESIGN = 'bag', 'design'
+
+
+def mode(options: Mapping[str, Any]) -> str:
+    """Which of BAG and DESIGN some options ask for.
+
+    Args:
+        options: What was given, by the names of the command's options; None, False or an empty
+            list or mapping where nothing was.
+
+    Raises:
+        InputError: options do not go together.
+    """
+    if (options['bag'] is None) == (options['scenario'] is None):
+        raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
+    check_free(options['free'])
+    if options['scenario'] is not None:
+        if options['design'] is None:
+            raise InputError('--scenario goes with --design N, the number of poses')
+        _refuse(options, ('poses', 'pose-topic', 'trust'), '--design reads no bag: no {}')
+        return DESIGN
+    _refuse(options, ('design', 'seed', 'param-file'), '{} goes with --scenario alone')
+    if options['poses'] is not None and options['pose-topic'] is not None:
+        raise InputError('--poses and --pose-topic exclude each other')
+    return BAG
+
+
+def check_free(free: Collection[str]) -> None:
+    """Refuse what cannot be free of a tracker.
+
+    Raises:
+        InputError: it is none of FREE.
+    """
+    if isinstance(free, str):
+        raise InputError(f'free must be a list of {", ".join(FREE)}, not {free!r}')
+    for each in free:
+        if each not in FREE:
+            raise UnknownNameError('--free', str(each), FREE)
+
+
+def check_unchanged(values: Mapping[str, Any]) -> None:
+    """Refuse keys of a configuration beside a bag, which has its own.
+
+    Raises:
+        InputError: there are some.
+    """
+    for key in values:
+        raise InputError(f'{key}: what a bag holds is not changed')
+
+
+def _refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
+    for option in refused:
+        given = options[option]
+        if not (given is None or given is False or given in ([], {}, ())):
+            raise InputError(why.format(f'--{option}'))

@@ -1,0 +1,117 @@
+"""A calibrated robot as people read it, and as plain data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.studies.calibration.least_squares import Fit
+from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot_model.common.arrays import Array
+
+SHARE = 0.1  # in a unit vector from which an unknown is named
+MICRO = {'m': 'µm', 'rad': 'µrad', 's': 'µs'}
+
+
+def table(model: PoseModel, found: Fit) -> list[str]:
+    """Geometry, zero angles and tracker with 95 % intervals, and what is not known."""
+    lines = [
+        f'{model.robot.name}: {len(model.measured.time)} poses',
+        f'{"":<28}{"estimate":>13}{"95 % interval":>20}{"change":>14}',
+    ]
+    half = found.half_widths
+    for k, each in enumerate(model.unknown):
+        unit = MICRO[each.unit]
+        interval = 'kept' if k in found.kept else f'+- {1e6 * half[k]:.3g} {unit}'
+        change = f'{1e6 * (found.values[k] - model.start[k]):.1f} {unit}'
+        lines.append(f'{each.name:<28}{found.values[k]:>13.7g}{interval:>20}{change:>14}')
+    lines += [f'the poses do not tell: {text}' for text in untold(model, found)]
+    if found.kept:
+        kept = ', '.join(model.unknown[k].name for k in found.kept)
+        lines.append(f'kept, so that the others can be told: {kept}')
+    lines.append(f'condition number {found.condition:.4g}')
+    lines.append(f'{"error of the poses, rms":<28}{"before":>13}{"now":>20}{"noise":>14}')
+    axes = model.robot.module.coordinates(model.robot.parameters)
+    for k, column in enumerate(model.measured.columns):
+        before, now = (1e6 * rms(rows[:, k]) for rows in (found.before, found.left))
+        name = f'  {axes[column].name} [{MICRO[axes[column].unit]}]'
+        noise = 1e6 * found.noise[k]
+        lines.append(f'{name:<28}{before:>13.4g}{now:>20.4g}{noise:>14.4g}')
+    expected = ', '.join(
+        f'{1e6 * value:.3g} {MICRO[unit]}' for unit, value in expected_error(model, found).items()
+    )
+    lines.append(f'error of the calibrated robot that is expected at these poses, rms: {expected}')
+    return lines
+
+
+def untold(model: PoseModel, found: Fit) -> list[str]:
+    """Combinations that the poses do not tell, one line each.
+
+    There are as many as are kept, and any mixture of them is as good; these have one of those
+    that are kept each.
+    """
+    if not found.kept:
+        return []
+    basis = np.linalg.solve(found.untold[:, list(found.kept)], found.untold)
+    lines = []
+    for vector in basis:
+        vector = vector / np.linalg.norm(vector)
+        parts = [
+            f'{share:+.2f} {model.unknown[k].name}'
+            for k, share in enumerate(vector)
+            if abs(share) > SHARE
+        ]
+        lines.append(' '.join(parts) if len(parts) > 1 else parts[0].partition(' ')[2])
+    return lines
+
+
+def expected_error(model: PoseModel, found: Fit) -> dict[str, float]:
+    """Error of the calibrated robot at the poses by its covariance, rms, by unit.
+
+    In metres it is a distance, if the robot moves in a plane.
+    """
+    of_robot = slice(0, model.zeros.stop)
+    slopes = found.slopes[:, :, of_robot]
+    spread = found.covariance[of_robot, of_robot]
+    variance = np.einsum('nkp,pq,nkq->nk', slopes, spread, slopes).mean(axis=0)
+    units = np.array(model.units)
+    return {unit: float(np.sqrt(variance[units == unit].sum())) for unit in sorted({*units})}
+
+
+def as_data(model: PoseModel, found: Fit) -> dict[str, Any]:
+    """All results as plain data, for JSON; None for what keeps its value."""
+    axes = model.robot.module.coordinates(model.robot.parameters)
+    half = found.half_widths
+    return {
+        'robot_model': model.robot.name,
+        'poses': len(model.measured.time),
+        'unknown': [
+            {
+                'name': each.name,
+                'unit': each.unit,
+                'estimate': float(found.values[k]),
+                'half_width_95': None if k in found.kept else float(half[k]),
+                'before': float(model.start[k]),
+            }
+            for k, each in enumerate(model.unknown)
+        ],
+        'kept': [model.unknown[k].name for k in found.kept],
+        'not_told': untold(model, found),
+        'condition': found.condition,
+        'pose_error_rms': {
+            axes[column].name: {
+                'unit': axes[column].unit,
+                'before': rms(found.before[:, k]),
+                'now': rms(found.left[:, k]),
+                'noise': float(found.noise[k]),
+            }
+            for k, column in enumerate(model.measured.columns)
+        },
+        'expected_error_rms': expected_error(model, found),
+    }
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))

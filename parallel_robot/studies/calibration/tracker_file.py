@@ -1,0 +1,126 @@
+"""Measured poses in a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.units import NANOSECONDS
+
+TIME, STAMP = 't', 'stamp'
+SHOWN = 200  # characters of a line that are shown
+MISSING = ('', 'nan')  # what stands where a tracker saw nothing
+
+
+class TrackerFile(NamedTuple):
+    """Poses of a file.
+
+    Attributes:
+        time: When they were measured [s], since the start of the bag, shape (N,).
+        columns: Numbers of the coordinates that it has, k of them.
+        pose: The coordinates in the units of the robot, shape (N, k).
+        unused: Names of other columns.
+        missing: Number of lines without a pose.
+    """
+
+    time: Array
+    columns: tuple[int, ...]
+    pose: Array
+    unused: tuple[str, ...]
+    missing: int
+
+
+def read(path: Path, coordinates: Sequence[str], start: int) -> TrackerFile:
+    """Read a file with a header: ``t`` [s] or ``stamp`` [ns], and coordinates of the pose.
+
+    Args:
+        path: The file.
+        coordinates: Names of the coordinates of the robot.
+        start: Stamp of t = 0 [ns].
+
+    Raises:
+        InputError: it cannot be read, or a line is wrong.
+    """
+    try:
+        with path.open(encoding='utf-8-sig', newline='') as stream:
+            lines = csv.reader(stream)
+            header = [name.strip() for name in next(lines, [])]
+            time, columns = _columns(path, header, coordinates)
+            rows: list[list[float]] = []
+            missing = 0
+            for line in lines:
+                if not ''.join(line).strip():
+                    continue
+                where = f'{path}, line {lines.line_num}'
+                if len(line) != len(header):
+                    raise InputError(f'{where} must hold {len(header)} values, not {len(line)}')
+                cells = [line[header.index(name)].strip() for name in columns]
+                if any(cell.lower() in MISSING for cell in cells):
+                    missing += 1
+                    continue
+                rows.append([_time(where, time, line[header.index(time)].strip(), start)])
+                rows[-1] += [_number(where, cell) for cell in cells]
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from None
+    except UnicodeDecodeError:
+        raise InputError(f'{path} is not text in UTF-8') from None
+    except csv.Error as error:
+        raise InputError(f'{path}: {error}') from None
+    if not rows:
+        raise InputError(f'{path} holds no pose')
+    table = np.array(rows)
+    table = table[np.argsort(table[:, 0], kind='stable')]
+    unused = tuple(name for name in header if name not in (time, *columns))
+    numbers = tuple(coordinates.index(name) for name in columns)
+    return TrackerFile(table[:, 0], numbers, table[:, 1:], unused, missing)
+
+
+def _columns(
+    path: Path, header: Sequence[str], coordinates: Sequence[str]
+) -> tuple[str, list[str]]:
+    """Name of the column of times, and those of the coordinates that are there.
+
+    Raises:
+        InputError: one of both is missing, or a name stands there twice.
+    """
+    times = [name for name in (TIME, STAMP) if name in header]
+    known = [name for name in coordinates if name in header]
+    if len(times) != 1 or not known or any(header.count(name) > 1 for name in [*times, *known]):
+        shown = printable(', '.join(header), SHOWN)
+        what = f'{TIME} [s] or {STAMP} [ns], then some of {", ".join(coordinates)}'
+        raise InputError(f'{path}, line 1: the header must name {what}, not {shown!r}')
+    return times[0], known
+
+
+def _time(where: str, column: str, text: str, start: int) -> float:
+    """Time of a line since t = 0 [s]."""
+    if column == TIME:
+        return _number(where, text)
+    try:
+        return (int(text) - start) / NANOSECONDS
+    except ValueError:
+        what = f'{STAMP} {printable(text, SHOWN)!r} is not a whole number of nanoseconds'
+        raise InputError(f'{where}: {what}') from None
+
+
+def _number(where: str, text: str) -> float:
+    """A finite number.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f'{where}: {printable(text, SHOWN)!r} is not a finite number')
+    return value

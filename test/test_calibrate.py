@@ -1,0 +1,286 @@
+"""The command ``calibrate``, and its function for Python."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from bags import STORE, content, write_foreign
+
+import parallel_robot as pr
+from parallel_robot.bags import pose_topics
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.configuration import config
+from parallel_robot_model.messages.topics import JOINT_STATES, Topic
+
+TRUE = {  # all of it: what is not said follows the robot that is believed in
+    'true_robot.l1': 0.4008,
+    'true_robot.l2': 0.5993,
+    'true_robot.l3': 0.2,
+    'true_robot.base_x': [0.001, 0.9995, 0.5],
+    'true_robot.base_y': [0.0, 0.0, 0.8660254],
+    'true_robot.platform_angle': [3.6651914, 5.7595865, 1.5707963],
+    'sensor.zero_angle': [0.002, -0.001, 0.001],
+}
+NOISE = np.array([1e-5, 1e-5, 5e-5])
+POSES = 12
+EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+@pytest.fixture(scope='module')
+def case(tmp_path_factory):
+    """A robot that is not quite ours in the poses that tell most, and what a tracker saw."""
+    folder = tmp_path_factory.mktemp('calibrate')
+    motion, bag, poses = (folder / name for name in ('motion.yaml', 'bag', 'poses.csv'))
+    words = ('calibrate', '--scenario', 'paper_circle', '--design', POSES, '--out', motion)
+    assert run(*words) == 0
+    joined = {'approach.duration': 0.4, 'sensor.position_noise': 5e-6}
+    made = pr.simulate(
+        'paper_circle', law='observer_s_fotsmc', param_file=motion, **joined, **TRUE
+    )
+    assert made.fault is None  # the chosen motion can be run
+    pr.save(made, bag)
+    rng = np.random.default_rng(1)
+    rows = np.arange(1000, len(made.time), 250)
+    pose = made.pose[rows] + NOISE * rng.normal(size=(len(rows), 3))
+    table = np.column_stack([made.time[rows], pose])
+    np.savetxt(poses, table, '%.9f', ',', header='t,x,y,phi', comments='')
+    return SimpleNamespace(bag=bag, poses=poses, table=table)
+
+
+def tracker(file, header, table):
+    np.savetxt(file, table, '%.9f', ',', header=header, comments='')
+    return file
+
+
+def test_the_true_robot_is_found_and_its_file_makes_a_loop_right(case, tmp_path, capsys):
+    out = tmp_path / 'robot.yaml'
+    words = ('calibrate', case.bag, '--poses', case.poses, '--out', out, '--format', 'json')
+    capsys.readouterr()
+    assert run(*words) == 0
+    found = json.loads(capsys.readouterr().out)
+    unknown = {each['name']: each for each in found['unknown']}
+    for name, truth in {
+        'robot.l1': 0.4008,
+        'robot.l3': 0.2,
+        'robot.base_x[0]': 0.001,
+        'zero angle of joint2': -0.001,
+    }.items():
+        assert abs(unknown[name]['estimate'] - truth) < 2.5 * unknown[name]['half_width_95'], name
+    assert not found['kept'] and not found['not_told']  # it moves, so clocks can be compared
+    assert abs(unknown['clock']['estimate']) < 1e-4
+    assert found['pose_error_rms']['x']['noise'] == pytest.approx(1e-5, rel=0.15)
+    # The file is a configuration of which a loop is right.
+    content = yaml.safe_load(out.read_text())
+    values = config.flat(content)
+    assert '&' not in out.read_text() and 'robot.m1' not in values
+    law = {'law': 'observer_s_fotsmc', 'duration': 4}
+    before = pr.simulate('paper_circle', **law, **TRUE)
+    after = pr.simulate('paper_circle', param_file=out, **law, **TRUE)
+    errors = [pr.metrics(each).steady.xy_rms_m for each in (before, after)]
+    assert errors[0] > 1e-3 and errors[1] < 15e-6
+
+
+def test_the_table_says_what_was_found_and_python_finds_the_same(case, capsys):
+    capsys.readouterr()
+    assert run('calibrate', case.bag, '--poses', case.poses) == 0
+    out = capsys.readouterr().out
+    found = pr.calibrate(case.bag, poses=case.poses)
+    assert out == '\n'.join(found.lines()) + '\n' == f'{found!r}\n'
+    assert 'robot.base_y[2]' in out and 'condition number' in out and 'phi [µrad]' in out
+    assert found.values['robot.l1'] == pytest.approx(found.robot.parameters.l1, rel=1e-9)
+    assert found.values['estimator.zero_angle'] == found.values['sensor.zero_angle']
+
+
+def test_stamps_other_columns_and_gaps_in_the_tracker_do_not_matter(case, tmp_path, capsys):
+    exact = pr.calibrate(case.bag, poses=case.poses)
+    file, start = tmp_path / 'poses.csv', start_of(case)
+    lines = ['z, phi , y,x, stamp']
+    for k, (t, x, y, phi) in enumerate(case.table):
+        cells = ['nan', ''] if k % 50 == 7 else [repr(float(phi)), repr(float(y))]
+        lines.append(','.join(['0.1', *cells, repr(float(x)), str(start + round(1e9 * t))]))
+    file.write_text('\n'.join(lines) + '\n\n')
+    found = pr.calibrate(case.bag, poses=file)
+    assert any('not used: the columns z' in line for line in found.warnings)
+    assert any('lines without a pose' in line for line in found.warnings)
+    assert found.values['robot.l2'] == pytest.approx(exact.values['robot.l2'], abs=2e-5)
+
+
+def start_of(case):
+    """Stamp of t = 0 of its bag [ns]."""
+    [file] = case.bag.glob('*.mcap')
+    _, data = content(file)['joint_states'][0]
+    message = STORE.deserialize_cdr(data, JOINT_STATES.type)
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def test_a_tracker_that_strays_is_doubted(case, tmp_path):
+    table = case.table.copy()
+    table[11, 1] += 3e-3
+    found = pr.calibrate(case.bag, poses=tracker(tmp_path / 'poses.csv', 't,x,y,phi', table))
+    [warning] = found.warnings
+    assert '1 poses are more than 6 standard deviations' in warning
+    assert f't = {table[11, 0]:.3f} s' in warning
+
+
+def test_zero_angles_that_are_known_are_found_again(case, tmp_path):
+    """A second calibration of a loop with the first: nothing changes."""
+    found = pr.calibrate(case.bag, poses=case.poses)
+    still = {'approach.duration': 0.4, 'law': 'pid', 'duration': 6}
+    again = pr.simulate('paper_circle', **still, **{**found.values, **TRUE})
+    pr.save(again, tmp_path / 'bag')
+    rows = np.arange(1000, 6000, 25)
+    pose = again.pose[rows] + NOISE * np.random.default_rng(2).normal(size=(len(rows), 3))
+    table = np.column_stack([again.time[rows], pose])
+    second = pr.calibrate(tmp_path / 'bag', poses=tracker(tmp_path / 'p.csv', 't,x,y,phi', table))
+    start = second.model.start[second.model.zeros]
+    assert start == pytest.approx(found.values['estimator.zero_angle'], abs=1e-9)
+    assert np.sqrt((second.found.before[:, :2] ** 2).mean()) < 1.5e-5
+    off = np.abs(second.found.values - second.model.start)
+    assert (off <= 4.0 * second.found.half_widths + 1e-12).all()
+
+
+KINDS = {
+    'geometry_msgs/msg/PoseStamped': lambda types, header, pose: types.PoseStamped(header, pose),
+    'geometry_msgs/msg/PoseWithCovarianceStamped': lambda types, header, pose: (
+        types.PoseWithCovarianceStamped(header, types.PoseWithCovariance(pose, np.zeros(36)))
+    ),
+    'geometry_msgs/msg/TransformStamped': lambda types, header, pose: types.TransformStamped(
+        header, 'target', types.Transform(
+            types.Vector3(pose.position.x, pose.position.y, pose.position.z), pose.orientation
+        )
+    ),
+}  # fmt: skip
+
+
+def recorded(case, folder, kind, topic, frame='world', lost=()):
+    """A bag of joint states alone, and poses as rosbags serialises them."""
+    types = SimpleNamespace(
+        **{name.rpartition('/')[2]: each for name, each in STORE.types.items() if '/msg/' in name}
+    )
+    [file] = case.bag.glob('*.mcap')
+    start, messages = start_of(case), []
+    for k, (t, x, y, phi) in enumerate(case.table):
+        stamp = start + round(1e9 * t)
+        header = types.Header(types.Time(*divmod(stamp, 10**9)), frame[: len(frame) - k % 2])
+        turned = types.Quaternion(0.0, 0.0, float(np.sin(phi / 2)), float(np.cos(phi / 2)))
+        x, y = (float('nan') if k in lost else float(each) for each in (x, y))
+        pose = types.Pose(types.Point(x, y, 0.2), turned)
+        message = KINDS[kind](types, header, pose)
+        messages.append((stamp, bytes(STORE.serialize_cdr(message, kind))))
+    streams = {JOINT_STATES: content(file)['joint_states'], Topic(topic, kind): messages}
+    write_foreign(folder, streams)
+    return folder
+
+
+@pytest.mark.parametrize('kind', [*KINDS])
+def test_poses_in_the_bag_are_those_of_the_file(case, tmp_path, kind):
+    bag = recorded(case, tmp_path / 'bag', kind, 'tracker/pose_of_target')
+    found = pose_topics.read(bag)
+    np.testing.assert_allclose(found.pose, case.table[:, 1:], atol=1e-9)
+    calibrated = pr.calibrate(bag)
+    expected = pr.calibrate(case.bag, poses=case.poses)
+    for key, value in expected.values.items():
+        np.testing.assert_allclose(calibrated.values[key], value, atol=2e-6, err_msg=key)
+
+
+def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path):
+    kind = 'geometry_msgs/msg/PoseStamped'
+    bag = recorded(case, tmp_path / 'bag', kind, 'tracker', lost=(5, 9))
+    found = pr.calibrate(bag)
+    assert any('not used: 2 messages without a pose' in line for line in found.warnings)
+    assert len(found.model.measured.time) == len(case.table) - 2
+    [file] = case.bag.glob('*.mcap')
+    cut = [(k, bytes([0, 1, 0, 0, *([255] * 40)])) for k in range(10**9, 10**9 + 5)]
+    streams = {JOINT_STATES: content(file)['joint_states'], Topic('tracker', kind): cut}
+    write_foreign(tmp_path / 'broken', streams)
+    with pytest.raises(BagError, match='tracker is not understood: a message is broken'):
+        pr.calibrate(tmp_path / 'broken')
+
+
+def test_one_topic_of_poses_is_chosen(case, tmp_path, capsys):
+    bag = recorded(case, tmp_path / 'bag', 'geometry_msgs/msg/PoseStamped', 'tracker')
+    assert run('calibrate', bag, '--pose-topic', '/tracker') == 0
+    capsys.readouterr()
+    assert run('calibrate', bag, '--pose-topic', 'traker') == 2
+    error = capsys.readouterr().err
+    assert '/traker is not there; it has /tracker' in error and error.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('words', 'message'),
+    [
+        (['{tmp}/none', '--poses', '{poses}'], 'none'),
+        (['{bag}'], 'has no topic of measured poses'),
+        (['{bag}', '--pose-topic', 'pose'], 'is computed from the joints, not measured'),
+        (['{bag}', '--pose-topic', 'joint_states'], 'JointState, not of poses'),
+        (['{bag}', '--poses', '{tmp}/none.csv'], 'cannot read'),
+        (['{bag}', '--poses', '{header}'], 'must name t [s] or stamp [ns], then some of x'),
+        (['{bag}', '--poses', '{word}'], "line 3: 'one' is not a finite number"),
+        (['{bag}', '--poses', '{short}'], 'line 2 must hold 4 values, not 3'),
+        (['{bag}', '--poses', '{empty}'], 'holds no pose'),
+        (['{bag}', '--poses', '{late}'], 'no pose was measured while the joints were recorded'),
+        (['{bag}', '--poses', '{few}'], '3 poses of 3 numbers are too few for 16 unknown'),
+        (['{bag}', '--poses', '{poses}', '--out', '{poses}'], 'exists; nothing is overwritten'),
+        (['{bag}', '--poses', '{poses}', '--set', 'robot.l1=1'], 'only custom_robots is taken'),
+        (['{bag}', '--poses', '{poses}', '--free', 'fram'], "did you mean 'frame'?"),
+        ([], 'takes either a bag or --scenario'),
+        (['--scenario', 'paper_circle', '--design', '3'], 'must be at least 5 poses for 15'),
+        (['--scenario', 'paper_circel', '--design', '9'], "did you mean 'paper_circle'?"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_costs_one_line(case, tmp_path, capsys, words, message):
+    files = {
+        'header': 'time,x,y\n1,2,3\n',
+        'word': 't,x,y,phi\n1,0,0,0\n2,one,0,0\n',
+        'short': 't,x,y,phi\n1,0,0\n',
+        'empty': 't,x,y,phi\n',
+        'late': 't,x,y,phi\n1e6,0,0,0\n',
+        'few': 't,x,y,phi\n1,0.5,0.4,1.5\n2,0.5,0.4,1.5\n3,0.5,0.4,1.5\n',
+    }
+    names = {'bag': case.bag, 'poses': case.poses, 'tmp': tmp_path}
+    for name, text in files.items():
+        names[name] = tmp_path / f'{name}.csv'
+        names[name].write_text(text)
+    before = sorted(tmp_path.iterdir())
+    capsys.readouterr()
+    assert run('calibrate', *(word.format(**names) for word in words)) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count('\n') == 1, error
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_custom_robot_is_calibrated_by_its_file(tmp_path, capsys):
+    """The table of the documentation, whose pulleys are larger than it believes."""
+    mine = {'robot_model': 'example_robot', 'custom_robots': [str(EXAMPLE)]}
+    mine |= {'plant.initial_pose': [0.241, 0.2], 'circle.center': [0.2, 0.2]}
+    true = {'true_robot.radius': 0.0201, 'sensor.zero_angle': [0.01, -0.02]}
+    made = pr.simulate('paper_circle', duration=6, **mine, **true)
+    assert made.fault is None
+    bag = tmp_path / 'bag'
+    pr.save(made, bag)
+    rows = np.arange(1000, 6000, 40)
+    pose = made.pose[rows] + 1e-5 * np.random.default_rng(0).normal(size=(len(rows), 2))
+    poses = tracker(tmp_path / 'poses.csv', 't,x,y', np.column_stack([made.time[rows], pose]))
+    found = pr.calibrate(bag, poses=poses, custom_robots=[EXAMPLE])
+    assert found.values['robot.radius'] == pytest.approx(0.0201, abs=2.5e-6)
+    np.testing.assert_allclose(found.values['estimator.zero_angle'], [0.01, -0.02], atol=1e-3)
+    capsys.readouterr()
+    assert run('calibrate', bag, '--poses', poses) == 2
+    assert 'example_robot is not known' in capsys.readouterr().err
+
+
+def test_python_refuses_what_the_command_refuses(case):
+    with pytest.raises(InputError, match='what a bag holds is not changed'):
+        pr.calibrate(case.bag, poses=case.poses, **{'robot.l1': 1.0})
+    with pytest.raises(InputError, match='free must be a list'):
+        pr.calibrate(case.bag, poses=case.poses, free='frame')
+    with pytest.raises(BagError, match='has no topic of measured poses'):
+        pr.calibrate(case.bag)
