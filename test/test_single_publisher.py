@@ -37,6 +37,9 @@ class Topic:
         for number in numbers:
             self.hear(number, after, who)
 
+    def contradicted(self, shared):
+        return self._watch.contradicted(shared)
+
     def numbers(self, who=FIRST):
         return [number for one, number in self.used if one == who]
 
@@ -88,6 +91,19 @@ def test_numbers_may_wrap():
     topic.hear_all(range(2**32 - 100, 2**32))
     topic.hear_all(range(1000))  # the first of them is that of a middleware without numbers
     assert topic.numbers()[-400:] == list(range(600, 1000))
+
+
+@pytest.mark.parametrize('numbers', [range(1, 100), [*range(1, 100, 7), *range(300, 400)]])
+def test_losses_are_not_called_a_second_publisher_where_others_are_told_apart(numbers):
+    """On a topic with the states of a gripper, too, the middleware counts two publishers."""
+    topic = Topic()
+    topic.publishers = 2
+    topic.hear_all(numbers)
+    topic.hear(10_000)
+    assert topic.used and not topic.several and not topic.contradicted(shared=True)
+    for number in range(10_001, 10_601):
+        topic.hear_all([number, number + 5000])
+    assert topic.contradicted(shared=True)
 
 
 @pytest.mark.parametrize('stall', [0.05, 0.3])

@@ -70,12 +70,15 @@ class Connections:
         self._watched[topic] = watched
 
         ours = OurJoints(topic, self._joints) if topic.type in OWN else None
+        shared = False
 
         def take(data: bytes, _: int, number: int) -> None:
+            nonlocal shared
             if ours is not None and ours.others(data):
+                shared = True
                 self._on_others(topic)
             elif watched.strange(number):
-                if watched.contradicted():
+                if watched.contradicted(shared):
                     self._on_stranger(topic, watched.several())
             else:
                 callback(data)

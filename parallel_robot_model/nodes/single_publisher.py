@@ -95,12 +95,15 @@ class SinglePublisher:
         """Whether publishers take turns: twice within a second, and just now."""
         return self._several and self._clock() - self._turned_at < SETTLED
 
-    def contradicted(self) -> bool:
+    def contradicted(self, shared: bool) -> bool:
         """Whether a message that was not used is known to be of a second publisher.
 
-        Else it came while that was still to be found, among the publishers of a shared topic.
+        Else it came while that was still to be found, or after many that were lost.
+
+        Args:
+            shared: Whether others, whose messages are told by their content, publish there, too.
         """
-        return self._trusted is not None or self.several()
+        return self.several() or (self._trusted is not None and not shared)
 
     def strange(self, number: int) -> bool:
         """Whether a message may be of another publisher, so that it must not be used.
@@ -125,13 +128,13 @@ class SinglePublisher:
                 other.heard, other.run = now, max(2, other.run)
                 self._turn(now)
             return True
-        if self._is_to_be_trusted(number, now):
+        if self._is_to_be_trusted(number, last, now):
             self._trusted, self._other, self._interrupted = self._other, None, False
             return False
         self._interrupted = True
         return True
 
-    def _is_to_be_trusted(self, number: int, now: float) -> bool:
+    def _is_to_be_trusted(self, number: int, last: int, now: float) -> bool:
         """Note a message that is not of the trusted publisher; whether its own is from now on."""
         trusted, other, alone = self._trusted, self._other, self._alone()
         silence = SILENCE if alone or trusted is None else max(SILENCE, trusted.pause)
@@ -140,7 +143,7 @@ class SinglePublisher:
                 other.run = 0  # a command now and then is no stream of commands
             other.take(number, now)
         else:
-            if trusted is None and other is not None:
+            if other is not None and number <= last and not self._is_heard(now):
                 self._turn(now)
             other = self._other = _Stream(number, now, trusted.rate if trusted else 0.0)
             if trusted is not None and 0 <= trusted.number - number <= SLACK:
@@ -150,6 +153,9 @@ class SinglePublisher:
         if trusted is None:
             return alone or other.run >= RUN
         return other.run >= RUN and now - trusted.heard >= silence
+
+    def _is_heard(self, now: float) -> bool:
+        return self._trusted is not None and now - self._trusted.heard < SILENCE
 
     def _turn(self, now: float) -> None:
         self._several = now - self._turned_at < SETTLED
