@@ -6,8 +6,16 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
-from parallel_robot.bags import bag_reader, history, message_arrays, run_log, statuses
+from parallel_robot.bags import (
+    bag_reader,
+    history,
+    message_arrays,
+    motion_alone,
+    run_log,
+    statuses,
+)
 from parallel_robot.bags.bag_reader import Messages
+from parallel_robot.bags.experiment import configuration
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.message_arrays import LOG, Samples
@@ -32,7 +40,12 @@ class Recording(NamedTuple):
     extra: dict[Topic, Samples]
 
 
-def read(bag: str | Path, topics: Collection[Topic] = (), memory: int = MEMORY) -> Recording:
+def read(
+    bag: str | Path,
+    topics: Collection[Topic] = (),
+    memory: int = MEMORY,
+    motion_only: bool = False,
+) -> Recording:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
 
     Damaged parts are left out; the warnings of the log say so.
@@ -41,6 +54,7 @@ def read(bag: str | Path, topics: Collection[Topic] = (), memory: int = MEMORY) 
         bag: Directory of the bag, or its MCAP file.
         topics: What else is wanted, of TELEMETRY: topics with a position for each joint.
         memory: What may be held of it [bytes].
+        motion_only: Whether references and commands may be missing: NaN, and none.
 
     Raises:
         BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
@@ -62,9 +76,13 @@ def read(bag: str | Path, topics: Collection[Topic] = (), memory: int = MEMORY) 
             return others(topic, messages)  # of that name, but not the suite's
 
     found = bag_reader.read(bag, RECORDED, condense, memory)
-    streams = run_log.streams_of(bag, found.streams)
-    past = history.of(found, told)
-    log = run_log.of(bag, found, streams, past.parameters)
+    streams, past = run_log.streams_of(bag, found.streams), history.of(found, told)
+    absent: tuple[Topic, ...] = ()
+    if motion_only:
+        streams, absent = motion_alone.filled(
+            streams, lambda: configuration(bag, found.metadata, past.parameters)[1].joints
+        )
+    log = motion_alone.cleared(run_log.of(bag, found, streams, past.parameters), absent)
     extra = {}
     for topic in {*topics} & streams.keys():
         try:

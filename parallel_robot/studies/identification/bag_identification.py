@@ -169,7 +169,7 @@ def at_rest(bag: Path, memory: int = MEMORY) -> Rest:
     Raises:
         BagError: it is no bag of a run, or its robot never rests.
     """
-    found = rest.of(recording.read(bag, memory=memory).log)
+    found = rest.of(recording.read(bag, memory=memory, motion_only=True).log)
     if found is None:
         raise BagError(f'{bag}: {rest.NONE}')
     return found

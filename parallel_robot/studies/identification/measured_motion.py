@@ -68,7 +68,7 @@ def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, MeasuredMotion]:
     Raises:
         BagError: not a bag of a run, or it holds no torques or no motion.
     """
-    log, past, _ = recording.read(bag, memory=memory)
+    log, past, _ = recording.read(bag, memory=memory, motion_only=True)
     limit = group(log.config, PlantParameters, 'plant').torque_limit
     try:
         return log, of(log, past.statuses, np.array(limit))
