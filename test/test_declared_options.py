@@ -20,6 +20,8 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'laws': 'no_such_law',
     'study': 'no_such_study',
     'scenario': 'no_such_scenario',
+    'topics': 'no_such=/topic',
+    'joints': 'a',
     'run': 'no_such_scenario',
     'design': 'no_such_scenario',
     'bag': '{tmp}/none',

@@ -11,6 +11,7 @@ import numpy as np
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.metrics import Poses
 from parallel_robot.bags import command_states, recorded_robot
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
@@ -33,18 +34,21 @@ class Table(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def read(bag: Path, memory: int = MEMORY, code: RobotCode = NONE) -> Table:
+def read(
+    bag: Path, memory: int = MEMORY, code: RobotCode = NONE, view: BagView = AS_RECORDED
+) -> Table:
     """Read a bag, see :func:`recorded_robot.read`.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: Memory that reading it may take [bytes].
         code: What may run to know its robot.
+        view: What bags do not say themselves, and which part is wanted.
 
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,))
+    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,), view)
     poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
     if SLIDING_VARIABLE in extra:

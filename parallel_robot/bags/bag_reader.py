@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
@@ -13,6 +13,7 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from parallel_robot.bags import custom_sources
 from parallel_robot.bags.bag_files import custom_data, files, open_file
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
 from parallel_robot.bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot.bags.mcap_chunk import unpacked_payload
@@ -63,9 +64,10 @@ class Bag(Generic[Part]):
 
 def read(
     bag: str | Path,
-    topics: Iterable[Topic],
+    topics: Collection[Topic],
     condense: Callable[[Topic, Messages], Part],
     memory: int = MEMORY,
+    view: BagView = AS_RECORDED,
 ) -> Bag[Part]:
     """Read some topics of a bag, a few megabytes at a time.
 
@@ -74,6 +76,7 @@ def read(
         topics: What to read, in any namespace, if the type is the same or unknown.
         condense: Turns messages into what is kept of them, which takes no more memory.
         memory: What may be held of the bag [bytes].
+        view: Which topics take the place of others.
 
     Raises:
         BagError: nothing there is an MCAP file, or it takes more than is allowed.
@@ -99,10 +102,9 @@ def read(
             elif isinstance(record, Channel):
                 name = f'/{record.topic.lstrip("/")}'
                 channels[name] = schemas.get(record.schema_id, '')
-                for topic in topics:
-                    same = schemas.get(record.schema_id, '') in (topic.type, '')
-                    if same and name.endswith(f'/{topic.name}'):
-                        wanted[record.id] = name, topic
+                topic = view.topic_of(name, channels[name], topics)
+                if topic is not None:
+                    wanted[record.id] = name, topic
                 if len(wanted) > CHANNELS:
                     raise BagError(f'{file} has more than {CHANNELS} channels of such topics')
             elif isinstance(record, Metadata) and record.name == METADATA:
@@ -124,8 +126,8 @@ def read(
             elif isinstance(record, Block):
                 for channel, messages in _messages(record, wanted, opened.allowance):
                     held.hold(messages.payloads.nbytes)
-                    name, topic = wanted[channel]
-                    streams.setdefault(name, []).append(condense(topic, messages))
+                    name, of = wanted[channel]
+                    streams.setdefault(name, []).append(condense(of, messages))
     if not understood:
         raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
     if damage or not facts:

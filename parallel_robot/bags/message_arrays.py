@@ -219,7 +219,8 @@ def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, .
     """Index of each joint in the messages of a topic."""
     for joint in joints:
         if names.count(joint) != 1:
-            raise BagError(f'{bag}: {topic.name} has no {joint}, only {", ".join(names)}')
+            there = f'{topic.name} has no {joint}, only {", ".join(names)}'
+            raise BagError(f'{bag}: {there}; --joints names them, --scenario the robot')
     return [names.index(joint) for joint in joints]
 
 

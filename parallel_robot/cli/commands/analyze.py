@@ -30,7 +30,10 @@ from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags import history, new_files, recorded_robot, run_log, stretches
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.stretches import Stretch
-from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.configuration.loop import length
@@ -51,7 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_window_arguments(parser)
     add_scale_argument(parser)
-    add_robot_arguments(parser)
+    add_bag_arguments(parser, window=False)
+    add_set_argument(parser)
+    add_trust_argument(parser, 'the robot')
     add_memory_argument(parser)
 
 
@@ -64,7 +69,9 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.figure:
         figures.check_new(figure)
     memory = arguments.max_memory
-    log, past, _ = recorded_robot.read(arguments.bag, memory, robot_code(arguments))
+    values = given(arguments)
+    code, view = robot_code(arguments, values), bag_view(arguments, values, window=False)
+    log, past, _ = recorded_robot.read(arguments.bag, memory, code, view=view)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     timed = timing.evaluate(log, past)
