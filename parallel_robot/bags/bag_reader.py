@@ -17,7 +17,7 @@ from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
 from parallel_robot.bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot.bags.mcap_chunk import unpacked_payload
-from parallel_robot.bags.mcap_records import Damage, Record, scan
+from parallel_robot.bags.mcap_records import UNPACKED_BY, Damage, Record, scan
 from parallel_robot.bags.record_names import METADATA
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import plain_data
@@ -128,6 +128,10 @@ def read(
                     held.hold(messages.payloads.nbytes)
                     name, of = wanted[channel]
                     streams.setdefault(name, []).append(condense(of, messages))
+    unknown = {place.what for place in damage if place.what.startswith(UNPACKED_BY)}
+    if unknown and not streams:
+        what = f'{bag} cannot be read: {", ".join(sorted(unknown))}'
+        raise BagError(f'{what}, which is not known here; zstd, lz4 and none are')
     if not understood:
         raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
     if damage or not facts:
