@@ -5,6 +5,7 @@ without, an attachment, metadata, nothing; each with and without chunks, indexes
 statistics, summary offsets, and extra bytes at the end of records.
 """
 
+import hashlib
 import itertools
 import struct
 from zlib import crc32
@@ -61,6 +62,9 @@ INPUTS['TenMessages'] = [
     *INPUTS['OneMessage'][:2],
     *((MESSAGE, message(time, sequence, time)) for sequence, time in enumerate(TIMES)),
 ]
+SUITE = (  # of names and digests of all files of the suite, so that these are the same
+    '447d6e17b96515c5f9fc442e0facb4ad06de3d6ca6d2640ee94a453ec655d115'
+)
 FEATURES = ('ch', 'mx', 'st', 'rsh', 'rch', 'ax', 'mdx', 'chx', 'sum', 'pad')
 NEEDS = {'mx': 'ch', 'chx': 'ch'}
 OF = {'ax': ATTACHMENT, 'mdx': METADATA, 'rsh': SCHEMA, 'rch': CHANNEL}
@@ -128,7 +132,7 @@ def written(
         start, length = file.add(CHUNK, body + struct.pack('<Q', len(data)) + data)
         offsets, size = b'', 0
         if 'mx' in features:
-            rows = b''.join(struct.pack('<QQ', *row) for row in sorted(times))
+            rows = b''.join(struct.pack('<QQ', *row) for row in times)
             place, size = file.add(INDEX, struct.pack('<HI', 1, len(rows)) + rows)
             offsets = struct.pack('<HQ', 1, place)
         if 'chx' in features:
@@ -173,13 +177,14 @@ def told(found):
     return [(log_time, sequence) for _, sequence, log_time, *_ in rows], {*names} - {'Header'}
 
 
-def test_all_variants_of_the_conformance_suite(tmp_path):
+def test_all_variants_of_the_conformance_suite():
     names = {SCHEMA: 'Schema', CHANNEL: 'Channel', ATTACHMENT: 'Attachment', METADATA: 'Metadata'}
-    count = 0
+    digests = {}
     for name, features in variants():
-        count += 1
         records = INPUTS[name]
-        messages, kinds = told(scanned(written(records, features)))
+        data = written(records, features)
+        digests['-'.join([name, *sorted(features)]) + '.mcap'] = hashlib.sha256(data).hexdigest()
+        messages, kinds = told(scanned(data))
         place = name, sorted(features)
         wanted = [
             struct.unpack_from('<IQ', body, 2)[::-1] for kind, body in records if kind == MESSAGE
@@ -187,7 +192,9 @@ def test_all_variants_of_the_conformance_suite(tmp_path):
         assert messages == wanted, place
         expected = {names[kind] for kind, _ in records if kind in names}
         assert kinds == expected | ({'Statistics'} if 'st' in features else set()), place
-    assert count == 416  # as many as there are in the suite
+    lines = ''.join(f'{name}:{digest}\n' for name, digest in sorted(digests.items()))
+    assert len(digests) == 416
+    assert hashlib.sha256(lines.encode()).hexdigest() == SUITE
 
 
 @pytest.mark.parametrize('kind', [PRIVATE, 0xFF, FUTURE])

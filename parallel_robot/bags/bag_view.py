@@ -6,16 +6,19 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from parallel_robot.bags import planned_motion
 from parallel_robot_control.configuration import load, resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config
-from parallel_robot_model.messages.topics import RECORDED, Topic
+from parallel_robot_model.messages.topics import RECORDED, REFERENCE, Topic
 from parallel_robot_model.robots.configuration import robot_of
 
 BASE = 'paper_circle'  # what a bag without a configuration is taken to be of
 NAMES = {topic.name.rpartition('/')[2]: topic for topic in RECORDED} | {
     topic.name: topic for topic in RECORDED
 }
+
+INSTEAD = {REFERENCE: (planned_motion.STATE,)}  # types that are taken where they are chosen
 
 
 class BagView(NamedTuple):
@@ -62,7 +65,8 @@ class BagView(NamedTuple):
         for topic in topics:
             chosen = self.topics.get(topic.name)
             meant = name.endswith(f'/{topic.name}') if chosen is None else name == chosen
-            if meant and kind in (topic.type, ''):
+            kinds = (topic.type, '', *(INSTEAD.get(topic, ()) if chosen is not None else ()))
+            if meant and kind in kinds:
                 return topic
         return None
 

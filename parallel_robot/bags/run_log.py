@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import certificate, command_states, experiment
+from parallel_robot.bags import certificate, command_states, experiment, planned_motion
 from parallel_robot.bags.bag_reader import Bag
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.bag_view import AS_RECORDED, INSTEAD, BagView
 from parallel_robot.bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
@@ -116,12 +116,16 @@ def of(
     streams, view = dict(streams), view.of(bool(found.metadata))
     for needed in NEEDED:
         if needed not in streams:
-            raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found.channels)}')
+            raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found)}')
     values, loop, start = experiment.configuration(bag, found.metadata, nodes, view)
     warnings = [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
         streams[topic], remarks = ours(topic, streams[topic], loop.joints)
         warnings += [f'{bag}: {remark}' for remark in remarks]
+    streams[topics.REFERENCE], held = planned_motion.cut(streams[topics.REFERENCE])
+    if held:
+        what = f'{held} messages on {topics.REFERENCE.name} have no velocities'
+        warnings.append(f'{bag}: {what}: each counts as it is until the next')
     states, references, commands = (
         whole(bag, topic, streams[topic], loop.joints)
         for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
@@ -209,19 +213,21 @@ def _complete(
     )
 
 
-def _wanted(topic: Topic, found: Mapping[Topic, Any], channels: Mapping[str, str]) -> str:
+def _wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
     """A topic that a bag lacks, its type, what may be meant instead, and the option that says so.
 
     Args:
         topic: The topic.
-        found: The topics that the bag has.
-        channels: Type of each of its topics, by its full name.
+        known: The topics that the bag has.
+        found: What was read of it.
     """
-    kind, taken = topic.type.replace('/msg/', '/'), {other.name for other in found}
+    channels = found.channels
+    kinds = {kind.replace('/msg/', '/') for kind in (topic.type, *INSTEAD.get(topic, ()))}
+    taken = {other.name for other in known}
     others = [
         (name, other)
         for name, other in channels.items()
-        if (other.replace('/msg/', '/') == kind or name.endswith(f'/{topic.name}'))
+        if (other.replace('/msg/', '/') in kinds or name.endswith(f'/{topic.name}'))
         and name.lstrip('/') not in taken
     ]
     what = f'{topic.name} ({topic.type})'
@@ -229,11 +235,17 @@ def _wanted(topic: Topic, found: Mapping[Topic, Any], channels: Mapping[str, str
         names = ', '.join(printable(name, 60) for name in [*channels][:FEW])
         return f'{what}, nor on another topic of that type; it has {names or "no topics"}'
     shown = ', '.join(
-        f'{printable(name, 60)} ({printable(other, 60)})' for name, other in others[:FEW]
+        f'{printable(name, 60)} ({printable(other, 60)})'
+        if name not in found.encodings
+        else f'{printable(name, 60)} ({printable(other, 60)} as {found.encodings[name]:.20})'
+        for name, other in others[:FEW]
     )
-    alike = [name for name, other in others if other == topic.type]
+    alike = [name for name, other in others if other in (topic.type, *INSTEAD.get(topic, ()))]
+    strange = any(name in found.encodings for name, _ in others)
+    alike = [name for name in alike if name not in found.encodings]
     if not alike:
-        return f'{what}; it has {shown}'
+        help_text = '; only messages as cdr, of ROS 2, are read' if strange else ''
+        return f'{what}; it has {shown}{help_text}'
     word = topic.name.rpartition('/')[2]
     return f'{what}; it has {shown}: --topic {word}={printable(alike[0], 60)} takes it'
 
