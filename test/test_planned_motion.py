@@ -82,7 +82,7 @@ def test_a_motion_with_rates_is_a_cubic_spline(tmp_path):
 def test_a_new_motion_ends_the_one_before(tmp_path):
     first = trajectory(START, [point(0, REST), point(1.0, REST + 1.0)])
     second = trajectory(START + 300 * MS, [point(0, REST + 5.0), point(0.2, REST + 5.0)])
-    log = read(tmp_path, [(START, first), (START + 300 * MS, second)])
+    log = read(tmp_path, [(START, first), (START + 300 * MS, second)], 1200)
     assert log.reference_position[299] == pytest.approx(REST + 0.299)
     assert log.reference_position[300] == pytest.approx(REST + 5.0)
     timeout = log.config['safety.reference_timeout']

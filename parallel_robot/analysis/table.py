@@ -48,7 +48,9 @@ def read(
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,), view)
+    log, past, extra = recorded_robot.read(
+        bag, memory, code, (SLIDING_VARIABLE,), view, motion_only=True
+    )
     poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
     if SLIDING_VARIABLE in extra:
@@ -112,6 +114,10 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
     names = [f'{name}_{unit}' for name, unit in coordinates]
     warnings: tuple[str, ...] = ()
     seen = None
+    alone = not log.referenced.any()
+    if alone:  # the pose needs no reference, so one that is there stands in for it
+        every = np.ones_like(log.referenced)
+        log = log._replace(reference_position=log.position, referenced=every)
     try:
         part = recorded_motions.of_bag(log, past)
         found = part.poses._replace(actual=part.pose)
@@ -125,6 +131,7 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
         warnings = (f'no pose of the robot: {error}',)
     prefix = 'platform' if found.planar else 'pose'
     actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
+    reference = np.full_like(reference, np.nan) if alone else reference
     columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
     columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
     if found.planar:

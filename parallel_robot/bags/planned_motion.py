@@ -53,9 +53,10 @@ def samples(messages: Messages) -> list[Samples]:
         if len(row) > DESCRIPTION:
             raise ValueError(f'a message of more than {DESCRIPTION} bytes')
         try:
-            found.append(_motion(log_time, deserialize(row.tobytes(), REFERENCE.type)))
-        except (AttributeError, TypeError, IndexError, KeyError) as error:
+            trajectory = deserialize(row.tobytes(), REFERENCE.type)
+        except Exception as error:  # in broken bytes, anything can go wrong
             raise ValueError(f'no trajectory: {error}') from None
+        found.append(_motion(log_time, trajectory))
     return found
 
 

@@ -62,6 +62,7 @@ def read(
     code: RobotCode = NONE,
     topics: Collection[Topic] = (),
     view: BagView = AS_RECORDED,
+    motion_only: bool = False,
 ) -> Recording:
     """Read a bag of a run, with a configuration that knows its robot, where its code may run.
 
@@ -73,12 +74,13 @@ def read(
         code: What may run.
         topics: What else is wanted, see :func:`recording.read`.
         view: What the bag does not say itself, and which part is wanted.
+        motion_only: Whether references and commands may be missing, see :func:`recording.read`.
 
     Raises:
         BagError: not a bag of a run, it takes too much, or its robot is in neither bag nor files.
         InputError: a file is not a robot.
     """
-    found = recording.read(bag, topics, memory, view=view)
+    found = recording.read(bag, topics, memory, motion_only, view)
     log, past, _ = found
     values = log.config | {KEY: modules.absolute(KEY, list(code.files))}
     name = values['robot_model']

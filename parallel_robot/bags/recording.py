@@ -81,12 +81,18 @@ def read(
     found = bag_reader.read(bag, RECORDED, condense, memory, view)
     streams, past = run_log.streams_of(bag, found.streams, view), history.of(found, told)
     absent: tuple[Topic, ...] = ()
+    present = streams
     if motion_only:
         streams, absent = motion_alone.filled(
             streams, lambda: configuration(bag, found.metadata, past.parameters, view)[1].joints
         )
     log = run_log.of(bag, found, streams, past.parameters, view)
-    log = run_log.between(bag, motion_alone.cleared(log, absent), view.start, view.stop)
+    log = motion_alone.cleared(log, absent)
+    lacking = [
+        f'{bag} has no messages on {run_log.wanted(topic, present, found)}' for topic in absent
+    ]
+    log = log._replace(warnings=(*log.warnings, *lacking))
+    log = run_log.between(bag, log, view.start, view.stop)
     extra = {}
     for topic in {*topics} & streams.keys():
         try:

@@ -116,7 +116,7 @@ def of(
     streams, view = dict(streams), view.of(bool(found.metadata))
     for needed in NEEDED:
         if needed not in streams:
-            raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found)}')
+            raise BagError(f'{bag} has no messages on {wanted(needed, streams, found)}')
     values, loop, start = experiment.configuration(bag, found.metadata, nodes, view)
     warnings = [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
@@ -213,7 +213,7 @@ def _complete(
     )
 
 
-def _wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
+def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
     """A topic that a bag lacks, its type, what may be meant instead, and the option that says so.
 
     Args:

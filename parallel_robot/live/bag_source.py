@@ -217,7 +217,7 @@ def open_bag(
     Raises:
         BagError: it is not a bag of a run, or needs code that may not run.
     """
-    log, past, _ = recording.read(bag, memory=memory, view=view)
+    log, past, _ = recording.read(bag, memory=memory, motion_only=True, view=view)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     files = custom_files(bag, past.sources, log.config, folder, trust)
     values = bag_replay.configuration(log, past, files, {})

@@ -13,7 +13,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import metrics, recorded_motions, timing
+import numpy as np
+
+from parallel_robot.analysis import metrics, motion_alone, recorded_motions, timing
 from parallel_robot.analysis.readable_metrics import (
     AS_SEEN,
     EFFORT,
@@ -71,9 +73,11 @@ def execute(arguments: argparse.Namespace) -> int:
     memory = arguments.max_memory
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values, window=False)
-    log, past, _ = recorded_robot.read(arguments.bag, memory, code, view=view)
+    log, past, _ = recorded_robot.read(arguments.bag, memory, code, view=view, motion_only=True)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
+    if not np.isfinite(log.reference_position).any():
+        return _without_reference(arguments, log)
     timed = timing.evaluate(log, past)
     try:
         part = recorded_motions.of_bag(log, past)
@@ -111,6 +115,16 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'  {text}')
     old = ' exists and is kept; --figure draws another' if kept else ''
     print(f'bag     {arguments.bag}\nfigure  {figure}{old}')
+    return 0
+
+
+def _without_reference(arguments: argparse.Namespace, log: run_log.RunLog) -> int:
+    """Print what is known of a motion that has no reference."""
+    if arguments.json or arguments.figure:
+        given = '--json' if arguments.json else '--figure'
+        raise BagError(f'{arguments.bag} has no reference: no errors, and no {given}')
+    log = run_log.between(arguments.bag, log, arguments.start, arguments.stop)
+    print('\n'.join([*motion_alone.lines(log), f'bag     {arguments.bag}']))
     return 0
 
 
