@@ -66,7 +66,9 @@ def test_what_needs_a_reference_says_so(bags):
 
 def test_joint_states_alone_are_exported_analysed_and_shown(tmp_path, capsys):
     count = 300
-    position = np.tile([1.4132, 3.2876, -0.5166], (count, 1)) + 1e-4 * np.arange(count)[:, np.newaxis]
+    position = (
+        np.tile([1.4132, 3.2876, -0.5166], (count, 1)) + 1e-4 * np.arange(count)[:, np.newaxis]
+    )
     found = streams(position, position, np.full((count, 3), 0.5))
     write_foreign(tmp_path / 'bag', {JOINT_STATES: found[JOINT_STATES]})
     bag = str(tmp_path / 'bag')

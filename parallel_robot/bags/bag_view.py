@@ -31,8 +31,9 @@ class BagView(NamedTuple):
         values: Keys of the configuration and their values, over those of the scenario.
         spare: The same for a bag without a configuration alone; with one, they are not used here.
         override: Whether they take the place of what a bag says itself.
-        start: Time from which on states are read [s]; None: from the first one.
-        stop: Time up to which they are read [s]; None: to the last one.
+        start: Time from which on states are looked at [s]; None: from the first one.
+        stop: Time up to which they are looked at [s]; None: to the last one.
+        whole: Whether the others are read, too.
     """
 
     topics: Mapping[str, str] = MappingProxyType({})
@@ -43,6 +44,7 @@ class BagView(NamedTuple):
     override: bool = False
     start: float | None = None
     stop: float | None = None
+    whole: bool = False
 
     def of(self, configured: bool) -> BagView:
         """How a bag with a configuration, or without one, is read."""

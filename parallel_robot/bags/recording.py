@@ -92,7 +92,8 @@ def read(
         f'{bag} has no messages on {run_log.wanted(topic, present, found)}' for topic in absent
     ]
     log = log._replace(warnings=(*log.warnings, *lacking))
-    log = run_log.between(bag, log, view.start, view.stop)
+    if not view.whole:
+        log = run_log.between(bag, log, view.start, view.stop)
     extra = {}
     for topic in {*topics} & streams.keys():
         try:

@@ -155,7 +155,8 @@ def of(
         what = f'{repeated} messages on {topics.JOINT_STATES.name} repeat a stamp'
         warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
     position = states.numbers['position'][used]
-    warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps, position)]
+    part = _within((stamps - start) / NANOSECONDS, view.start, view.stop)
+    warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps[part], position[part])]
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)
     rhythm.look()
@@ -285,12 +286,17 @@ def between(bag: Path, log: RunLog, start: float | None, stop: float | None) -> 
     """
     if start is None and stop is None:
         return log
-    since, until = (-np.inf if start is None else start), (np.inf if stop is None else stop)
-    chosen = np.flatnonzero((log.time >= since) & (log.time <= until))
+    chosen = _within(log.time, start, stop)
     if not len(chosen):
         ends = f'from t = {log.time.min():.3f} s to {log.time.max():.3f} s'
         raise BagError(f'{bag} has no state between --from and --to: its states go {ends}')
     return rows(log, chosen)
+
+
+def _within(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
+    """Numbers of the states from one time to another [s]."""
+    since, until = (-np.inf if start is None else start), (np.inf if stop is None else stop)
+    return np.flatnonzero((time >= since) & (time <= until))
 
 
 def head(log: RunLog, count: int) -> RunLog:

@@ -50,14 +50,14 @@ def add_bag_arguments(parser: argparse.ArgumentParser, window: bool = True) -> N
 
 
 def bag_view(
-    arguments: argparse.Namespace, values: Mapping[str, Any], window: bool = True
+    arguments: argparse.Namespace, values: Mapping[str, Any], whole: bool = False
 ) -> BagView:
     """How a bag is to be read, by the arguments.
 
     Args:
         arguments: Of the command.
         values: Keys of the configuration, of ``--param-file`` and ``--set``.
-        window: Whether ``--from`` and ``--to`` choose what is read.
+        whole: Whether all is read, whatever ``--from`` and ``--to`` say.
 
     Raises:
         InputError: one of them is wrong.
@@ -70,8 +70,8 @@ def bag_view(
         arguments.scenario,
         values,
         arguments.override,
-        (arguments.start, arguments.stop) if window else (None, None),
-    )
+        (arguments.start, arguments.stop),
+    )._replace(whole=whole)
 
 
 def topics_of(words: list[str]) -> dict[str, str]:

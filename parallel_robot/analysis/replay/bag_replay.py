@@ -171,7 +171,7 @@ def prepared(
         InputError: a change is wrong.
     """
     spare = {key: value for key, value in changes.items() if key != 'law'}
-    whole = view._replace(start=None, stop=None, spare=spare)  # a law remembers what was before
+    whole = view._replace(whole=True, spare=spare)  # a law remembers what was before
     log, past, _ = recording.read(bag, memory=memory, view=whole)
     if not past.facts:  # the others say of what robot the bag is
         changes = {key: value for key, value in changes.items() if _is_used(key, changes)}

@@ -72,13 +72,14 @@ def execute(arguments: argparse.Namespace) -> int:
         figures.check_new(figure)
     memory = arguments.max_memory
     values = given(arguments)
-    code, view = robot_code(arguments, values), bag_view(arguments, values, window=False)
+    code, view = robot_code(arguments, values), bag_view(arguments, values, whole=True)
     log, past, _ = recorded_robot.read(arguments.bag, memory, code, view=view, motion_only=True)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     if not np.isfinite(log.reference_position).any():
         return _without_reference(arguments, log)
-    timed = timing.evaluate(log, past)
+    part_of = run_log.between(arguments.bag, log, arguments.start, arguments.stop)
+    timed = timing.evaluate(part_of, past)
     try:
         part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
