@@ -6,12 +6,13 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from bags import MS, START, STORE, streams
+from bags import MS, START, STORE, content, streams, write_mcap
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import parallel_robot as pr
 from parallel_robot.bags import recorded_robot, recording
 from parallel_robot.bags.bag_view import view
+from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError, InputError
@@ -128,7 +129,7 @@ def test_another_robot_by_scenario_and_values(tmp_path):
     assert 'serial_2r_circle' in log.warnings[-1] and 'robot.l1=0.7' in log.warnings[-1]
     with pytest.raises(InputError, match='no_such'):
         recording.read(bag, view=asked(values={'no_such': 1}))
-    with pytest.raises(InputError, match='joints'):
+    with pytest.raises(InputError, match=r'joints must be 3 names.*--scenario chooses'):
         recording.read(bag, view=asked(joints=names))  # the robot of the paper has three
 
 
@@ -221,3 +222,55 @@ def test_words_of_the_option_are_checked(capsys):
     assert 'NAME=TOPIC' in capsys.readouterr().err
     assert main(['analyze', 'x', '--topic', 'joint_state=/x']) == 2
     assert "did you mean 'joint_states'" in capsys.readouterr().err
+
+
+def test_one_of_several_recordings_in_a_folder(tmp_path, capsys):
+    reference, position = motion()
+    (tmp_path / 'bag').mkdir()
+    for k, start in enumerate((START, START + 3600_000 * MS)):
+        found = streams(reference, position, start=start)
+        write_mcap(tmp_path / 'bag' / f'{k}.mcap', found)
+    bag, first = tmp_path / 'bag', tmp_path / 'bag' / '0.mcap'
+    assert 'several recordings' in ' '.join(recording.read(bag).log.warnings)
+    alone = recording.read(first).log
+    for window in ((0.0, 1.0), (3600.0, None)):
+        log = recording.read(bag, view=asked(window=window)).log
+        assert (log.position == alone.position).all()
+        assert 'several recordings' not in ' '.join(log.warnings)
+    figures = []
+    for words in (
+        [str(first)],
+        [str(bag), '--from', '0', '--to', '1'],
+        [str(bag), '--from', '3600'],
+    ):
+        place = tmp_path / f'{len(figures)}.json'
+        main(['analyze', *words, '--json', str(place), '--figure', str(place.with_suffix('.png'))])
+        figures.append(json.loads(place.read_text())['seen']['steady'])
+    err = capsys.readouterr().err
+    assert 'several recordings' not in err
+    assert figures[1] == pytest.approx(figures[2])
+
+
+def test_neighbours_swapped_in_the_file_give_the_same_figures(own, tmp_path, capsys):
+    [file] = own.glob('*.mcap')
+    found = content(file)
+    states = found['joint_states']
+    times, payloads = zip(*states, strict=True)
+    order = np.arange(len(states))
+    order[: len(order) // 2 * 2] = order[: len(order) // 2 * 2].reshape(-1, 2)[:, ::-1].ravel()
+    found['joint_states'] = [(times[k], payloads[j]) for k, j in enumerate(order)]
+    facts = recording.read(own).history.facts
+    with BagWriter(tmp_path / 'swapped', topics.RECORDED, facts) as writer:
+        for topic, stream in found.items():
+            for log_time, data in stream:
+                writer.write(topic, log_time, data)
+    results = []
+    for bag in (own, tmp_path / 'swapped'):
+        place = tmp_path / f'{len(results)}.json'
+        figure = ['--figure', str(tmp_path / f'{len(results)}.png')]
+        assert main(['analyze', str(bag), '--json', str(place), *figure]) == 0
+        results.append(json.loads(place.read_text()))
+    assert results[0] == results[1]
+    assert 'are put in the order of their stamps' in capsys.readouterr().err
+    assert main(['replay', str(tmp_path / 'swapped')]) == 0
+    assert 'identical' in capsys.readouterr().out

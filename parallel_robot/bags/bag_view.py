@@ -80,7 +80,12 @@ class BagView(NamedTuple):
             InputError: a value or a file is wrong.
         """
         values = resolve(self.scenario or BASE, self.values)
-        robot_of(values)  # its joints are as many as are named
+        try:
+            robot_of(values)  # its joints are as many as are named
+        except InputError as error:
+            if self.scenario is None and 'robot_model' not in self.values:
+                raise InputError(f'{error}; --scenario chooses another robot') from None
+            raise
         return values
 
     def changed(self, values: Mapping[str, Any]) -> dict[str, Any]:

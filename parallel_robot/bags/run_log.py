@@ -155,7 +155,9 @@ def of(
         what = f'{repeated} messages on {topics.JOINT_STATES.name} repeat a stamp'
         warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
     position = states.numbers['position'][used]
-    part = _within((stamps - start) / NANOSECONDS, view.start, view.stop)
+    part: slice | np.ndarray = slice(None)
+    if (view.start, view.stop) != (None, None):
+        part = _within((stamps - start) / NANOSECONDS, view.start, view.stop)
     warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps[part], position[part])]
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)
