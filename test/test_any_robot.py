@@ -154,8 +154,8 @@ def test_robots_of_one_scenario_are_not_drawn_together(bags, monkeypatch):
     """A scenario may be run with another robot; foreign bags have no scenario at all."""
     read = recording.read
 
-    def same(*words):
-        found = read(*words)
+    def same(*words, **options):
+        found = read(*words, **options)
         return found._replace(log=found.log._replace(scenario='same'))
 
     monkeypatch.setattr(recording, 'read', same)

@@ -113,6 +113,20 @@ def test_stamps_other_columns_and_gaps_in_the_tracker_do_not_matter(case, tmp_pa
     assert found.values['robot.l2'] == pytest.approx(exact.values['robot.l2'], abs=2e-5)
 
 
+def test_the_bag_of_another_recorder_takes_its_topic_its_joints_and_a_part(case, tmp_path):
+    """It has no configuration: the robot is that of a scenario, its clock starts with it."""
+    [file] = case.bag.glob('*.mcap')
+    found = content(file)['joint_states']
+    write_foreign(tmp_path / 'bag', {Topic('arm/states', JOINT_STATES.type): found})
+    part = {'start': 1.0, 'stop': 6.0}
+    own = pr.calibrate(case.bag, poses=case.poses, **part)
+    topic = {'joint_states': '/arm/states'}
+    other = pr.calibrate(tmp_path / 'bag', poses=case.poses, topic=topic, **part)
+    whole = pr.calibrate(case.bag, poses=case.poses)
+    assert own.values['robot.l1'] == pytest.approx(other.values['robot.l1'], abs=1e-7)
+    assert len(own.found.left) < len(whole.found.left)
+
+
 def start_of(case):
     """Stamp of t = 0 of its bag [ns]."""
     [file] = case.bag.glob('*.mcap')
@@ -278,7 +292,7 @@ def test_a_custom_robot_is_calibrated_by_its_file(tmp_path, capsys):
 
 
 def test_python_refuses_what_the_command_refuses(case):
-    with pytest.raises(InputError, match='what a bag holds is not changed'):
+    with pytest.raises(InputError, match='override'):
         pr.calibrate(case.bag, poses=case.poses, **{'robot.l1': 1.0})
     with pytest.raises(InputError, match='free must be a list'):
         pr.calibrate(case.bag, poses=case.poses, free='frame')

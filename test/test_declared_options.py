@@ -20,6 +20,8 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'laws': 'no_such_law',
     'study': 'no_such_study',
     'scenario': 'no_such_scenario',
+    'topics': 'no_such=/topic',
+    'joints': 'a',
     'run': 'no_such_scenario',
     'design': 'no_such_scenario',
     'bag': '{tmp}/none',
@@ -169,7 +171,7 @@ def test_a_wrong_value_of_an_option_is_never_taken(
     ('words', 'message'),
     [
         ('identify {bag} --seed 0', '--seed goes with --design alone'),
-        ('identify {bag} --param-file {file}', '--param-file goes with --design alone'),
+        ('identify {bag} --param-file {file}', '--override lets it'),
         ('identify {bag} --rest --cutoff 5', '--rest identifies no robot: no --cutoff'),
         ('identify --design paper_circle --rest --out x', '--design reads no bag: no --rest'),
         (
@@ -195,14 +197,14 @@ def test_a_wrong_value_of_an_option_is_never_taken(
         ('verify --robots 2 --set robot_model=axes', 'one robot without MuJoCo: no --robots'),
         ('verify --duration 1 --set robot_model=axes', 'without MuJoCo: no --duration'),
         ('rehearse --set duration=3 --out x', '--set duration: each step has its own'),
-        ('analyze {bag} --set pid.Kp=1', 'only custom_robots is taken'),
+        ('analyze {bag} --set pid.Kp=1', 'pid.Kp=1 would change; --override lets it'),
         ('report {bag} --set custom_robots=7 --out x', 'must be a list of texts, not 7'),
         ('export {bag} --set custom_robots=[none.py] --out x.csv', 'none.py does not exist'),
-        ('video {bag} --set robot.l1=1 --out x.gif', 'only custom_robots is taken'),
+        ('video {bag} --set robot.l1=1 --out x.gif', '--override lets it'),
         ('live --trust', '--trust goes with --bag alone'),
         ('live --max-memory 1', '--max-memory goes with --bag alone'),
         ('live --bag {bag} --out x', '--out: only the page of a graph records'),
-        ('live --bag {bag} --namespace left', '--namespace is that of a graph'),
+        ('live --bag {bag} --namespace left', 'has nothing in --namespace /left'),
     ],
 )
 def test_an_option_without_a_meaning_is_refused(words, message, bag, idle, tmp_path, capsys):

@@ -1,5 +1,8 @@
 """Bags of joint states alone: the robot and the noise of its sensors are told by them."""
 
+import json
+from contextlib import ExitStack
+
 import numpy as np
 import pytest
 from bags import content, streams, write_foreign
@@ -7,6 +10,7 @@ from bags import content, streams, write_foreign
 import parallel_robot as pr
 from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
+from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages.topics import COMMANDS, JOINT_STATES, REFERENCE
 
@@ -58,3 +62,45 @@ def test_without_efforts_or_commands_there_is_no_torque(tmp_path, capsys):
 def test_what_needs_a_reference_says_so(bags):
     with pytest.raises(BagError, match='no messages on reference'):
         recording.read(bags[1])
+
+
+def test_joint_states_alone_are_exported_analysed_and_shown(tmp_path, capsys):
+    count = 300
+    position = (
+        np.tile([1.4132, 3.2876, -0.5166], (count, 1)) + 1e-4 * np.arange(count)[:, np.newaxis]
+    )
+    found = streams(position, position, np.full((count, 3), 0.5))
+    write_foreign(tmp_path / 'bag', {JOINT_STATES: found[JOINT_STATES]})
+    bag = str(tmp_path / 'bag')
+    assert main(['export', bag, '--out', str(tmp_path / 'run.csv')]) == 0
+    err = capsys.readouterr().err
+    assert 'no messages on reference' in err and 'no messages on effort_controller/commands' in err
+    table = np.genfromtxt(tmp_path / 'run.csv', delimiter=',', names=True)
+    assert (
+        np.isfinite(table['platform_x_m']).all() and np.isfinite(table['joint1_effort_nm']).all()
+    )
+    for name in ('platform_reference_x_m', 'platform_error_m', 'joint1_reference_position_rad'):
+        assert np.isnan(table[name]).all()
+    assert main(['analyze', bag]) == 0
+    out = capsys.readouterr().out
+    assert '300 states' in out and 'no reference' in out and '0.5000' in out
+    assert main(['analyze', bag, '--json', str(tmp_path / 'x.json')]) == 2
+    assert main(['report', bag, '--out', str(tmp_path / 'report')]) == 2
+    assert 'no messages on reference' in capsys.readouterr().err
+    with ExitStack() as stack:
+        assert open_bag(stack, tmp_path / 'bag', False, 1 << 30).look()
+
+
+def test_states_and_references_without_commands_are_analysed(tmp_path, capsys):
+    position = np.tile([1.4132, 3.2876, -0.5166], (300, 1)) + 1e-4 * np.arange(300)[:, np.newaxis]
+    found = streams(position + 1e-3, position, np.full((300, 3), 0.5))
+    del found[COMMANDS]
+    write_foreign(tmp_path / 'bag', found)
+    words = ['analyze', str(tmp_path / 'bag'), '--json', str(tmp_path / 'run.json')]
+    assert main(words) == 0
+    result = json.loads((tmp_path / 'run.json').read_text())
+    assert (
+        result['torque']['max_nm'] == 0.5
+        and 'effort_controller/commands' not in result['messages']
+    )
+    assert 'no messages on effort_controller/commands' in capsys.readouterr().err

@@ -11,6 +11,7 @@ import numpy as np
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.metrics import Poses
 from parallel_robot.bags import command_states, recorded_robot
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
@@ -33,18 +34,23 @@ class Table(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def read(bag: Path, memory: int = MEMORY, code: RobotCode = NONE) -> Table:
+def read(
+    bag: Path, memory: int = MEMORY, code: RobotCode = NONE, view: BagView = AS_RECORDED
+) -> Table:
     """Read a bag, see :func:`recorded_robot.read`.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: Memory that reading it may take [bytes].
         code: What may run to know its robot.
+        view: What bags do not say themselves, and which part is wanted.
 
     Raises:
         BagError: not a bag, or a topic that the table needs is not in it.
     """
-    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,))
+    log, past, extra = recorded_robot.read(
+        bag, memory, code, (SLIDING_VARIABLE,), view, motion_only=True
+    )
     poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
     if SLIDING_VARIABLE in extra:
@@ -108,6 +114,10 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
     names = [f'{name}_{unit}' for name, unit in coordinates]
     warnings: tuple[str, ...] = ()
     seen = None
+    alone = not log.referenced.any()
+    if alone:  # the pose needs no reference, so one that is there stands in for it
+        every = np.ones_like(log.referenced)
+        log = log._replace(reference_position=log.position, referenced=every)
     try:
         part = recorded_motions.of_bag(log, past)
         found = part.poses._replace(actual=part.pose)
@@ -121,6 +131,7 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
         warnings = (f'no pose of the robot: {error}',)
     prefix = 'platform' if found.planar else 'pose'
     actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
+    reference = np.full_like(reference, np.nan) if alone else reference
     columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
     columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
     if found.planar:

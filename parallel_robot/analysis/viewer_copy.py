@@ -8,6 +8,7 @@ from typing import NamedTuple
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.frames import Frames
 from parallel_robot.bags import recorded_robot
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.recovery import recover
@@ -31,7 +32,13 @@ class ViewerCopy(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def write(bag: Path, out: Path, memory: int = MEMORY, code: RobotCode = NONE) -> ViewerCopy:
+def write(
+    bag: Path,
+    out: Path,
+    memory: int = MEMORY,
+    code: RobotCode = NONE,
+    view: BagView = AS_RECORDED,
+) -> ViewerCopy:
     """Write the copy of a bag.
 
     Args:
@@ -39,11 +46,12 @@ def write(bag: Path, out: Path, memory: int = MEMORY, code: RobotCode = NONE) ->
         out: Directory of the copy, which must not exist.
         memory: What may be held of the bag [bytes].
         code: What may run to know its robot.
+        view: What it does not say itself.
 
     Raises:
         BagError: not a bag of a run, its robot is not known, or the copy cannot be written.
     """
-    log, past, _ = recorded_robot.read(bag, memory, code)
+    log, past, _ = recorded_robot.read(bag, memory, code, view=view)
     unknown = recorded_robot.unknown(log.config)
     if unknown:
         raise BagError(f'{bag}: {unknown}')

@@ -19,18 +19,19 @@ from parallel_robot.bags.limits import CHUNK, MEMORY, RATIO, YAML, Allowance
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import plain_data
 
+SUFFIXES = ('.mcap', '.db3', '.bag')  # which of them are there decides
 PIECE = 1 << 20  # bytes that are unpacked at once
 
 
 class File(NamedTuple):
-    """Content of an MCAP file, and the allowance for reading it."""
+    """Content of a file of a bag, and the allowance for reading it."""
 
     data: memoryview
     allowance: Allowance
 
 
 def files(bag: Path) -> list[Path]:
-    """The MCAP files of a bag, in the order of recording.
+    """The files of a bag, in the order of recording: MCAP, else of other kinds.
 
     Raises:
         BagError: there are none.
@@ -41,19 +42,21 @@ def files(bag: Path) -> list[Path]:
         exists = bag.exists()
     except OSError as error:
         raise BagError(f'{bag} cannot be read: {error.strerror}') from None
-    packed = {name for name in names if name.endswith('.mcap.zstd') and name[:-5] not in names}
-    unpacked = {name for name in names if name.endswith('.mcap')}
-    paths = [bag / name for name in sorted(packed | unpacked, key=_numbers_by_value)]
-    paths = [bag] if there else paths
     if not exists:
         raise BagError(f'{bag} does not exist')
-    if not paths:
-        raise BagError(f'{bag} is not a bag: no MCAP file there')
-    return paths
+    if there:
+        return [bag]
+    for suffix in SUFFIXES:
+        packed = f'{suffix}.zstd'
+        found = {name for name in names if name.endswith(suffix)}
+        found |= {name for name in names if name.endswith(packed) and name[:-5] not in names}
+        if found:
+            return [bag / name for name in sorted(found, key=_numbers_by_value)]
+    raise BagError(f'{bag} is not a bag: no MCAP file there')
 
 
 def open_file(path: Path, memory: int = MEMORY) -> File:
-    """Open an MCAP file: map it into memory, after unpacking it if it is compressed as a whole.
+    """Open a file of a bag: map it into memory, after unpacking it if it is compressed as a whole.
 
     Args:
         path: The file.

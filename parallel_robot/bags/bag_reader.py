@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 import zstandard
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from parallel_robot.bags import custom_sources
+from parallel_robot.bags import bag_kinds, custom_sources, planned_motion
 from parallel_robot.bags.bag_files import custom_data, files, open_file
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
 from parallel_robot.bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot.bags.mcap_chunk import unpacked_payload
-from parallel_robot.bags.mcap_records import Damage, Record, scan
+from parallel_robot.bags.mcap_records import UNPACKED_BY, Damage, Record
+from parallel_robot.bags.message_parts import Messages as Messages
 from parallel_robot.bags.record_names import METADATA
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import plain_data
@@ -25,18 +27,6 @@ from parallel_robot_model.messages.topics import Topic
 Part = TypeVar('Part')
 
 LARGE = 1 << 21  # bytes of messages that are sorted at once
-
-
-class Messages(NamedTuple):
-    """Some messages of one topic and one length, in the order of the file.
-
-    Attributes:
-        log_times: When they were recorded [ns], shape (N,).
-        payloads: The bytes, shape (N, L).
-    """
-
-    log_times: np.ndarray
-    payloads: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -51,6 +41,7 @@ class Bag(Generic[Part]):
         sources: Source of each custom law and robot by key, as ``custom_laws``, and by name; bad
             names and long sources are left out.
         channels: Type of each topic of the bag, by its full name.
+        encodings: Encoding of those that are not CDR, which are not read.
     """
 
     streams: dict[str, list[Part]]
@@ -59,13 +50,15 @@ class Bag(Generic[Part]):
     notes: dict[str, list[dict[str, str]]]
     sources: dict[str, dict[str, bytes]]
     channels: dict[str, str]
+    encodings: dict[str, str]
 
 
 def read(
     bag: str | Path,
-    topics: Iterable[Topic],
+    topics: Collection[Topic],
     condense: Callable[[Topic, Messages], Part],
     memory: int = MEMORY,
+    view: BagView = AS_RECORDED,
 ) -> Bag[Part]:
     """Read some topics of a bag, a few megabytes at a time.
 
@@ -74,6 +67,7 @@ def read(
         topics: What to read, in any namespace, if the type is the same or unknown.
         condense: Turns messages into what is kept of them, which takes no more memory.
         memory: What may be held of the bag [bytes].
+        view: Which topics take the place of others.
 
     Raises:
         BagError: nothing there is an MCAP file, or it takes more than is allowed.
@@ -83,6 +77,7 @@ def read(
     facts: dict[str, str] = {}
     notes: dict[str, list[dict[str, str]]] = {}
     channels: dict[str, str] = {}
+    encodings: dict[str, str] = {}
     sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
     doubled: set[tuple[str, str]] = set()
     damage: list[Damage] = []
@@ -90,19 +85,28 @@ def read(
     held = Allowance(bag, 0, memory)
     for file in files(bag):
         schemas: dict[int, str] = {}
+        definitions: dict[int, bytes] = {}
+        translators: dict[int, Callable[[Messages], list[Messages]]] = {}
         wanted: dict[int, tuple[str, Topic]] = {}
         opened = open_file(file, memory)
-        for record in _joined(scan(*opened)):
+        for record in _joined(bag_kinds.records(file, opened)):
             understood = understood or not isinstance(record, (Damage, Header))
             if isinstance(record, Schema):
                 schemas[record.id] = record.name
+                if record.name == planned_motion.STATE:
+                    definitions[record.id] = record.data
             elif isinstance(record, Channel):
                 name = f'/{record.topic.lstrip("/")}'
                 channels[name] = schemas.get(record.schema_id, '')
-                for topic in topics:
-                    same = schemas.get(record.schema_id, '') in (topic.type, '')
-                    if same and name.endswith(f'/{topic.name}'):
-                        wanted[record.id] = name, topic
+                if record.message_encoding not in ('cdr', ''):
+                    encodings[name] = record.message_encoding
+                    continue
+                topic = view.topic_of(name, channels[name], topics)
+                if topic is not None:
+                    wanted[record.id] = name, topic
+                    if channels[name] == planned_motion.STATE:
+                        definition = definitions[record.schema_id].decode(errors='replace')
+                        translators[record.id] = planned_motion.translator(definition)
                 if len(wanted) > CHANNELS:
                     raise BagError(f'{file} has more than {CHANNELS} channels of such topics')
             elif isinstance(record, Metadata) and record.name == METADATA:
@@ -124,8 +128,14 @@ def read(
             elif isinstance(record, Block):
                 for channel, messages in _messages(record, wanted, opened.allowance):
                     held.hold(messages.payloads.nbytes)
-                    name, topic = wanted[channel]
-                    streams.setdefault(name, []).append(condense(topic, messages))
+                    name, of = wanted[channel]
+                    translate = translators.get(channel)
+                    for part in [messages] if translate is None else translate(messages):
+                        streams.setdefault(name, []).append(condense(of, part))
+    unknown = {place.what for place in damage if place.what.startswith(UNPACKED_BY)}
+    if unknown and not streams:
+        what = f'{bag} cannot be read: {", ".join(sorted(unknown))}'
+        raise BagError(f'{what}, which is not known here; zstd, lz4 and none are')
     if not understood:
         raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
     if damage or not facts:
@@ -136,7 +146,7 @@ def read(
     for key, name in sorted(doubled):
         del sources[key][name]
         warnings.append(f'{bag} holds several files {key}/{name}; none of them is used')
-    return Bag(streams, facts, tuple(warnings), notes, sources, channels)
+    return Bag(streams, facts, tuple(warnings), notes, sources, channels, encodings)
 
 
 def warning(bag: Path, damage: Iterable[Damage]) -> str:

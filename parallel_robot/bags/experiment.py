@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import arithmetic
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.custom_sources import named
 from parallel_robot.bags.limits import is_name
 from parallel_robot_model.common.errors import BagError, InputError
@@ -25,6 +26,7 @@ from parallel_robot_model.robots.registry import ROBOTS
 from parallel_robot_sim.parameter_groups import members
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
+UNKNOWN_LAW = 'unknown'  # of a bag that does not say which law ran
 SIMULATION, NODES = 'simulation', 'nodes'  # what moved the robot
 OWNERS = {  # nodes whose parameters count, the later overriding; and common keys they own
     'trajectory': ('scenario', 'robot_model', 'joints', 'period', 'time_mode'),
@@ -68,7 +70,10 @@ def describe(
 
 
 def configuration(
-    bag: Path, facts: Mapping[str, str], nodes: Mapping[str, Mapping[str, Any]]
+    bag: Path,
+    facts: Mapping[str, str],
+    nodes: Mapping[str, Mapping[str, Any]],
+    view: BagView = AS_RECORDED,
 ) -> tuple[dict[str, Any], LoopParameters, int]:
     """Configuration of the run over the defaults, where nodes that were started by hand lack keys.
 
@@ -77,13 +82,24 @@ def configuration(
         facts: What the bag says, see :func:`describe`; empty when another recorded it.
         nodes: Full name of a node to its parameters. Where the nodes were started by hand, they
             have values that the recorder does not know.
+        view: What a bag without a configuration is of, or what takes the place of its own.
 
     Returns:
         All keys, those of the loop, and the stamp of t = 0 [ns], 0 when it is not known.
 
     Raises:
         BagError: its metadata hold no usable configuration.
+        InputError: what the view says is wrong, or would change what the bag says.
     """
+    view = view.of(bool(facts))
+    if facts and view.assumes and not view.override:
+        what = f'{bag} says of what it is, which {view.told()} would change'
+        raise InputError(f'{what}; --override lets it')
+    if not facts and view.assumes:
+        values = view.assumed()
+        law = values['law'] if 'law' in view.values else UNKNOWN_LAW
+        values |= {'law': law, 'scenario': stem(view.scenario or 'unknown')}
+        return values, loop_of(values), 0
     values = config.resolve('paper_circle')
     try:
         stored: dict[str, Any] = {'scenario': 'unknown', 'law': 'unknown'}
@@ -102,7 +118,11 @@ def configuration(
             raise ValueError('a name in it is too long or cannot be printed')
     except (KeyError, ValueError, InputError) as error:
         raise BagError(f'{bag}: its metadata hold no usable config: {error}') from None
-    return values | stored, loop, int(facts.get('start_stamp', 0))
+    values, start = values | stored, int(facts.get('start_stamp', 0))
+    if view.assumes:
+        values = view.changed(values)
+        return values, loop_of(values), start
+    return values, loop, start
 
 
 def _defaults(stored: Any, nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

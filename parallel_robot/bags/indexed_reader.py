@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
-from parallel_robot.bags import mcap_records
+from parallel_robot.bags import bag_kinds, mcap_records
 from parallel_robot.bags.bag_files import File, files, open_file
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.printable_output import MAX_LINE_LENGTH
@@ -24,6 +24,7 @@ TRANSIENT_LOCAL = ('transient_local', 1)  # in bags since Iron, and before
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
 TYPE = re.compile(r'[A-Za-z]\w*/(\w+/)?\w+', re.ASCII)
 LAST = 1 << 61  # ns, largest log time that is accepted
+HELP = 'parallel_robot recover makes a whole bag of it'
 INDEX = mcap_records.SUMMARISED | {Opcode.CHUNK_INDEX: ChunkIndex}
 
 
@@ -151,15 +152,16 @@ class BagReader:
 
     def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
         name = printable(path, MAX_LINE_LENGTH)
+        bag_kinds.check(path, file)
         end, records = mcap_records.summarised(*file, INDEX)
         if end is None:
-            raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off')
+            raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off; {HELP}')
         statistics = next((r for r in records if isinstance(r, Statistics)), None)
         indexes = {r.chunk_start_offset: r for r in records if isinstance(r, ChunkIndex)}
         if statistics is None:
-            raise BagError(f'{name} has no index: its recording was cut off')
+            raise BagError(f'{name} has no index: its recording was cut off; {HELP}')
         if statistics.message_count and not indexes:
-            raise BagError(f'{name} has no index: it was written without chunks')
+            raise BagError(f'{name} has no index: it was written without chunks; {HELP}')
         if max((index.message_end_time for index in indexes.values()), default=0) > LAST:
             raise BagError(f'{name} has log times that no clock can have')
         schemas = {r.id: r.name for r in records if isinstance(r, Schema)}

@@ -17,12 +17,14 @@ from parallel_robot.bags.mcap_block import HEAD, LENGTH, record_starts
 
 CHUNK_HEAD = struct.Struct('<QQQII')  # times, size, CRC, length of the compression's name
 
+LONGEST_NAME = 16  # bytes of the name of a compression
+
 
 class PackedChunk(NamedTuple):
     """A chunk whose lengths fit together.
 
     Attributes:
-        compression: Key of UNPACK.
+        compression: Key of UNPACK, or the name of another compression.
         size: Of the content [bytes].
         crc: CRC-32 of the content; 0: not known.
         packed: The packed content.
@@ -48,17 +50,35 @@ class Content(NamedTuple):
     opcodes: np.ndarray
 
 
-def packed_chunk(record: memoryview) -> PackedChunk | None:
-    """Parts of a chunk's record; None if its lengths are wrong or its compression is unknown."""
+def packed_chunk(record: memoryview, exact: bool = False) -> PackedChunk | None:
+    """Parts of a chunk's record; None if its lengths are wrong or its compression has no name.
+
+    Args:
+        record: The record.
+        exact: Whether nothing may stand behind the content, as no recorder writes it.
+    """
     if len(record) < HEAD + CHUNK_HEAD.size:
         return None
     _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(record, HEAD)
-    name = record[HEAD + CHUNK_HEAD.size :][:name_length]
-    packed = record[HEAD + CHUNK_HEAD.size + name_length + LENGTH.size :]
-    written = record[HEAD + CHUNK_HEAD.size + name_length :][: LENGTH.size]
-    if written != LENGTH.pack(len(packed)) or bytes(name) not in UNPACK:
+    name = bytes(record[HEAD + CHUNK_HEAD.size :][: min(name_length, LONGEST_NAME + 1)])
+    begin = HEAD + CHUNK_HEAD.size + name_length + LENGTH.size
+    if begin > len(record) or not is_compression(name):
         return None
-    return PackedChunk(bytes(name), size, crc, packed)
+    (length,) = LENGTH.unpack_from(record, begin - LENGTH.size)
+    if length > len(record) - begin or (exact and length < len(record) - begin):
+        return None
+    return PackedChunk(name, size, crc, record[begin : begin + length])
+
+
+def is_compression(name: bytes) -> bool:
+    """Whether bytes can be the name of a compression."""
+    return name in UNPACK or (len(name) <= LONGEST_NAME and name.isalnum())
+
+
+def unknown_compression(record: memoryview) -> str:
+    """The compression of a chunk's record, where it is none of UNPACK; else empty."""
+    chunk = packed_chunk(record)
+    return '' if chunk is None or chunk.compression in UNPACK else chunk.compression.decode()
 
 
 def chunk_content(record: memoryview, allowance: Allowance) -> Content | None:
@@ -68,7 +88,7 @@ def chunk_content(record: memoryview, allowance: Allowance) -> Content | None:
         BagError: it takes more than is allowed.
     """
     chunk = packed_chunk(record)
-    if chunk is None or chunk.size > CHUNK:
+    if chunk is None or chunk.compression not in UNPACK or chunk.size > CHUNK:
         return None
     allowance.unpack(chunk.size)
     try:

@@ -16,13 +16,20 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statisti
 
 from parallel_robot.bags.limits import ATTACHMENT, DESCRIPTION, Allowance
 from parallel_robot.bags.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
-from parallel_robot.bags.mcap_chunk import Content, chunk_content, packed_chunk
+from parallel_robot.bags.mcap_chunk import (
+    Content,
+    chunk_content,
+    packed_chunk,
+    unknown_compression,
+)
 
 MAGIC = b'\x89MCAP0\r\n'
 FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
 TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
 PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes searched at a time for the next chunk
 BATCH = 1 << 16  # messages outside chunks that make one block
+NEW = 0x10  # opcode from which on records are of later versions, from 0x80 on private ones
+UNPACKED_BY = 'chunks compressed by'  # a compression that is not known
 CHUNK_BEGIN = re.compile(rb'\x06.{7}\x00.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd)', re.DOTALL)
 PARSED: dict[int, Any] = {
     Opcode.HEADER: Header,
@@ -101,7 +108,8 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
             content = chunk_content(record, allowance)
             if content is None:
                 sound = False
-                yield Damage('chunk', len(record))
+                name = unknown_compression(record)
+                yield Damage(f'{UNPACKED_BY} {name}' if name else 'chunk', len(record))
             else:
                 yield from _records(content, channels, allowance)
         elif opcode in PARSED:
@@ -159,29 +167,56 @@ def messages_at(data: memoryview, offset: int, allowance: Allowance) -> Block | 
     return None if content is None else _messages(content)
 
 
-def _end(data: memoryview, offset: int, stop: int) -> int | None:
-    """End of the record at `offset`; None when no record with sound lengths begins there."""
-    content = offset + HEAD
-    if content > stop:
+def _end(data: memoryview, offset: int, stop: int, exact: bool = False) -> int | None:
+    """End of the record at `offset`; None when no record with sound lengths begins there.
+
+    One with more than it must have, or of an unknown kind, counts where another one follows it:
+    else its length or its opcode is damaged.
+
+    Args:
+        data: The file.
+        offset: Where the record begins.
+        stop: Where it may end.
+        exact: Whether it must be of a known kind, and have nothing more.
+    """
+    end = _stated_end(data, offset, stop)
+    if end is None or _is_whole(data[offset:end], exact=True):
+        return end
+    if exact or not _is_whole(data[offset:end], exact=False):
         return None
-    opcode = data[offset]
-    (length,) = LENGTH.unpack_from(data, offset + 1)
-    end = content + length
-    if end > stop:
+    follower: int | None = end
+    while follower is not None and follower < stop and data[follower] >= NEW:
+        follower = _stated_end(data, follower, stop)
+    if follower is None or follower == stop:
+        return end if follower == stop else None
+    last = _stated_end(data, follower, stop)
+    return end if last is not None and _is_whole(data[follower:last], exact=False) else None
+
+
+def _stated_end(data: memoryview, offset: int, stop: int) -> int | None:
+    """End of the record at `offset` by the length that it states; None beyond `stop`."""
+    if offset + HEAD > stop:
         return None
+    end = offset + HEAD + int(LENGTH.unpack_from(data, offset + 1)[0])
+    return end if end <= stop else None
+
+
+def _is_whole(record: memoryview, exact: bool) -> bool:
+    """Whether the lengths in a record fit it; `exact`: and it has no more than it must have."""
+    opcode, length = record[0], len(record) - HEAD
     if opcode == Opcode.CHUNK:
-        whole = packed_chunk(data[offset:end]) is not None
-    elif opcode == Opcode.MESSAGE:
-        whole = length >= MESSAGE_HEAD
-    elif opcode == Opcode.MESSAGE_INDEX:
-        whole = length >= 6 and struct.unpack_from('<I', data, content + 2)[0] == length - 6
+        return packed_chunk(record, exact) is not None
+    if opcode == Opcode.MESSAGE:
+        return length >= MESSAGE_HEAD
+    if opcode == Opcode.MESSAGE_INDEX:
+        least = 6 + struct.unpack_from('<I', record, HEAD + 2)[0] if length >= 6 else length + 1
     elif opcode == Opcode.DATA_END:
-        whole = length == 4
+        least = 4
     elif opcode in PARSED:
-        whole = _parsed(data[offset:end]) is not None
-    else:
-        whole = False
-    return end if whole else None
+        return _parsed(record, PARSED, exact) is not None
+    else:  # a chunk with another opcode is a damaged one
+        return not exact and opcode >= NEW and packed_chunk(record, exact=True) is None
+    return bool(least == length or (least < length and not exact))
 
 
 def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
@@ -192,7 +227,10 @@ def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
         found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == Opcode.CHUNK)
         found = found[found + HEAD <= stop]
         for start in found[raw[found + HEAD - 1] == 0].tolist():
-            if CHUNK_BEGIN.match(data, start, stop) and _end(data, start, stop) is not None:
+            if (
+                CHUNK_BEGIN.match(data, start, stop)
+                and _end(data, start, stop, exact=True) is not None
+            ):
                 return int(start)
         offset, size = offset + size, min(2 * size, LARGEST_PIECE)
     return stop
@@ -202,8 +240,12 @@ def _record(data: memoryview, start: int) -> memoryview:
     return data[start : start + HEAD + LENGTH.unpack_from(data, start + 1)[0]]
 
 
-def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED) -> Any:
-    """A record as mcap's class; None unless that class writes exactly these bytes."""
+def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED, exact: bool = False) -> Any:
+    """A record as mcap's class; None unless these bytes begin with what that class writes.
+
+    What a later version of the format may add at the end is left out, as its specification says;
+    `exact`: there must be nothing of the kind.
+    """
     if len(record) > (ATTACHMENT if record[0] == Opcode.ATTACHMENT else DESCRIPTION):
         return None
     builder = RecordBuilder()
@@ -212,7 +254,12 @@ def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED) -> Any:
         parsed.write(builder)
     except Exception:  # in broken bytes, any length or string can be wrong
         return None
-    return parsed if builder.end() == record else None
+    written = memoryview(builder.end())[HEAD:]
+    found = record[HEAD:] if exact else record[HEAD : HEAD + len(written)]
+    unchecked = record[0] == Opcode.ATTACHMENT and found[-4:] == bytes(4)
+    if unchecked:  # a CRC of zero is none
+        written, found = written[:-4], found[:-4]
+    return parsed if found == written else None
 
 
 def _records(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.bag_reader import Messages
+from parallel_robot.bags import planned_motion
 from parallel_robot.bags.limits import KINDS, MESSAGE, is_name
+from parallel_robot.bags.message_parts import Messages
+from parallel_robot.bags.message_parts import Samples as Samples
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.cdr_reader import Reader
@@ -30,22 +31,6 @@ ARRAYS: dict[str, Callable[[int], cdr.Layout]] = {  # both have numbers of eight
     'std_msgs/msg/Int64MultiArray': layouts.int64_multi_array,
 }
 LOG = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS, topics.ANSWERED)
-
-
-class Samples(NamedTuple):
-    """Decoded messages of a topic.
-
-    Attributes:
-        joints: Names in the messages; empty where the type has none.
-        log_times: When they were recorded [ns], shape (N,).
-        stamps: Stamps of their headers [ns], shape (N,); zero where the type has none.
-        numbers: Fields by name, each shape (N, n), in the order of the joints.
-    """
-
-    joints: tuple[str, ...]
-    log_times: np.ndarray
-    stamps: np.ndarray
-    numbers: dict[str, np.ndarray]
 
 
 def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages], list[Samples]]:
@@ -74,6 +59,12 @@ def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages],
                 kind = _kind(bag, topic, first)
                 same = _has_layout(messages.payloads, kind[0])
                 known.append(kind)
+            if not same.any() and topic == topics.REFERENCE:
+                known.remove(kind)
+                try:
+                    return decoded + planned_motion.samples(messages)
+                except ValueError as error:
+                    raise BagError(f'{bag}: {topic.name} is not understood: {error}') from None
             if not same.any() or len(known) > KINDS:
                 raise BagError(f'{bag}: the messages on {topic.name} are not those of one run')
             known.remove(kind)
@@ -219,7 +210,8 @@ def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, .
     """Index of each joint in the messages of a topic."""
     for joint in joints:
         if names.count(joint) != 1:
-            raise BagError(f'{bag}: {topic.name} has no {joint}, only {", ".join(names)}')
+            there = f'{topic.name} has no {joint}, only {", ".join(names)}'
+            raise BagError(f'{bag}: {there}; --joints names them, --scenario the robot')
     return [names.index(joint) for joint in joints]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot.bags import recording
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recording import Recording
@@ -60,6 +61,7 @@ def read(
     memory: int = MEMORY,
     code: RobotCode = NONE,
     topics: Collection[Topic] = (),
+    view: BagView = AS_RECORDED,
     motion_only: bool = False,
 ) -> Recording:
     """Read a bag of a run, with a configuration that knows its robot, where its code may run.
@@ -71,13 +73,14 @@ def read(
         memory: What may be held of it [bytes].
         code: What may run.
         topics: What else is wanted, see :func:`recording.read`.
-        motion_only: Whether references and commands may be missing.
+        view: What the bag does not say itself, and which part is wanted.
+        motion_only: Whether references and commands may be missing, see :func:`recording.read`.
 
     Raises:
         BagError: not a bag of a run, it takes too much, or its robot is in neither bag nor files.
         InputError: a file is not a robot.
     """
-    found = recording.read(bag, topics, memory, motion_only)
+    found = recording.read(bag, topics, memory, motion_only, view)
     log, past, _ = found
     values = log.config | {KEY: modules.absolute(KEY, list(code.files))}
     name = values['robot_model']

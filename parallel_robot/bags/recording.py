@@ -15,6 +15,7 @@ from parallel_robot.bags import (
     statuses,
 )
 from parallel_robot.bags.bag_reader import Messages
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.experiment import configuration
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
@@ -45,6 +46,7 @@ def read(
     topics: Collection[Topic] = (),
     memory: int = MEMORY,
     motion_only: bool = False,
+    view: BagView = AS_RECORDED,
 ) -> Recording:
     """Read a bag of the nodes, of a simulation, or of any recorder that heard the suite's topics.
 
@@ -55,6 +57,7 @@ def read(
         topics: What else is wanted, of TELEMETRY: topics with a position for each joint.
         memory: What may be held of it [bytes].
         motion_only: Whether references and commands may be missing: NaN, and none.
+        view: What it does not say itself, and which part is wanted.
 
     Raises:
         BagError: not a bag, or one that is not of a run or takes too much; or a topic that the
@@ -75,14 +78,22 @@ def read(
                 raise
             return others(topic, messages)  # of that name, but not the suite's
 
-    found = bag_reader.read(bag, RECORDED, condense, memory)
-    streams, past = run_log.streams_of(bag, found.streams), history.of(found, told)
+    found = bag_reader.read(bag, RECORDED, condense, memory, view)
+    streams, past = run_log.streams_of(bag, found.streams, view), history.of(found, told)
     absent: tuple[Topic, ...] = ()
+    present = streams
     if motion_only:
         streams, absent = motion_alone.filled(
-            streams, lambda: configuration(bag, found.metadata, past.parameters)[1].joints
+            streams, lambda: configuration(bag, found.metadata, past.parameters, view)[1].joints
         )
-    log = motion_alone.cleared(run_log.of(bag, found, streams, past.parameters), absent)
+    log = run_log.of(bag, found, streams, past.parameters, view)
+    log = motion_alone.cleared(log, absent)
+    lacking = [
+        f'{bag} has no messages on {run_log.wanted(topic, present, found)}' for topic in absent
+    ]
+    log = log._replace(warnings=(*log.warnings, *lacking))
+    if not view.whole:
+        log = run_log.between(bag, log, view.start, view.stop)
     extra = {}
     for topic in {*topics} & streams.keys():
         try:

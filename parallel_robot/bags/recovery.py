@@ -10,14 +10,14 @@ from pathlib import Path
 
 from mcap import records as mcap
 
-from parallel_robot.bags import bag_files, recording
+from parallel_robot.bags import bag_files, bag_kinds, recording
 from parallel_robot.bags.bag_files import File, open_file
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.channels import Channel
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.mcap_block import Block
 from parallel_robot.bags.mcap_chunk import unpacked_payload
-from parallel_robot.bags.mcap_records import Damage, scan
+from parallel_robot.bags.mcap_records import Damage
 from parallel_robot.bags.new_files import check_directory
 from parallel_robot.bags.progress import Progress
 from parallel_robot.bags.record_names import MESSAGES, METADATA, ROSBAG2
@@ -97,7 +97,7 @@ def recover(
             created = True
             with Progress(sum(file.stat().st_size for file in files) // 1000, 'kB') as progress:
                 for file in files:
-                    _copy(open_file(file, memory), writer, numbers, recovery, progress)
+                    _copy(file, open_file(file, memory), writer, numbers, recovery, progress)
             if not recovery.kept:
                 raise BagError(f'{bag} holds no message that is intact')
             add(writer)
@@ -112,6 +112,7 @@ def recover(
 
 
 def _copy(
+    path: Path,
     file: File,
     writer: BagWriter,
     numbers: dict[Channel, int],
@@ -122,7 +123,7 @@ def _copy(
     schemas: dict[int, mcap.Schema] = {}
     channels: dict[int, Channel] = {}
     written: dict[int, int] = {}
-    for record in scan(*file):
+    for record in bag_kinds.records(path, file):
         if isinstance(record, mcap.Schema):
             schemas[record.id] = record
         elif isinstance(record, mcap.Channel):
@@ -161,7 +162,7 @@ def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
     """What the suite wrote about the experiment; empty if nothing."""
     facts = bag_files.custom_data(bag)
     for file in files if not facts else ():
-        for record in scan(*open_file(file, memory)):
+        for record in bag_kinds.records(file, open_file(file, memory)):
             if isinstance(record, mcap.Metadata) and record.name == METADATA:
                 return record.metadata
             if isinstance(record, Block):

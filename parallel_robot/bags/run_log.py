@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import certificate, command_states, experiment
+from parallel_robot.bags import certificate, command_states, experiment, planned_motion
 from parallel_robot.bags.bag_reader import Bag
+from parallel_robot.bags.bag_view import AS_RECORDED, INSTEAD, BagView
 from parallel_robot.bags.command_states import UNKNOWN, Answered, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
@@ -29,6 +30,7 @@ from parallel_robot_sim.imperfections import reported_age
 
 FEW = 5  # topics of a bag that are named
 EMPTY = np.zeros((0, 0))
+NEEDED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
@@ -97,6 +99,7 @@ def of(
     found: Bag[list[Samples]],
     streams: Mapping[Topic, list[Samples]],
     nodes: Mapping[str, Mapping[str, Any]],
+    view: BagView = AS_RECORDED,
 ) -> RunLog:
     """The run of a bag.
 
@@ -105,19 +108,24 @@ def of(
         found: What was read of it.
         streams: Its messages, see :func:`streams_of`.
         nodes: Node to its parameters, where it says them.
+        view: What it does not say itself.
 
     Raises:
         BagError: it is not of a run, or a topic that the log needs is not in it.
     """
-    streams = dict(streams)
-    for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
+    streams, view = dict(streams), view.of(bool(found.metadata))
+    for needed in NEEDED:
         if needed not in streams:
-            raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found.channels)}')
-    values, loop, start = experiment.configuration(bag, found.metadata, nodes)
+            raise BagError(f'{bag} has no messages on {wanted(needed, streams, found)}')
+    values, loop, start = experiment.configuration(bag, found.metadata, nodes, view)
     warnings = [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
         streams[topic], remarks = ours(topic, streams[topic], loop.joints)
         warnings += [f'{bag}: {remark}' for remark in remarks]
+    streams[topics.REFERENCE], held = planned_motion.cut(streams[topics.REFERENCE])
+    if held:
+        what = f'{held} messages on {topics.REFERENCE.name} have no velocities'
+        warnings.append(f'{bag}: {what}: each counts as it is until the next')
     states, references, commands = (
         whole(bag, topic, streams[topic], loop.joints)
         for topic in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
@@ -147,7 +155,10 @@ def of(
         what = f'{repeated} messages on {topics.JOINT_STATES.name} repeat a stamp'
         warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
     position = states.numbers['position'][used]
-    warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps, position)]
+    part: slice | np.ndarray = slice(None)
+    if (view.start, view.stop) != (None, None):
+        part = _within((stamps - start) / NANOSECONDS, view.start, view.stop)
+    warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps[part], position[part])]
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)
     rhythm.look()
@@ -157,17 +168,17 @@ def of(
     referenced = newest_age(stamps + age, references.stamps) <= limit
     if not referenced.all():
         warnings.append(f'{bag}: {_unreferenced(stamps, start, references.stamps, referenced)}')
-    if not found.metadata:
-        robot = f'{values["robot_model"]} with the parameters of the paper'
-        warnings.append(f'{bag} does not say of which robot it is: taken to be of {robot}')
+    assumed = _assumed(values, loop.joints, bool(found.metadata), view)
+    if assumed:
+        warnings.append(f'{bag} {assumed}')
     answers = streams.get(topics.ANSWERED, [])
     counted = {topics.COMMANDS: [commands], topics.ANSWERED: answers}
     complete = _complete(counted, found.notes.get(MESSAGES, []))
     answered = command_states.align(commands.log_times, answers, complete)
     answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
     return RunLog(
-        loop.scenario if found.metadata else 'unknown',
-        loop.law if found.metadata else 'unknown',
+        loop.scenario if found.metadata or view.assumes else 'unknown',
+        loop.law if found.metadata or view.assumes else 'unknown',
         loop.joints,
         values,
         start,
@@ -205,23 +216,41 @@ def _complete(
     )
 
 
-def _wanted(topic: Topic, found: Mapping[Topic, Any], channels: Mapping[str, str]) -> str:
-    """A topic that a bag lacks, its type, and which topics it has that may be meant.
+def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
+    """A topic that a bag lacks, its type, what may be meant instead, and the option that says so.
 
     Args:
         topic: The topic.
-        found: The topics that the bag has.
-        channels: Type of each of its topics, by its full name.
+        known: The topics that the bag has.
+        found: What was read of it.
     """
-    kind, taken = topic.type.replace('/msg/', '/'), {other.name for other in found}
+    channels = found.channels
+    kinds = {kind.replace('/msg/', '/') for kind in (topic.type, *INSTEAD.get(topic, ()))}
+    taken = {other.name for other in known}
     others = [
-        f'{printable(name, 60)} ({printable(other, 60)})'
+        (name, other)
         for name, other in channels.items()
-        if (other.replace('/msg/', '/') == kind or name.endswith(f'/{topic.name}'))
+        if (other.replace('/msg/', '/') in kinds or name.endswith(f'/{topic.name}'))
         and name.lstrip('/') not in taken
     ]
     what = f'{topic.name} ({topic.type})'
-    return f'{what}; it has {", ".join(others[:FEW])}' if others else what
+    if not others:
+        names = ', '.join(printable(name, 60) for name in [*channels][:FEW])
+        return f'{what}, nor on another topic of that type; it has {names or "no topics"}'
+    shown = ', '.join(
+        f'{printable(name, 60)} ({printable(other, 60)})'
+        if name not in found.encodings
+        else f'{printable(name, 60)} ({printable(other, 60)} as {found.encodings[name]:.20})'
+        for name, other in others[:FEW]
+    )
+    alike = [name for name, other in others if other in (topic.type, *INSTEAD.get(topic, ()))]
+    strange = any(name in found.encodings for name, _ in others)
+    alike = [name for name in alike if name not in found.encodings]
+    if not alike:
+        help_text = '; only messages as cdr, of ROS 2, are read' if strange else ''
+        return f'{what}; it has {shown}{help_text}'
+    word = topic.name.rpartition('/')[2]
+    return f'{what}; it has {shown}: --topic {word}={printable(alike[0], 60)} takes it'
 
 
 def _commanded(answer: np.ndarray) -> np.ndarray:
@@ -233,6 +262,43 @@ def _commanded(answer: np.ndarray) -> np.ndarray:
     given = np.vstack([np.zeros((1, answer.shape[1])), answer[:-1]])
     known = np.isfinite(given).all(axis=1)
     return given[np.maximum.accumulate(np.where(known, np.arange(len(given)), 0))]
+
+
+def _assumed(values: Mapping[str, Any], joints: Sequence[str], known: bool, view: BagView) -> str:
+    """What was assumed of a bag that does not say of what it is; empty where nothing was."""
+    given = view.told()
+    if known:
+        return f'is read with {given} in place of what it says itself' if given else ''
+    robot = f'{values["robot_model"]} with the parameters of {view.scenario or "the paper"}'
+    what = f'does not say of which robot it is: taken to be of {robot}, joints {", ".join(joints)}'
+    return f'{what}; given: {given}' if given else f'{what}; --scenario and --set say another'
+
+
+def between(bag: Path, log: RunLog, start: float | None, stop: float | None) -> RunLog:
+    """The states of a part of a run, with all its commands.
+
+    Args:
+        bag: The bag, for error messages.
+        log: The run.
+        start: From which time on [s]; None: from the first state.
+        stop: Up to which [s]; None: to the last one.
+
+    Raises:
+        BagError: there is no state in it.
+    """
+    if start is None and stop is None:
+        return log
+    chosen = _within(log.time, start, stop)
+    if not len(chosen):
+        ends = f'from t = {log.time.min():.3f} s to {log.time.max():.3f} s'
+        raise BagError(f'{bag} has no state between --from and --to: its states go {ends}')
+    return rows(log, chosen)
+
+
+def _within(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
+    """Numbers of the states from one time to another [s]."""
+    since, until = (-np.inf if start is None else start), (np.inf if stop is None else stop)
+    return np.flatnonzero((time >= since) & (time <= until))
 
 
 def head(log: RunLog, count: int) -> RunLog:
@@ -316,22 +382,35 @@ def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) ->
     return Samples(samples.joints, samples.log_times[kept], samples.stamps[kept], numbers)
 
 
-def streams_of(bag: Path, found: Mapping[str, list[list[Samples]]]) -> dict[Topic, list[Samples]]:
-    """Streams of the suite's topics, all in one namespace.
+def streams_of(
+    bag: Path, found: Mapping[str, list[list[Samples]]], view: BagView = AS_RECORDED
+) -> dict[Topic, list[Samples]]:
+    """Streams of the suite's topics, all in one namespace but for those that were chosen.
 
     Args:
         bag: The bag, for error messages.
         found: Messages by full name of the topic.
+        view: Which topics take the place of others, and which namespace is wanted.
 
     Raises:
-        BagError: those of several robots are there.
+        BagError: those of several robots are there, or none of the one that is wanted.
     """
-    end = f'/{topics.JOINT_STATES.name}'
-    spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
-    if len(spaces) > 1 and '' not in spaces:
-        raise BagError(f'{bag} holds several runs, in {", ".join(sorted(spaces))}')
+    spaces: list[str] = []
+    for topic in NEEDED:  # the first that is there says where the others are
+        end = f'/{topic.name}'
+        spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
+        if spaces and topic.name not in view.topics:
+            break
+    if view.namespace is not None and spaces and view.namespace not in spaces:
+        there = ', '.join(space or '/' for space in sorted(spaces))
+        raise BagError(f'{bag} has nothing in --namespace {view.namespace or "/"}, but in {there}')
+    if view.namespace is None and len(spaces) > 1 and '' not in spaces:
+        there = ', '.join(sorted(spaces))
+        raise BagError(f'{bag} holds several runs, in {there}; --namespace chooses one')
     space = '' if '' in spaces or not spaces else spaces[0]
-    streams = {topic: found.get(f'{space}/{topic.name}', []) for topic in RECORDED}
+    space = space if view.namespace is None else view.namespace
+    names = {topic: view.topics.get(topic.name, f'{space}/{topic.name}') for topic in RECORDED}
+    streams = {topic: found.get(name, []) for topic, name in names.items()}
     return {topic: [*itertools.chain(*parts)] for topic, parts in streams.items() if parts}
 
 

@@ -31,7 +31,7 @@ def doubts(bag: Path, stamps: np.ndarray, position: np.ndarray) -> list[str]:
         what = f'no states for {steps.max():.4g} s' + (f', in {where}' if count > 1 else '')
         if len(names) > 1:
             what += f': several recordings, in {", ".join(names)}? figures are of all together; '
-            what += 'give one file for its own'
+            what += 'give one file for its own, or a part of them by --from and --to'
         found.append(what)
     leaps = _leaps(position)
     if leaps:

@@ -7,17 +7,21 @@ import math
 
 from parallel_robot_model.common.options import number
 
+OF_FIGURES = (
+    'time of the part that all figures are of, default: errors are those of the second half of '
+    'the motion'
+)
 
-def add_window_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--from`` and ``--to``."""
+
+def add_window_arguments(parser: argparse.ArgumentParser, text: str = OF_FIGURES) -> None:
+    """Declare ``--from`` and ``--to``; `text` says what they choose."""
     for name, dest, end in (('--from', 'start', 'first'), ('--to', 'stop', 'last')):
         parser.add_argument(
             name,
             dest=dest,
             type=_time,
             metavar='S',
-            help=f'{end} time of the part that all figures are of, default: errors are those of '
-            'the second half of the motion',
+            help=f'{end} {text}',
         )
 
 

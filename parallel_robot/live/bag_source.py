@@ -15,6 +15,8 @@ import numpy as np
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
 from parallel_robot.bags import held_code, recording, stretches
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.experiment import UNKNOWN_LAW
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
@@ -23,6 +25,7 @@ from parallel_robot.live.frames import Camera, Motion
 from parallel_robot.live.source import RefusedError
 from parallel_robot_control.configuration import (
     ControlConfiguration,
+    available,
     changed,
     configure,
 )
@@ -30,6 +33,7 @@ from parallel_robot_control.laws import title
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration.config import default
 from parallel_robot_sim.motions import differs
 
 PAST = 12.0  # s before a moment that is sought, for the curves
@@ -198,7 +202,9 @@ class BagSource:
         return value or 'off'
 
 
-def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource:
+def open_bag(
+    stack: ExitStack, bag: Path, trust: bool, memory: int, view: BagView = AS_RECORDED
+) -> BagSource:
     """Read a bag that is to be played.
 
     Args:
@@ -206,14 +212,18 @@ def open_bag(stack: ExitStack, bag: Path, trust: bool, memory: int) -> BagSource
         bag: Directory of the bag, or one file of it.
         trust: Whether code that it holds may run.
         memory: What may be held of it [bytes].
+        view: What it does not say itself, and which part is shown.
 
     Raises:
         BagError: it is not a bag of a run, or needs code that may not run.
     """
-    log, past, _ = recording.read(bag, memory=memory)
+    log, past, _ = recording.read(bag, memory=memory, motion_only=True, view=view)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     files = custom_files(bag, past.sources, log.config, folder, trust)
     values = bag_replay.configuration(log, past, files, {})
+    if not past.facts and values['law'] == UNKNOWN_LAW:  # the robot is shown, whatever moved it
+        law = past.statuses[0].law if past.statuses else ''
+        values['law'] = law if law in available(values['custom_laws']) else default('law')
     held_code.check(bag, values)
     return BagSource(log, past, configure(values))
 

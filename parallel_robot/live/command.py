@@ -14,6 +14,7 @@ from typing import Any
 from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY, add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot_model.common.errors import InputError, StoppedError
 from parallel_robot_model.messages.namespaces import add_namespace_argument, full
@@ -49,6 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_set_argument(parser)
     add_namespace_argument(parser, 'of the robot, default: the first that is heard', None)
+    add_bag_arguments(parser)
     parser.add_argument(
         '--host',
         default=HOST,
@@ -75,17 +77,25 @@ def execute(arguments: argparse.Namespace) -> int:
     for option in ('law', 'duration'):
         if getattr(arguments, option) is not None:
             changed[option] = getattr(arguments, option)
-    if changed and arguments.run is None:
-        raise InputError(f'{next(iter(changed))} can be set with --run alone')
+    if changed and arguments.run is None and arguments.bag is None:
+        raise InputError(f'{next(iter(changed))} can be set with --run or --bag alone')
     if arguments.bag is None:
         for option, given_ in (
+            ('--topic', arguments.topics),
+            ('--joints', arguments.joints),
+            ('--scenario', arguments.scenario),
+            ('--override', arguments.override),
+            ('--from', arguments.start is not None),
+            ('--to', arguments.stop is not None),
             ('--trust', arguments.trust),
             ('--max-memory', arguments.max_memory != MEMORY),
         ):
             if given_:
                 raise InputError(f'{option} goes with --bag alone')
-    elif arguments.namespace is not None:
-        raise InputError('--namespace is that of a graph, not of a --bag')
+    else:
+        for option in ('law', 'duration'):
+            if getattr(arguments, option) is not None:
+                raise InputError(f'--{option} goes with --run alone')
     if arguments.out is not None and (arguments.bag is not None or arguments.foxglove):
         raise InputError('--out: only the page of a graph records')
     if arguments.out is not None:
@@ -108,7 +118,13 @@ def execute(arguments: argparse.Namespace) -> int:
             if arguments.bag is not None:
                 from parallel_robot.live.bag_source import open_bag
 
-                source: Any = open_bag(stack, arguments.bag, arguments.trust, arguments.max_memory)
+                source: Any = open_bag(
+                    stack,
+                    arguments.bag,
+                    arguments.trust,
+                    arguments.max_memory,
+                    bag_view(arguments, changed),
+                )
             else:
                 source = _graph(stack, arguments, changed, namespace)
             os.nice(NICE)

@@ -30,6 +30,7 @@ def calibrate(
     memory: int = MEMORY,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
+    **options: Any,
 ) -> Calibration: ...
 @overload
 def calibrate(
@@ -73,11 +74,14 @@ def calibrate(
         memory: What may be held of the bag [bytes].
         trust: Whether the file of a custom robot in the bag may run.
         custom_robots: Files of custom robots of yours.
-        scenario: Scenario around whose first pose others are chosen, in place of a bag.
+        scenario: Without a bag, the scenario around whose first pose others are chosen; else what
+            a bag without a configuration is of.
         design: How many poses are chosen.
         seed: Seed of the poses that they are chosen from; default: 0.
-        param_file: YAML file with keys of the configuration of `scenario`, or several.
-        values: Keys of that configuration and their values.
+        param_file: YAML file with keys of the configuration of `scenario`, or of a bag that has
+            none, or several.
+        values: Keys of that configuration and their values; and what a bag does not say itself,
+            see ``load``.
 
     Returns:
         The robot as keys of the configuration, ``values``, with tables and warnings; with
@@ -87,7 +91,11 @@ def calibrate(
         BagError: not a bag of a run, or its poses do not suffice.
         InputError: arguments do not go together, a value is wrong, or a file cannot be written.
     """
+    of_bag = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
     options = {
+        **of_bag,
+        'from': of_bag.get('start'),
+        'to': of_bag.get('stop'),
         'bag': bag,
         'poses': poses,
         'pose-topic': pose_topic,
@@ -96,7 +104,6 @@ def calibrate(
         'scenario': scenario,
         'design': design,
         'seed': seed,
-        'param-file': param_file,
     }
     mode, file = modes.mode(options), arguments.optional('out', out)
     if file is not None:
@@ -107,7 +114,6 @@ def calibrate(
         if file is not None:
             chosen.write(file)
         return chosen
-    modes.check_unchanged(values)
     if not (pose_topic is None or isinstance(pose_topic, str)):
         raise InputError(f'pose_topic must be the name of a topic, not {pose_topic!r}')
     found = bag_calibration.calibrate(
@@ -117,6 +123,7 @@ def calibrate(
         free,
         memory,
         recorded_robot.chosen(trust, custom_robots),
+        arguments.view({**of_bag, **values, 'scenario': scenario, 'param_file': param_file}),
     )
     if file is not None:
         found.write(file)

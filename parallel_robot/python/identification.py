@@ -26,9 +26,10 @@ def identify(
     figure: Place | None = None,
     cutoff: float | None = None,
     memory: int = MEMORY,
+    **options: Any,
 ) -> Identification: ...
 @overload
-def identify(bag: Place, *, rest: Literal[True], memory: int = MEMORY) -> Rest: ...
+def identify(bag: Place, *, rest: Literal[True], memory: int = MEMORY, **options: Any) -> Rest: ...
 @overload
 def identify(
     *,
@@ -75,8 +76,10 @@ def identify(
         trials: Number of motions to try for it; default: 2500.
         seed: Seed of that search; default: 0.
         memory: What may be held of each bag [bytes].
-        param_file: YAML file with keys of the configuration of `design`, or several.
-        values: Keys of that configuration and their values.
+        param_file: YAML file with keys of the configuration of `design`, or of a bag that has
+            none, or several.
+        values: Keys of that configuration and their values; and what a bag does not say itself,
+            see ``load``.
 
     Returns:
         The robot as keys of the configuration, ``values``, with tables and warnings; with `rest`
@@ -86,7 +89,11 @@ def identify(
         BagError: not a bag of a run, too little of it can be used, or of another robot.
         InputError: arguments do not go together, a value is wrong, or a file cannot be written.
     """
+    of_bag = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
     options = {
+        **of_bag,
+        'from': of_bag.get('start'),
+        'to': of_bag.get('stop'),
         'bag': bag,
         'design': design,
         'rest': rest,
@@ -110,8 +117,9 @@ def identify(
             motion.write(robot)
         return motion
     place = arguments.path('a bag', bag)
+    view = arguments.view({**of_bag, **values, 'param_file': param_file})
     if mode == modes.REST:
-        return bag_identification.at_rest(place, memory)
-    found = bag_identification.identify(place, second, cutoff, memory)
+        return bag_identification.at_rest(place, memory, view)
+    found = bag_identification.identify(place, second, cutoff, memory, view)
     found.write(robot, picture)
     return found

@@ -30,6 +30,7 @@ from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags import recorded_robot, simulation_bag
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.statuses import LIMIT_TEXT
+from parallel_robot.python import arguments
 from parallel_robot.studies.sweep import study as studies
 from parallel_robot.studies.sweep import table
 from parallel_robot.studies.sweep.plan import plan
@@ -86,6 +87,15 @@ def load(
     memory: int = MEMORY,
     trust: bool = False,
     custom_robots: Sequence[str | Path] = (),
+    topic: Mapping[str, str] | None = None,
+    namespace: str | None = None,
+    joints: Sequence[str] = (),
+    scenario: str | Path | None = None,
+    param_file: str | Path | Iterable[str | Path] | None = None,
+    override: bool = False,
+    start: float | None = None,
+    stop: float | None = None,
+    **values: Any,
 ) -> Run:
     """Read a bag as a run.
 
@@ -99,6 +109,16 @@ def load(
         memory: What may be held of it [bytes].
         trust: Whether the code of its robot may run, where the bag holds it: with all your rights.
         custom_robots: Files of robots of yours, which take the place of that in the bag.
+        topic: Topics of the bag in place of those of the suite, e.g.
+            ``{'joint_states': '/robot1/joint_states'}``.
+        namespace: Of the robot, in a bag of several.
+        joints: Names of the joints in the bag, in the order of those of the robot.
+        scenario: What a bag without a configuration is of; default: ``paper_circle``.
+        param_file: YAML file with keys of the configuration of such a bag, or several.
+        override: Whether scenario, joints, file and values take the place of what a bag says.
+        start: Time from which on it is read [s]; default: from the first state.
+        stop: Time up to which it is read [s]; default: to the last state.
+        values: Keys of the configuration of a bag without one, and their values.
 
     Raises:
         BagError: not a bag, or one that is not of a run or takes too much; or its robot is in
@@ -106,7 +126,18 @@ def load(
         InputError: a file is not a robot.
     """
     code = recorded_robot.chosen(trust, custom_robots)
-    log, past, _ = recorded_robot.read(bag, memory, code)
+    given: dict[str, Any] = {
+        'topic': topic,
+        'namespace': namespace,
+        'joints': joints,
+        'scenario': scenario,
+        'param_file': param_file,
+        'override': override,
+        'start': start,
+        'stop': stop,
+        **values,
+    }
+    log, past, _ = recorded_robot.read(bag, memory, code, view=arguments.view(given))
     law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)

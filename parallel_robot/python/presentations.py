@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 from parallel_robot.analysis import table, table_file, viewer_copy
 from parallel_robot.analysis.report import report_files
@@ -27,6 +28,7 @@ def report(
     trust: bool = False,
     custom_robots: Sequence[str | Path] = (),
     memory: int = MEMORY,
+    **options: Any,
 ) -> Report:
     """Write the paper's figures and one interactive page, as ``parallel_robot report`` does.
 
@@ -42,6 +44,7 @@ def report(
         trust: Whether the code of robots that bags hold may run: with all your rights.
         custom_robots: Files of robots of yours, which take the place of those in bags.
         memory: What may be held of each bag [bytes].
+        options: What bags do not say themselves, and keys of their configuration, see ``load``.
 
     Returns:
         Its page, the number of figures beside it, and warnings.
@@ -52,7 +55,8 @@ def report(
     check(scale)
     found, path = arguments.bags(bags), arguments.path('out', out)
     code = recorded_robot.chosen(trust, custom_robots)
-    return report_files.make(found, path, scale, memory, code)
+    view = arguments.view(options)
+    return report_files.make(found, path, scale, memory, code, view)
 
 
 def video(
@@ -65,6 +69,7 @@ def video(
     trust: bool = False,
     custom_robots: Sequence[str | Path] = (),
     memory: int = MEMORY,
+    **options: Any,
 ) -> Video:
     """Write a video of the moving robot, as ``parallel_robot video`` does.
 
@@ -83,6 +88,7 @@ def video(
         trust: Whether the code of robots that bags hold may run: with all your rights.
         custom_robots: Files of robots of yours, which take the place of those in bags.
         memory: What may be held of each bag [bytes].
+        options: What bags do not say themselves, and keys of their configuration, see ``load``.
 
     Returns:
         Its path, the number of its frames, and by how much errors are magnified.
@@ -93,7 +99,8 @@ def video(
     """
     found, path = arguments.bags(bags), arguments.path('out', out)
     code = recorded_robot.chosen(trust, custom_robots)
-    return video_file.make(found, path, rate, speed, magnify, memory, code)
+    view = arguments.view(options)
+    return video_file.make(found, path, rate, speed, magnify, memory, code, view)
 
 
 def export(
@@ -104,6 +111,7 @@ def export(
     trust: bool = False,
     custom_robots: Sequence[str | Path] = (),
     memory: int = MEMORY,
+    **options: Any,
 ) -> Frame:
     """A bag as a table, and in files for other programs, as ``parallel_robot export`` writes them.
 
@@ -121,6 +129,7 @@ def export(
         trust: Whether the code of robots that bags hold may run: with all your rights.
         custom_robots: Files of robots of yours, which take the place of those in bags.
         memory: What may be held of the bag [bytes].
+        options: What the bag does not say itself, and keys of its configuration, see ``load``.
 
     Returns:
         A pandas.DataFrame, one row a state; ``attrs['warnings']`` says what is wrong with the bag.
@@ -138,9 +147,10 @@ def export(
     if copy is not None:
         new_files.check_directory(copy)
     code = recorded_robot.chosen(trust, custom_robots)
-    columns, warnings = table.read(bag, memory, code)
+    view = arguments.view(options)
+    columns, warnings = table.read(bag, memory, code, view)
     if copy is not None:
-        viewer_copy.write(bag, copy, memory, code)
+        viewer_copy.write(bag, copy, memory, code, view)
     if file is not None:
         table_file.write(file, columns)
     frame: Frame = frames.DataFrame(columns)

@@ -49,7 +49,8 @@ def replay(
             your rights.
         memory: What may be held of the bag [bytes].
         param_file: YAML file with keys of the configuration, or several; later ones win.
-        values: Keys of the configuration of the controller that change, and their values.
+        values: Keys of the configuration of the controller that change, and their values; and
+            what the bag does not say itself, see ``load``.
 
     Returns:
         Its ``torque`` beside the ``recorded`` one, and how many are ``differing``.
@@ -61,9 +62,11 @@ def replay(
     path = arguments.optional('figure', figure)
     if path is not None:
         figures.check_new(path)
+    options = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
     changed = changes(param_file, values | ({} if law is None else {'law': law}))
     place = arguments.path('a bag', bag)
-    with bag_replay.prepared(place, changed, trust, memory, told=False) as prepared:
+    view = arguments.view(options)
+    with bag_replay.prepared(place, changed, trust, memory, False, view) as prepared:
         found = prepared.compute()
     if path is not None:
         found.save_figure(path)

@@ -14,7 +14,8 @@ import numpy as np
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import arithmetic, held_code, recording
+from parallel_robot.bags import arithmetic, held_code, recording, run_log
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
@@ -108,16 +109,20 @@ class Prepared:
     """A bag that is to be replayed, and the configuration of its controller.
 
     Attributes:
+        bag: The bag.
         log: The run.
         past: What happened beside the motion.
         values: The configuration.
         changed: Whether it is another than the recorded one.
+        window: First and last time of the part that is compared [s], None: of the run.
     """
 
+    bag: Path
     log: RunLog
     past: History
     values: Mapping[str, Any]
     changed: bool
+    window: tuple[float | None, float | None] = (None, None)
 
     @property
     def law(self) -> str:
@@ -133,10 +138,12 @@ class Prepared:
         """
         compute = replayed.instead if self.changed else replayed.again
         result = compute(self.log, self.past, configure(self.values))
-        warnings = self.log.warnings
+        log, warnings = run_log.between(self.bag, self.log, *self.window), self.log.warnings
+        shown = np.isin(self.log.time, log.time)
+        result = result._replace(torque=result.torque[shown], recorded=result.recorded[shown])
         if not self.changed and result.differing.any():
             warnings += tuple(filter(None, [arithmetic.doubt(self.past.facts)]))
-        return BagReplay(self.log, self.law, result, self.changed, warnings)
+        return BagReplay(log, self.law, result, self.changed, warnings)
 
 
 @contextmanager
@@ -146,6 +153,7 @@ def prepared(
     trust: bool = False,
     memory: int = MEMORY,
     told: bool = True,
+    view: BagView = AS_RECORDED,
 ) -> Iterator[Prepared]:
     """Read a bag that is to be replayed; the code that it holds stands in files meanwhile.
 
@@ -155,13 +163,18 @@ def prepared(
         trust: Whether its code may run.
         memory: What may be held of it [bytes].
         told: Whether the user is told what code runs, see :func:`custom_files`.
+        view: What it does not say itself, and which part is compared.
 
     Raises:
         BagError: it is no bag of a run, no command answers a state, or it needs code that it does
             not hold or that may not run.
         InputError: a change is wrong.
     """
-    log, past, _ = recording.read(bag, memory=memory)
+    spare = {key: value for key, value in changes.items() if key != 'law'}
+    whole = view._replace(whole=True, spare=spare)  # a law remembers what was before
+    log, past, _ = recording.read(bag, memory=memory, view=whole)
+    if not past.facts:  # the others say of what robot the bag is
+        changes = {key: value for key, value in changes.items() if _is_used(key, changes)}
     if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
         raise BagError(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:
@@ -177,7 +190,7 @@ def prepared(
                 f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
             )
         held_code.check(bag, values, addable=True)
-        yield Prepared(log, past, values, bool(changes))
+        yield Prepared(bag, log, past, values, bool(changes), (view.start, view.stop))
 
 
 def configuration(
@@ -205,9 +218,14 @@ def configuration(
             }
     values = config.changed(values, changes, load({**values, **changes}))
     for key in changes:
-        if key.partition('.')[0] not in (*USED, *available(values['custom_laws'])):
+        if not _is_used(key, values):
             raise InputError(f'{key} does not change the torques on a recorded motion')
     return values
+
+
+def _is_used(key: str, values: Mapping[str, Any]) -> bool:
+    """Whether torques depend on a key of the configuration."""
+    return key.partition('.')[0] in (*USED, *available(values.get('custom_laws', [])))
 
 
 def verdict(log: RunLog, result: replayed.Replay) -> list[str]:

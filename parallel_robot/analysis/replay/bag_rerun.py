@@ -157,7 +157,10 @@ def prepared(
     bag = Path(os.path.realpath(bag))
     log, past, _ = recording.read(bag, memory=memory)
     if not past.facts:
-        raise BagError(f'{bag} does not say what experiment made it')
+        raise BagError(
+            f'{bag} does not say what experiment made it, so there is none to repeat; '
+            'parallel_robot replay --law computes the torques of a law on its motion'
+        )
     planned = loop_of(log.config).last_index or 0
     if simulated(past) and duration is None and planned > max(LONGER * len(log.time), SHORT):
         raise BagError(

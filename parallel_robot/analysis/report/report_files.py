@@ -13,6 +13,7 @@ from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags import new_files
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
@@ -41,6 +42,7 @@ def make(
     scale: str = AUTO,
     memory: int = MEMORY,
     code: RobotCode = NONE,
+    view: BagView = AS_RECORDED,
 ) -> Report:
     """Write the report of some bags; it appears complete or not at all.
 
@@ -50,12 +52,13 @@ def make(
         scale: Of errors, see scale.SCALES.
         memory: Memory that reading each bag may take [bytes].
         code: What may run to know their robots.
+        view: What bags do not say themselves, and which part is wanted.
 
     Raises:
         InputError: bags are too many or no bags, or the directory cannot be written.
     """
     new_files.check_directory(directory)
-    groups = read_runs(bags, memory, code)
+    groups = read_runs(bags, memory, code, view)
     try:
         figures = write(groups, directory, scale)
     except OSError as error:

@@ -15,6 +15,7 @@ from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import recorded_robot, run_log, stretches
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.message_arrays import Samples, physical
 from parallel_robot.bags.progress import tracked
@@ -74,7 +75,10 @@ class Run(NamedTuple):
 
 
 def read_runs(
-    bags: Sequence[str | Path], memory: int = MEMORY, code: RobotCode = NONE
+    bags: Sequence[str | Path],
+    memory: int = MEMORY,
+    code: RobotCode = NONE,
+    view: BagView = AS_RECORDED,
 ) -> dict[str, list[Run]]:
     """Read bags.
 
@@ -82,6 +86,7 @@ def read_runs(
         bags: Directories of the bags, or one file of each.
         memory: Memory that reading each may take [bytes].
         code: What may run to know their robots.
+        view: What bags do not say themselves, and which part is wanted.
 
     Returns:
         Scenario to its runs, in the order of `bags`; runs of one scenario with several robots
@@ -95,7 +100,7 @@ def read_runs(
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
     recordings: dict[tuple[str, str], list[tuple[Path, Recording]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
-        found = recorded_robot.read(bag, memory, code, (CROSS_COUPLING_ERROR,))
+        found = recorded_robot.read(bag, memory, code, (CROSS_COUPLING_ERROR,), view)
         law_titles.learn(found.history.sources['custom_laws'])
         group = label(found.log.scenario), _robot(found.log)
         recordings.setdefault(group, []).append((bag, found))

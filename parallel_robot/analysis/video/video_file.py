@@ -13,6 +13,7 @@ from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.analysis.video import files, film
 from parallel_robot.analysis.video.scene import MOST, frame_times, magnification, scene
 from parallel_robot.bags import new_files
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
@@ -46,6 +47,7 @@ def make(
     magnify: float | None = None,
     memory: int = MEMORY,
     code: RobotCode = NONE,
+    view: BagView = AS_RECORDED,
 ) -> Video:
     """Write the video of some bags.
 
@@ -57,6 +59,7 @@ def make(
         magnify: By how much errors of the path are magnified; None: as much as they fill the view.
         memory: Memory that reading each bag may take [bytes].
         code: What may run to know their robots.
+        view: What bags do not say themselves, and which part is wanted.
 
     Raises:
         InputError: a value is wrong, bags are too many or no bags, or the file cannot be written.
@@ -70,7 +73,7 @@ def make(
         _check('--magnify', magnify, *MAGNIFICATIONS)
     if len(bags) > MOST:
         raise InputError(f'a video takes up to {MOST} bags, not {len(bags)}')
-    runs = list(itertools.chain(*read_runs(bags, memory, code).values()))
+    runs = list(itertools.chain(*read_runs(bags, memory, code, view).values()))
     times = frame_times(runs, rate, speed, files.MOST[out.suffix])
     magnified = magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]

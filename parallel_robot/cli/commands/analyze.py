@@ -13,7 +13,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import metrics, recorded_motions, timing
+import numpy as np
+
+from parallel_robot.analysis import metrics, motion_alone, recorded_motions, timing
 from parallel_robot.analysis.readable_metrics import (
     AS_SEEN,
     EFFORT,
@@ -30,7 +32,10 @@ from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags import history, new_files, recorded_robot, run_log, stretches
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.stretches import Stretch
-from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.configuration.loop import length
@@ -51,7 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_window_arguments(parser)
     add_scale_argument(parser)
-    add_robot_arguments(parser)
+    add_bag_arguments(parser, window=False)
+    add_set_argument(parser)
+    add_trust_argument(parser, 'the robot')
     add_memory_argument(parser)
 
 
@@ -64,10 +71,15 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.figure:
         figures.check_new(figure)
     memory = arguments.max_memory
-    log, past, _ = recorded_robot.read(arguments.bag, memory, robot_code(arguments))
+    values = given(arguments)
+    code, view = robot_code(arguments, values), bag_view(arguments, values, whole=True)
+    log, past, _ = recorded_robot.read(arguments.bag, memory, code, view=view, motion_only=True)
     for warning in log.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    timed = timing.evaluate(log, past)
+    if not np.isfinite(log.reference_position).any():
+        return _without_reference(arguments, log)
+    part_of = run_log.between(arguments.bag, log, arguments.start, arguments.stop)
+    timed = timing.evaluate(part_of, past)
     try:
         part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
@@ -104,6 +116,16 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'  {text}')
     old = ' exists and is kept; --figure draws another' if kept else ''
     print(f'bag     {arguments.bag}\nfigure  {figure}{old}')
+    return 0
+
+
+def _without_reference(arguments: argparse.Namespace, log: run_log.RunLog) -> int:
+    """Print what is known of a motion that has no reference."""
+    if arguments.json or arguments.figure:
+        given = '--json' if arguments.json else '--figure'
+        raise BagError(f'{arguments.bag} has no reference: no errors, and no {given}')
+    log = run_log.between(arguments.bag, log, arguments.start, arguments.stop)
+    print('\n'.join([*motion_alone.lines(log), f'bag     {arguments.bag}']))
     return 0
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.studies.calibration import bag_calibration, design, modes
@@ -43,14 +44,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--format', choices=('text', 'json'), help='of the results, default: text')
     parser.add_argument(
         '--scenario',
-        help='no bag: choose poses that tell most, around the first one of a scenario',
+        help='with --design, no bag: the robot and the first pose; else what a bag without a '
+        'configuration is of, default: paper_circle',
     )
     parser.add_argument(
-        '--design', type=int, metavar='N', help='how many; --out has the motion through them'
+        '--design',
+        type=int,
+        metavar='N',
+        help='no bag: choose so many poses that tell most; --out has the motion through them',
     )
     parser.add_argument('--seed', type=int, help='of --design, default 0')
     add_trust_argument(parser, 'the robot')
     simulate.add_set_argument(parser)
+    add_bag_arguments(parser)
     add_memory_argument(parser)
 
 
@@ -58,16 +64,23 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.out:
         new_files.check(arguments.out, '--out')
-    others = {'param-file': arguments.param_files, 'pose-topic': arguments.pose_topic}
+    others = {
+        'pose-topic': arguments.pose_topic,
+        'topic': arguments.topics,
+        'from': arguments.start,
+        'to': arguments.stop,
+    }
     if modes.mode(vars(arguments) | others) == modes.DESIGN:
         return _design(arguments)
+    values = simulate.given(arguments)
     found = bag_calibration.calibrate(
         arguments.bag,
         arguments.poses,
         arguments.pose_topic,
         arguments.free,
         arguments.max_memory,
-        robot_code(arguments),
+        robot_code(arguments, values),
+        bag_view(arguments, values),
     )
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)

@@ -9,7 +9,10 @@ from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
 from parallel_robot.bags.limits import add_memory_argument
-from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.robot_code import robot_code
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,22 +32,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='copy of the bag, with description, frames (tf) and paths of the robot for Foxglove, '
         'Lichtblick and RViz; must not exist',
     )
-    add_robot_arguments(parser)
+    add_bag_arguments(parser)
+    add_set_argument(parser)
+    add_trust_argument(parser, 'the robot')
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag, out, memory = arguments.bag, arguments.out, arguments.max_memory
-    code = robot_code(arguments)
+    values = given(arguments)
+    code, view = robot_code(arguments, values), bag_view(arguments, values)
     if arguments.foxglove:
-        copy = viewer_copy.write(bag, arguments.foxglove, memory, code)
+        copy = viewer_copy.write(bag, arguments.foxglove, memory, code, view)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
     table_file.check(out)
-    columns, warnings = table.read(bag, memory, code)
+    columns, warnings = table.read(bag, memory, code, view)
     _warn(warnings)
     table_file.write(out, columns)
     print(f'table   {out}, {len(columns["time_s"])} rows, {len(columns)} columns')

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.studies.identification import bag_identification, designed, modes
 from parallel_robot.studies.identification.designed import SEED, TRIALS
@@ -51,22 +52,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--trials', type=int, metavar='N', help=f'of --design, default {TRIALS}')
     parser.add_argument('--seed', type=int, help=f'of --design, default {SEED}')
     simulate.add_set_argument(parser)
+    add_bag_arguments(parser)
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag_identification.check_files(arguments.out, arguments.figure)
-    others = {'set': arguments.assignments, 'param-file': arguments.param_files}
+    others = {
+        'set': arguments.assignments,
+        'param-file': arguments.param_files,
+        'topic': arguments.topics,
+        'from': arguments.start,
+        'to': arguments.stop,
+    }
     mode = modes.mode(vars(arguments) | others)
     if mode == modes.DESIGN:
         return _design(arguments)
     bag, memory = arguments.bag, arguments.max_memory
+    view = bag_view(arguments, simulate.given(arguments))
     if mode == modes.REST:
-        still = bag_identification.at_rest(bag, memory)
+        still = bag_identification.at_rest(bag, memory, view)
         _print(arguments, still.lines(), {'rest': still.as_data()})
         return 0
-    found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, memory)
+    found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, memory, view)
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     found.write(arguments.out, arguments.figure)

@@ -10,6 +10,7 @@ from parallel_robot.analysis.replay import bag_replay
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot_model.common.errors import InputError
 
@@ -19,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', type=Path, help='directory of a bag, or one file of it')
     parser.add_argument('--law', help='control law, default: the recorded one')
     add_set_argument(parser)
+    add_bag_arguments(parser)
     parser.add_argument(
         '--figure',
         type=Path,
@@ -39,8 +41,11 @@ def execute(arguments: argparse.Namespace) -> int:
     figure, bag = arguments.figure, arguments.bag
     if figure is not None:
         figures.check_new(figure)
-    with bag_replay.prepared(bag, changes, arguments.trust, arguments.max_memory) as prepared:
-        if changes and figure is None:
+    view = bag_view(arguments, {})
+    with bag_replay.prepared(
+        bag, changes, arguments.trust, arguments.max_memory, view=view
+    ) as prepared:
+        if prepared.changed and figure is None:
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{prepared.law}.png'
             figures.check_new(figure)
         found = prepared.compute()

@@ -9,7 +9,10 @@ from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.palette import RUNS
 from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags.limits import add_memory_argument
-from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.robot_code import robot_code
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,14 +24,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out', type=Path, required=True, metavar='DIR', help='of the report; must not exist'
     )
     add_scale_argument(parser)
-    add_robot_arguments(parser)
+    add_bag_arguments(parser)
+    add_set_argument(parser)
+    add_trust_argument(parser, 'the robot')
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    values = given(arguments)
+    code, view = robot_code(arguments, values), bag_view(arguments, values)
     made = report_files.make(
-        arguments.bags, arguments.out, arguments.scale, arguments.max_memory, robot_code(arguments)
+        arguments.bags, arguments.out, arguments.scale, arguments.max_memory, code, view
     )
     for warning in made.warnings:
         print(warning)

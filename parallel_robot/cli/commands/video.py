@@ -8,7 +8,10 @@ from pathlib import Path
 from parallel_robot.analysis.video import video_file
 from parallel_robot.analysis.video.scene import MOST
 from parallel_robot.bags.limits import add_memory_argument
-from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
+from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.robot_code import robot_code
 from parallel_robot_model.common.options import number
 
 
@@ -40,12 +43,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='X',
         help='errors of the path, the same for all bags; default: as much as they fill the view',
     )
-    add_robot_arguments(parser)
+    add_bag_arguments(parser)
+    add_set_argument(parser)
+    add_trust_argument(parser, 'the robot')
     add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    values = given(arguments)
     made = video_file.make(
         arguments.bags,
         arguments.out,
@@ -53,7 +59,8 @@ def execute(arguments: argparse.Namespace) -> int:
         arguments.speed,
         arguments.magnify,
         arguments.max_memory,
-        robot_code(arguments),
+        robot_code(arguments, values),
+        bag_view(arguments, values),
     )
     print(f'video   {made.path}, {made.frames} frames, errors magnified {made.magnified:g} times')
     return 0

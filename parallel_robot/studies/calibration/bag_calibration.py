@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags import new_files, pose_topics, recorded_robot
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run_log import RunLog
@@ -93,6 +94,7 @@ def calibrate(
     free: Collection[str] = (),
     memory: int = MEMORY,
     code: RobotCode = NONE,
+    view: BagView = AS_RECORDED,
 ) -> Calibration:
     """Calibrate the robot of a bag.
 
@@ -103,12 +105,13 @@ def calibrate(
         free: What is unknown of the tracker, see FREE.
         memory: What may be held of the bag [bytes].
         code: What may run to know the robot.
+        view: What the bag does not say itself, and which part is wanted.
 
     Raises:
         BagError: it is no bag of a run, or its poses do not suffice.
         InputError: a value is wrong, or a file cannot be read.
     """
-    log = recorded_robot.read(bag, memory, code, motion_only=True).log
+    log = recorded_robot.read(bag, memory, code, view=view, motion_only=True).log
     if not is_known(log.config):
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
     robot, guess = nominal_of(log.config)

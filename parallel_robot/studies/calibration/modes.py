@@ -9,6 +9,7 @@ from parallel_robot.studies.calibration.pose_model import FREE
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 BAG, DESIGN = 'bag', 'design'
+OF_BAG = ('poses', 'pose-topic', 'trust', 'topic', 'namespace', 'joints', 'override', 'from', 'to')
 
 
 def mode(options: Mapping[str, Any]) -> str:
@@ -21,15 +22,14 @@ def mode(options: Mapping[str, Any]) -> str:
     Raises:
         InputError: options do not go together.
     """
-    if (options['bag'] is None) == (options['scenario'] is None):
-        raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
-    check_free(options['free'])
-    if options['scenario'] is not None:
-        if options['design'] is None:
-            raise InputError('--scenario goes with --design N, the number of poses')
-        _refuse(options, ('poses', 'pose-topic', 'trust'), '--design reads no bag: no {}')
+    if options['bag'] is None:
+        if options['scenario'] is None or options['design'] is None:
+            raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
+        check_free(options['free'])
+        _refuse(options, OF_BAG, '--design reads no bag: no {}')
         return DESIGN
-    _refuse(options, ('design', 'seed', 'param-file'), '{} goes with --scenario alone')
+    check_free(options['free'])
+    _refuse(options, ('design', 'seed'), '{} goes with no bag')
     if options['poses'] is not None and options['pose-topic'] is not None:
         raise InputError('--poses and --pose-topic exclude each other')
     return BAG
@@ -48,18 +48,8 @@ def check_free(free: Collection[str]) -> None:
             raise UnknownNameError('--free', str(each), FREE)
 
 
-def check_unchanged(values: Mapping[str, Any]) -> None:
-    """Refuse keys of a configuration beside a bag, which has its own.
-
-    Raises:
-        InputError: there are some.
-    """
-    for key in values:
-        raise InputError(f'{key}: what a bag holds is not changed')
-
-
 def _refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
     for option in refused:
-        given = options[option]
+        given = options.get(option)
         if not (given is None or given is False or given in ([], {}, ())):
             raise InputError(why.format(f'--{option}'))

@@ -14,6 +14,7 @@ import numpy as np
 
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags import new_files, recording
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.studies.identification import (
     identified,
@@ -115,7 +116,11 @@ def check_files(out: Path | None, figure: Path | None) -> None:
 
 
 def identify(
-    bag: Path, validate: Path | None = None, cutoff: float | None = None, memory: int = MEMORY
+    bag: Path,
+    validate: Path | None = None,
+    cutoff: float | None = None,
+    memory: int = MEMORY,
+    view: BagView = AS_RECORDED,
 ) -> Identification:
     """Identify the robot of a bag.
 
@@ -124,6 +129,7 @@ def identify(
         validate: Another bag of the same robot, whose torques are predicted.
         cutoff: Bandwidth of the regression [Hz]; None: CUTOFF, or a tenth of the rate.
         memory: What may be held of each bag [bytes].
+        view: What they do not say themselves; the part of it is of the first one.
 
     Raises:
         BagError: one is no bag of a run, too little of it can be used, or of another robot.
@@ -133,12 +139,12 @@ def identify(
         raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff!r}')
     if validate and validate.resolve() == bag.resolve():
         raise InputError(f'--validate needs another bag than {bag}')
-    log, recorded = measured_motion.read(bag, memory)
+    log, recorded = measured_motion.read(bag, memory, view)
     nominal = identified.nominal_of(log)
     warnings: list[str] = []
     second = None
     if validate:
-        second = measured_motion.read(validate, memory)
+        second = measured_motion.read(validate, memory, view._replace(start=None, stop=None))
         identified.check_same_robot(log, second[0])
         warnings += _told(validate, (*second[0].warnings, *second[1].left_out))
     warnings += _told(bag, (*log.warnings, *recorded.left_out))
@@ -159,17 +165,18 @@ def identify(
     )
 
 
-def at_rest(bag: Path, memory: int = MEMORY) -> Rest:
+def at_rest(bag: Path, memory: int = MEMORY, view: BagView = AS_RECORDED) -> Rest:
     """Noise of the sensors of a bag, where the robot rests.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
+        view: What it does not say itself, and which part is wanted.
 
     Raises:
         BagError: it is no bag of a run, or its robot never rests.
     """
-    found = rest.of(recording.read(bag, memory=memory, motion_only=True).log)
+    found = rest.of(recording.read(bag, memory=memory, motion_only=True, view=view).log)
     if found is None:
         raise BagError(f'{bag}: {rest.NONE}')
     return found

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.bags import recording
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.statuses import ControllerStatus
@@ -59,17 +60,20 @@ class MeasuredMotion:
         return np.sqrt(np.mean(rate**2, axis=0))
 
 
-def read(bag: Path, memory: int = MEMORY) -> tuple[RunLog, MeasuredMotion]:
+def read(
+    bag: Path, memory: int = MEMORY, view: BagView = AS_RECORDED
+) -> tuple[RunLog, MeasuredMotion]:
     """Read a bag.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
+        view: What it does not say itself, and which part is wanted.
 
     Raises:
         BagError: not a bag of a run, or it holds no torques or no motion.
     """
-    log, past, _ = recording.read(bag, memory=memory, motion_only=True)
+    log, past, _ = recording.read(bag, memory=memory, motion_only=True, view=view)
     limit = group(log.config, PlantParameters, 'plant').torque_limit
     try:
         motion = of(log, past.statuses, np.array(limit))

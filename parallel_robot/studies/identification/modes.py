@@ -8,6 +8,7 @@ from typing import Any
 from parallel_robot_model.common.errors import InputError
 
 ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
+OF_BAG = ('topic', 'namespace', 'joints', 'scenario', 'override', 'from', 'to')
 
 
 def mode(options: Mapping[str, Any]) -> str:
@@ -23,10 +24,10 @@ def mode(options: Mapping[str, Any]) -> str:
     if (options['bag'] is None) == (options['design'] is None):
         raise InputError('identify takes either a bag or --design SCENARIO')
     if options['design'] is not None:
-        refused, why = ('rest', 'validate', 'figure', 'cutoff'), '--design reads no bag: no {}'
-        _refuse(options, refused, why)
+        none = ('rest', 'validate', 'figure', 'cutoff', *OF_BAG)
+        _refuse(options, none, '--design reads no bag: no {}')
         return DESIGN
-    _refuse(options, ('set', 'param-file', 'trials', 'seed'), '{} goes with --design alone')
+    _refuse(options, ('trials', 'seed'), '{} goes with --design alone')
     if options['rest']:
         refused, why = ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
         _refuse(options, refused, why)
@@ -36,6 +37,6 @@ def mode(options: Mapping[str, Any]) -> str:
 
 def _refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
     for option in refused:
-        given = options[option]
+        given = options.get(option)
         if not (given is None or given is False or given in ([], {})):
             raise InputError(why.format(f'--{option}'))

@@ -1,0 +1,50 @@
+"""What a file of a bag is: MCAP, which is scanned; sqlite3, likewise; or what it is instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from parallel_robot.bags import mcap_records, sqlite_records
+from parallel_robot.bags.bag_files import File
+from parallel_robot.bags.mcap_records import Record
+from parallel_robot_model.common.errors import BagError
+
+SQLITE = b'SQLite format 3\0'
+POINTER = b'version https://git-lfs.github.com/spec/'
+ROS1 = b'#ROSBAG V'
+
+
+def records(path: Path, file: File) -> Iterator[Record]:
+    """What a file of a bag holds, as records of MCAP.
+
+    Args:
+        path: Its path, for what is beside it, and for error messages.
+        file: Its content.
+
+    Raises:
+        BagError: it is of a kind that is not read, it cannot be read, or takes too much.
+    """
+    if file.data[: len(SQLITE)] == SQLITE:
+        return sqlite_records.scan(path, file)
+    check(path, file)
+    return mcap_records.scan(*file)
+
+
+def check(path: Path, file: File) -> None:
+    """Refuse a file of another kind than MCAP, with what helps.
+
+    Raises:
+        BagError: it is one.
+    """
+    begin = bytes(file.data[:64])
+    if begin.startswith(SQLITE):
+        what = 'is a sqlite3 bag, which has no index'
+        raise BagError(f'{path} {what}; parallel_robot recover makes an MCAP bag of it')
+    if begin.startswith(POINTER):
+        what = 'is a pointer of Git LFS in place of the bag'
+        raise BagError(f'{path} {what}: git lfs pull, in its repository, gets the bag')
+    if begin.startswith(ROS1):
+        new = path.with_suffix('').name
+        convert = f'rosbags-convert --src {path} --dst {new}_ros2 --dst-storage mcap'
+        raise BagError(f'{path} is a bag of ROS 1: {convert} makes one that is read')
