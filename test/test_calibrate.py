@@ -243,7 +243,7 @@ def test_one_topic_of_poses_is_chosen(case, tmp_path, capsys):
         (['{bag}', '--poses', '{late}'], 'no pose was measured while the joints were recorded'),
         (['{bag}', '--poses', '{few}'], '3 poses of 3 numbers are too few for 16 unknown'),
         (['{bag}', '--poses', '{poses}', '--out', '{poses}'], 'exists; nothing is overwritten'),
-        (['{bag}', '--poses', '{poses}', '--set', 'robot.l1=1'], 'only custom_robots is taken'),
+        (['{bag}', '--poses', '{poses}', '--set', 'robot.l1=1'], '--override permits that'),
         (['{bag}', '--poses', '{poses}', '--free', 'fram'], "did you mean 'frame'?"),
         ([], 'takes either a bag or --scenario'),
         (['--scenario', 'paper_circle', '--design', '3'], 'must be at least 5 poses for 15'),

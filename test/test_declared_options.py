@@ -171,7 +171,7 @@ def test_a_wrong_value_of_an_option_is_never_taken(
     ('words', 'message'),
     [
         ('identify {bag} --seed 0', '--seed goes with --design alone'),
-        ('identify {bag} --param-file {file}', '--override lets it'),
+        ('identify {bag} --param-file {file}', '--override permits that'),
         ('identify {bag} --rest --cutoff 5', '--rest identifies no robot: no --cutoff'),
         ('identify --design paper_circle --rest --out x', '--design reads no bag: no --rest'),
         (
@@ -197,10 +197,10 @@ def test_a_wrong_value_of_an_option_is_never_taken(
         ('verify --robots 2 --set robot_model=axes', 'one robot without MuJoCo: no --robots'),
         ('verify --duration 1 --set robot_model=axes', 'without MuJoCo: no --duration'),
         ('rehearse --set duration=3 --out x', '--set duration: each step has its own'),
-        ('analyze {bag} --set pid.Kp=1', 'pid.Kp=1 would change; --override lets it'),
+        ('analyze {bag} --set pid.Kp=1', 'pid.Kp=1 would change; --override permits that'),
         ('report {bag} --set custom_robots=7 --out x', 'must be a list of texts, not 7'),
         ('export {bag} --set custom_robots=[none.py] --out x.csv', 'none.py does not exist'),
-        ('video {bag} --set robot.l1=1 --out x.gif', '--override lets it'),
+        ('video {bag} --set robot.l1=1 --out x.gif', '--override permits that'),
         ('live --trust', '--trust goes with --bag alone'),
         ('live --max-memory 1', '--max-memory goes with --bag alone'),
         ('live --bag {bag} --out x', '--out: only the page of a graph records'),

@@ -82,7 +82,7 @@ def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
         (['{excited}', '--cutoff', '0.2'], 'too little motion to identify a robot'),
         (['{excited}', '--figure', '{tmp}/x.txt'], "unknown picture format '.txt'"),
         (['{excited}', '--out', '{tmp}/no/where.yaml'], 'cannot write'),
-        (['{excited}', '--set', 'law=pid'], 'law=pid would change; --override lets it'),
+        (['{excited}', '--set', 'law=pid'], 'law=pid would change; --override permits that'),
         ([], 'takes either a bag or --design SCENARIO'),
         (['{excited}', '--design', 'excitation'], 'takes either a bag or --design SCENARIO'),
         (['--design', 'excitation'], '--design needs --out FILE'),

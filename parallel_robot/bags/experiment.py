@@ -93,8 +93,8 @@ def configuration(
     """
     view = view.of(bool(facts))
     if facts and view.assumes and not view.override:
-        what = f'{bag} says of what it is, which {view.told()} would change'
-        raise InputError(f'{what}; --override lets it')
+        what = f'{bag} has its own configuration, which {view.told()} would change'
+        raise InputError(f'{what}; --override permits that')
     if not facts and view.assumes:
         values = view.assumed()
         law = values['law'] if 'law' in view.values else UNKNOWN_LAW
