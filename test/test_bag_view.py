@@ -143,7 +143,7 @@ def own(tmp_path_factory):
 
 def test_what_a_bag_says_itself_is_kept_unless_told(own):
     for options in ({'scenario': 'paper_line'}, {'values': {'robot.l1': 0.5}}):
-        with pytest.raises(InputError, match=r'says of what it is.*--override'):
+        with pytest.raises(InputError, match=r'has its own configuration.*--override'):
             recording.read(own, view=asked(**options))
     changed = asked(values={'robot.l1': 0.5}, override=True)
     log = recording.read(own, view=changed).log
