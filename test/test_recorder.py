@@ -49,7 +49,7 @@ def message(topic, k):
     if topic == topics.COMMANDS:
         return layouts.float64_multi_array(3).encode(data=[k, k, k])
     if topic == topics.ANSWERED:
-        return answers_message(np.full((1, 3), START + k * MS))
+        return answers_message(np.full((1, 3), START + k * MS), np.full((1, 3), -float(k)))
     return LAYOUTS[topic.type].encode(START + k * MS)
 
 
@@ -382,7 +382,7 @@ def test_commands_that_answer_no_state_are_recorded_as_such(mode, make, tmp_path
     recorder = make(mode)
     recorder.open(START)
     take(recorder, range(6))
-    zero = answers_message(np.zeros((1, 3), np.int64))
+    zero = answers_message(np.zeros((1, 3), np.int64), np.zeros((1, 3)))
     recorder.take(topics.ANSWERED, zero)
     recorder.close()
     log_time, data = recorded(tmp_path)['controller/answered'][-1]

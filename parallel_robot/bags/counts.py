@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parallel_robot.bags.command_states import Answered
+from parallel_robot.bags.command_states import Answers
 from parallel_robot.bags.message_arrays import Samples
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import SLOW, TELEMETRY, Topic
@@ -28,7 +28,7 @@ class TopicCount:
 
 
 def count(
-    streams: Mapping[Topic, Sequence[Samples]], period: int, answered: Answered | None
+    streams: Mapping[Topic, Sequence[Samples]], period: int, answered: Answers | None
 ) -> dict[str, TopicCount]:
     """Count the messages of each topic.
 
@@ -60,6 +60,8 @@ def count(
     return counts
 
 
-def _due(answered: Answered, period: int) -> np.ndarray:
+def _due(answered: Answers, period: int) -> np.ndarray:
     """Stamps at which telemetry was due: the first answer of each SLOW samples."""
-    return answered.rows[1:][np.diff(answered.rows_act // (SLOW * period)) != 0]
+    known = answered.states > 0
+    acts = answered.acts[known] // (SLOW * period)
+    return answered.states[known][1:][np.diff(acts) != 0]

@@ -90,7 +90,9 @@ class Recorder:
         self._answered = filter(self._times.is_answered, itertools.count())  # samples
         self._expected: dict[Topic, int] = {}  # messages of the whole motion
         self._suite = suite
-        self._streams = {topic: TopicStream(topic, channel_of(topic)) for topic in self._suite}
+        self._streams = {
+            topic: TopicStream(topic, channel_of(topic), len(loop.joints)) for topic in suite
+        }
         self._sources: dict[str, bytes] = {}  # attachments, made or to be made, by name
         self._newest = 0  # ns, largest stamp of the suite
         self._switches = SwitchTimes(0)

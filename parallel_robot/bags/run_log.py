@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import certificate, command_states, experiment
+from parallel_robot.bags import command_states, experiment
 from parallel_robot.bags.bag_reader import Bag
-from parallel_robot.bags.command_states import UNKNOWN, Answered, Used
+from parallel_robot.bags.command_states import Answers, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
-from parallel_robot.bags.record_names import MESSAGES
 from parallel_robot.bags.state_doubts import doubts
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
@@ -53,8 +52,7 @@ class RunLog(NamedTuple):
         messages: Counts per topic, by name without leading slash.
         answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
         heard: Log times of the states [ns], shape (N,).
-        command_states: Stamp of the state that each command answers [ns], 0 where it answers
-            none, UNKNOWN where the bag does not say, shape (M,).
+        answers: The commands with the states that they answer; None where the bag does not say.
         used: References that the controller used; None in bags that do not say.
         has_efforts: Whether the torques were measured, as far as the robot does.
         warnings: What is wrong with the bag, one line each.
@@ -79,7 +77,7 @@ class RunLog(NamedTuple):
     messages: dict[str, TopicCount]
     answer: np.ndarray = EMPTY
     heard: np.ndarray = EMPTY
-    command_states: np.ndarray = EMPTY
+    answers: Answers | None = None
     used: Used | None = None
     has_efforts: bool = True
     warnings: tuple[str, ...] = ()
@@ -132,6 +130,7 @@ def of(
     if not has_efforts:
         what = f'the messages on {topics.JOINT_STATES.name} have no efforts'
         warnings.append(f'{bag}: {what}: torques are those commanded')
+    recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands.numbers['data'])
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     age = told_age(values)
@@ -154,11 +153,7 @@ def of(
     if not found.metadata:
         robot = f'{values["robot_model"]} with the parameters of the paper'
         warnings.append(f'{bag} does not say of which robot it is: taken to be of {robot}')
-    answers = streams.get(topics.ANSWERED, [])
-    counted = {topics.COMMANDS: [commands], topics.ANSWERED: answers}
-    complete = _complete(counted, found.notes.get(MESSAGES, []))
-    answered = command_states.align(commands.log_times, answers, complete)
-    answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
+    answer, answers, in_use = _answers(stamps, states, references, commands, recorded)
     return RunLog(
         loop.scenario if found.metadata else 'unknown',
         loop.law if found.metadata else 'unknown',
@@ -174,26 +169,14 @@ def of(
             stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
         ),
         commands.numbers['data'],
-        count(streams, loop.period_ns, answered),
+        count(streams, loop.period_ns, recorded),
         answer,
         states.log_times[used],
-        answered_states,
+        answers,
         in_use,
         has_efforts,
         tuple(warnings),
         referenced,
-    )
-
-
-def _complete(
-    counted: Mapping[Topic, Sequence[Samples]], notes: Sequence[Mapping[str, str]]
-) -> bool:
-    """Whether one recorder says that no message of some topics is missing."""
-    return len(notes) == 1 and all(
-        certificate.is_complete(
-            notes[0].get(topic.name, ''), sum(len(part.log_times) for part in parts)
-        )
-        for topic, parts in counted.items()
     )
 
 
@@ -244,8 +227,7 @@ def rows(log: RunLog, chosen: np.ndarray) -> RunLog:
     kept: dict[str, Any] = {
         name: value[chosen]
         for name, value in log._asdict().items()
-        if name not in ('command', 'command_states') and isinstance(value, np.ndarray)
-        if len(value)
+        if name != 'command' and isinstance(value, np.ndarray) and len(value)
     }
     return log._replace(**kept, used=None if log.used is None else log.used.rows(chosen))
 
@@ -370,18 +352,17 @@ def _answers(
     states: Samples,
     references: Samples,
     commands: Samples,
-    answered: Answered | None,
-) -> tuple[np.ndarray, np.ndarray, Used | None]:
-    """Commands of the states with these stamps; see RunLog.answer, command_states and used."""
-    if answered is None:
-        answered_states, sure = command_states.guess(states, commands)
-    else:
-        answered_states, sure = answered.states, True
-    command = command_states.by_state(stamps, answered_states)
-    answer = commands.numbers['data'][command]
+    recorded: Answers | None,
+) -> tuple[np.ndarray, Answers | None, Used | None]:
+    """Commands of the states with these stamps; see RunLog.answer, answers and used."""
+    answers, sure = recorded, True
+    if answers is None:
+        answers, sure = command_states.guess(states, commands)
+    command = command_states.by_state(stamps, answers.states)
+    answer = answers.torque[command]
     answer[command < 0] = np.nan
-    if answered is None:
-        return answer, answered_states if sure else np.full_like(answered_states, UNKNOWN), None
-    known = np.where(command < 0, 0, answered.references[command])
-    acts = np.where(known > 0, answered.acts[command], stamps)
-    return answer, answered_states, command_states.used(stamps, acts, known, references)
+    if recorded is None:
+        return answer, answers if sure else None, None
+    known = np.where(command < 0, 0, answers.references[command])
+    acts = np.where(known > 0, answers.acts[command], stamps)
+    return answer, answers, command_states.used(stamps, acts, known, references)
