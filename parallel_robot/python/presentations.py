@@ -138,9 +138,10 @@ def export(
     if copy is not None:
         new_files.check_directory(copy)
     code = recorded_robot.chosen(trust, custom_robots)
-    columns, warnings = table.read(bag, memory, code)
+    recording = recorded_robot.read(bag, memory, code, table.NEEDED)
+    columns, warnings = table.of(recording)
     if copy is not None:
-        viewer_copy.write(bag, copy, memory, code)
+        viewer_copy.write(bag, recording, copy, memory)
     if file is not None:
         table_file.write(file, columns)
     frame: Frame = frames.DataFrame(columns)

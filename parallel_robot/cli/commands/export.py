@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
+from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.cli.robot_code import add_robot_arguments, robot_code
 
@@ -36,15 +37,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag, out, memory = arguments.bag, arguments.out, arguments.max_memory
-    code = robot_code(arguments)
+    if out:
+        table_file.check(out)
+    recording = recorded_robot.read(bag, memory, robot_code(arguments), table.NEEDED)
     if arguments.foxglove:
-        copy = viewer_copy.write(bag, arguments.foxglove, memory, code)
+        copy = viewer_copy.write(bag, recording, arguments.foxglove, memory)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
-    table_file.check(out)
-    columns, warnings = table.read(bag, memory, code)
+    columns, warnings = table.of(recording)
     _warn(warnings)
     table_file.write(out, columns)
     print(f'table   {out}, {len(columns["time_s"])} rows, {len(columns)} columns')
