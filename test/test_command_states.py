@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot.bags.command_states import recorded
+from parallel_robot.bags import command_states
 from parallel_robot.bags.message_arrays import Samples
 
 MS = 1_000_000  # ns
@@ -21,13 +21,19 @@ def messages(rows=ROWS):
         yield Samples((), np.array([begin]), np.zeros(1, int), {'data': data})
 
 
+def recorded(parts, torques):
+    """What some messages say of commands, one a millisecond."""
+    commands = Samples((), np.arange(len(torques)) * MS, np.zeros(len(torques)), {'data': torques})
+    return command_states.recorded(parts, commands)
+
+
 def test_each_command_comes_with_its_times():
     found = recorded([*messages()][::-1], TORQUES)  # in whatever order they were read
     assert np.array_equal(found.states, STATES)
     assert np.array_equal(found.references, STATES + 1)
     assert np.array_equal(found.acts, STATES + 2)
     assert np.array_equal(found.torque, TORQUES)
-    assert found.lost == found.gaps == 0
+    assert len(found.lost) == len(found.gaps) == 0
 
 
 def test_messages_of_the_same_time_keep_the_order_of_their_states():
@@ -38,26 +44,26 @@ def test_messages_of_the_same_time_keep_the_order_of_their_states():
 @pytest.mark.parametrize('lost', [1, 40])
 def test_commands_that_are_lost_are_counted_and_known(lost):
     found = recorded([*messages()], np.delete(TORQUES, np.s_[620 : 620 + lost], axis=0))
-    assert (found.lost, found.gaps) == (lost, 0)
+    assert (len(found.lost), len(found.gaps)) == (lost, 0)
     assert np.array_equal(found.torque, TORQUES)
 
 
 def test_records_that_are_lost_leave_gaps():
     found = recorded([*messages()][:20] + [*messages()][21:60] + [*messages()][63:], TORQUES)
-    assert (found.lost, found.gaps) == (0, 2)
+    assert (len(found.lost), len(found.gaps)) == (0, 2)
 
 
 @pytest.mark.parametrize(('begin', 'end'), [(3, COUNT), (0, COUNT - 15), (14, COUNT - 1)])
 def test_a_bag_that_begins_or_ends_in_the_midst_lacks_nothing(begin, end):
     found = recorded([*messages()][1:-1], TORQUES[begin:end])
-    assert (found.lost, found.gaps) == (0, 0)
+    assert (len(found.lost), len(found.gaps)) == (0, 0)
 
 
 def test_torques_that_stand_still_are_no_loss():
     torques = np.where(np.arange(COUNT)[:, np.newaxis] % 300 < 200, 1.5, TORQUES)
     rows = np.hstack([ROWS[:, :3], torques.view(np.int64)])
     found = recorded([*messages(rows)], torques)
-    assert np.array_equal(found.torque, torques) and (found.lost, found.gaps) == (0, 0)
+    assert np.array_equal(found.torque, torques) and (len(found.lost), len(found.gaps)) == (0, 0)
 
 
 def test_torques_that_no_robot_can_have_are_none():

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -66,6 +67,7 @@ def read(
     topics: Iterable[Topic],
     condense: Callable[[Topic, Messages], Part],
     memory: int = MEMORY,
+    skipped: Mapping[Path, Collection[int]] = MappingProxyType({}),
 ) -> Bag[Part]:
     """Read some topics of a bag, a few megabytes at a time.
 
@@ -74,6 +76,7 @@ def read(
         topics: What to read, in any namespace, if the type is the same or unknown.
         condense: Turns messages into what is kept of them, which takes no more memory.
         memory: What may be held of the bag [bytes].
+        skipped: Where chunks begin that are not wanted, by file.
 
     Raises:
         BagError: nothing there is an MCAP file, or it takes more than is allowed.
@@ -92,7 +95,7 @@ def read(
         schemas: dict[int, str] = {}
         wanted: dict[int, tuple[str, Topic]] = {}
         opened = open_file(file, memory)
-        for record in _joined(scan(*opened)):
+        for record in _joined(scan(*opened, skipped.get(file, ()))):
             understood = understood or not isinstance(record, (Damage, Header))
             if isinstance(record, Schema):
                 schemas[record.id] = record.name
@@ -100,8 +103,7 @@ def read(
                 name = f'/{record.topic.lstrip("/")}'
                 channels[name] = schemas.get(record.schema_id, '')
                 for topic in topics:
-                    same = schemas.get(record.schema_id, '') in (topic.type, '')
-                    if same and name.endswith(f'/{topic.name}'):
+                    if is_of(topic, name, channels[name]):
                         wanted[record.id] = name, topic
                 if len(wanted) > CHANNELS:
                     raise BagError(f'{file} has more than {CHANNELS} channels of such topics')
@@ -122,7 +124,7 @@ def read(
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):
-                for channel, messages in _messages(record, wanted, opened.allowance):
+                for channel, messages in messages_of(record, wanted, opened.allowance):
                     held.hold(messages.payloads.nbytes)
                     name, topic = wanted[channel]
                     streams.setdefault(name, []).append(condense(topic, messages))
@@ -137,6 +139,11 @@ def read(
         del sources[key][name]
         warnings.append(f'{bag} holds several files {key}/{name}; none of them is used')
     return Bag(streams, facts, tuple(warnings), notes, sources, channels)
+
+
+def is_of(topic: Topic, name: str, kind: str) -> bool:
+    """Whether a channel is of a topic, by its name with leading slash and its type if known."""
+    return kind in (topic.type, '') and name.endswith(f'/{topic.name}')
 
 
 def warning(bag: Path, damage: Iterable[Damage]) -> str:
@@ -160,19 +167,20 @@ def _joined(records: Iterable[Record]) -> Iterator[Record]:
         small.append(record)
         size += len(record.data)
         if size > LARGE:
-            yield _join(small)
+            yield join(small)
             small, size = [], 0
     if small:
-        yield _join(small)
+        yield join(small)
 
 
-def _join(blocks: list[Block]) -> Block:
+def join(blocks: Sequence[Block]) -> Block:
+    """The messages of some blocks as one."""
     begins = np.cumsum([0, *(len(block.data) for block in blocks)])
     starts = [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
     return Block(memoryview(b''.join(block.data for block in blocks)), np.concatenate(starts))
 
 
-def _messages(
+def messages_of(
     block: Block, channels: Mapping[int, tuple[str, Topic]], allowance: Allowance
 ) -> Iterator[tuple[int, Messages]]:
     """Messages of a block by channel and length."""

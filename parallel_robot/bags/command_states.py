@@ -10,6 +10,7 @@ import numpy as np
 from parallel_robot.bags.message_arrays import LARGEST, Samples
 from parallel_robot_control.contract import JointReference
 
+NONE = np.zeros(0, np.int64)
 EXTRAPOLATED = ('position', 'velocity', 'acceleration')
 MIX = np.uint64(0x9E3779B97F4A7C15)  # odd: powers of it tell the joints apart
 
@@ -22,16 +23,17 @@ class Answers(NamedTuple):
         references: Stamp of the reference that it used [ns], shape (R,).
         acts: Time from which on it acts, as far as the controller knew [ns], shape (R,).
         torque: The commands [N m], NaN where they are not ones, shape (R, n).
-        lost: Commands between the first and the last one that the bag lacks.
-        gaps: Places where the bag lacks records of answers.
+        lost: When the records of commands were heard that are between the first and the last one
+            and that the bag lacks [ns].
+        gaps: When the commands were heard with which records begin anew [ns].
     """
 
     states: np.ndarray
     references: np.ndarray
     acts: np.ndarray
     torque: np.ndarray
-    lost: int = 0
-    gaps: int = 0
+    lost: np.ndarray = NONE
+    gaps: np.ndarray = NONE
 
 
 class Used(NamedTuple):
@@ -59,18 +61,19 @@ class Used(NamedTuple):
         return Used(self.stamps[chosen], self.acts[chosen], self.late[chosen], older, samples)
 
 
-def recorded(messages: Sequence[Samples], commands: np.ndarray) -> Answers | None:
+def recorded(messages: Sequence[Samples], commands: Samples) -> Answers | None:
     """What the controller recorded of its answers.
 
     Args:
         messages: Messages on ``controller/answered``; those without a torque of each joint are
             ignored.
-        commands: All commands of the bag [N m], shape (M, n).
+        commands: All commands of the bag.
 
     Returns:
         The answers; None when there is none of a command of the bag.
     """
-    width = 3 + commands.shape[1]
+    torques = commands.numbers['data']
+    width = 3 + torques.shape[1]
     parts = [
         (part.log_times, part.numbers['data'].reshape(len(part.stamps), -1, width))
         for part in messages
@@ -83,16 +86,18 @@ def recorded(messages: Sequence[Samples], commands: np.ndarray) -> Answers | Non
         for key in (lambda times, _: times, lambda _, rows: rows[:, :, 0].max(axis=1))
     )
     rows = np.concatenate([rows.reshape(-1, width) for _, rows in parts])
-    rows = rows[np.lexsort((ends, times))]
+    order = np.lexsort((ends, times))
+    rows, times = rows[order], times[order]
     torque = rows[:, 3:].copy().view(float)
-    kept, told = among(torque, commands), among(commands, torque)
+    kept, told = among(torque, torques), among(torques, torque)
     if not kept.any():
         return None
     torque[~(np.abs(torque) <= LARGEST).all(axis=1)] = np.nan
-    kept, told = (known[slice(*np.flatnonzero(known)[[0, -1]])] for known in (kept, told))
-    gaps = told[:-1] & ~told[1:]
+    (begin, end), (first, last) = (np.flatnonzero(known)[[0, -1]] for known in (kept, told))
+    lost = begin + np.flatnonzero(~kept[begin:end])
+    gaps = first + 1 + np.flatnonzero(~told[first:last] & told[first + 1 : last + 1])
     states, references, acts = rows[:, :3].T
-    return Answers(states, references, acts, torque, int((~kept).sum()), int(gaps.sum()))
+    return Answers(states, references, acts, torque, times[lost], commands.log_times[gaps])
 
 
 def among(torques: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -144,7 +149,7 @@ def used(stamps: np.ndarray, acts: np.ndarray, known: np.ndarray, references: Sa
     return Used(found, acts, late, older, JointReference(*samples))
 
 
-def guess(states: Samples, commands: Samples) -> tuple[Answers, bool]:
+def guess(states: Samples, commands: Samples, whole: bool = True) -> tuple[Answers, bool]:
     """Guess the state that each command answers, for bags that do not say.
 
     The k-th answers the k-th, except for zeros that the controller sent on its own: at its end,
@@ -154,6 +159,7 @@ def guess(states: Samples, commands: Samples) -> tuple[Answers, bool]:
     Args:
         states: All states of the bag.
         commands: All commands of the bag.
+        whole: Whether both begin with the bag; else the k-th need not answer the k-th.
 
     Returns:
         The answers, with the state for the reference; whether none of either is lost.
@@ -164,7 +170,7 @@ def guess(states: Samples, commands: Samples) -> tuple[Answers, bool]:
     if 0 < len(torques) - count <= len(zeros):
         order = np.delete(order, zeros[count - len(torques) :])
     stamps = np.zeros(len(torques), np.int64)
-    sure = len(order) == count
+    sure = whole and len(order) == count
     if sure:
         stamps[order] = states.stamps
     else:

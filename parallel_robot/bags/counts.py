@@ -9,6 +9,7 @@ import numpy as np
 
 from parallel_robot.bags.command_states import Answers
 from parallel_robot.bags.message_arrays import Samples
+from parallel_robot.bags.span import WHOLE, Span
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import SLOW, TELEMETRY, Topic
 
@@ -28,7 +29,10 @@ class TopicCount:
 
 
 def count(
-    streams: Mapping[Topic, Sequence[Samples]], period: int, answered: Answers | None
+    streams: Mapping[Topic, Sequence[Samples]],
+    period: int,
+    answered: Answers | None,
+    span: Span = WHOLE,
 ) -> dict[str, TopicCount]:
     """Count the messages of each topic.
 
@@ -37,26 +41,31 @@ def count(
         period: Control period [ns].
         answered: What the controller recorded. None, or not all of it: a command is taken to
             answer each state.
+        span: The messages that count; those before it show what is missing at its begin.
     """
     counts: dict[str, TopicCount] = {}
     for topic, parts in streams.items():
         stamps = np.sort(np.concatenate([part.stamps for part in parts]))
+        held = sum(int(span.holds(topic, part).sum()) for part in parts)
         missing = 0
-        if topic == topics.COMMANDS and (answered is None or answered.gaps):
+        if topic == topics.COMMANDS and (answered is None or _within(answered.gaps, span)):
             states = counts[topics.JOINT_STATES.name]
-            missing = max(0, states.count + states.missing - len(stamps))
+            missing = max(0, states.count + states.missing - held)
         elif topic == topics.COMMANDS and answered is not None:
-            missing = answered.lost
+            missing = _within(answered.lost, span)
         elif topic == topics.ANSWERED and answered is not None:
-            missing = answered.gaps
+            missing = _within(answered.gaps, span)
         elif topic in TELEMETRY and answered is not None and len(stamps):
             due = _due(answered, period)
             due = due[(due > stamps[0]) & (due < stamps[-1])]
+            due = due[(due >= span.begin) & (due < span.end)]
             missing = int((~np.isin(due, stamps)).sum())
         elif topic.every:
-            steps = np.diff(stamps) / (topic.every * period)
+            steps = np.diff(stamps)[(stamps[1:] >= span.begin) & (stamps[1:] < span.end)] / (
+                topic.every * period
+            )
             missing = int(np.maximum(np.rint(steps) - 1, 0).sum())
-        counts[topic.name] = TopicCount(len(stamps), missing)
+        counts[topic.name] = TopicCount(held, missing)
     return counts
 
 
@@ -65,3 +74,8 @@ def _due(answered: Answers, period: int) -> np.ndarray:
     known = answered.states > 0
     acts = answered.acts[known] // (SLOW * period)
     return answered.states[known][1:][np.diff(acts) != 0]
+
+
+def _within(log_times: np.ndarray, span: Span) -> int:
+    """How many places are in a part of a run, by log times [ns]."""
+    return int(((log_times >= span.begin_heard) & (log_times < span.end_heard)).sum())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO
 from typing import Any, NamedTuple
 from zlib import crc32
@@ -54,7 +54,9 @@ class Damage(NamedTuple):
 Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage
 
 
-def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
+def scan(
+    data: memoryview, allowance: Allowance, skipped: Collection[int] = ()
+) -> Iterator[Record]:
     """Yield what a file holds: what its summary repeats, then its data in their order.
 
     Memory stays within the size of one chunk, whatever the lengths in the file say. After damage
@@ -63,6 +65,7 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
     Args:
         data: The file.
         allowance: Budget for reading it.
+        skipped: Where chunks begin that are not wanted.
 
     Raises:
         BagError: it takes more.
@@ -97,6 +100,8 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
             starts, end = record_starts(np.frombuffer(data, np.uint8), offset, stop, opcode, BATCH)
             allowance.walk(len(starts))
             yield from _known(Block(data, starts), channels)
+        elif opcode == Opcode.CHUNK and offset in skipped:
+            sound = False  # what is not read is not verified
         elif opcode == Opcode.CHUNK:
             content = chunk_content(record, allowance)
             if content is None:

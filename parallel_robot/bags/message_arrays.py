@@ -47,6 +47,11 @@ class Samples(NamedTuple):
     stamps: np.ndarray
     numbers: dict[str, np.ndarray]
 
+    def rows(self, chosen: np.ndarray) -> Samples:
+        """Some of them, by their numbers or by a mask."""
+        numbers = {name: values[chosen] for name, values in self.numbers.items()}
+        return Samples(self.joints, self.log_times[chosen], self.stamps[chosen], numbers)
+
 
 def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages], list[Samples]]:
     """Function that decodes messages of a topic, by kind of message.

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import command_states, experiment
+from parallel_robot.bags import command_states
 from parallel_robot.bags.bag_reader import Bag
 from parallel_robot.bags.command_states import Answers, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
+from parallel_robot.bags.span import WHOLE, Span
 from parallel_robot.bags.state_doubts import doubts
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.loop import SWAPPED
+from parallel_robot_model.configuration.loop import SWAPPED, LoopParameters
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import RECORDED, Topic
 from parallel_robot_sim.imperfections import told_age
@@ -93,15 +94,17 @@ def of(
     bag: Path,
     found: Bag[list[Samples]],
     streams: Mapping[Topic, list[Samples]],
-    nodes: Mapping[str, Mapping[str, Any]],
+    settings: tuple[dict[str, Any], LoopParameters, int],
+    span: Span = WHOLE,
 ) -> RunLog:
-    """The run of a bag.
+    """The run of a bag, or a part of it.
 
     Args:
         bag: The bag, for error messages.
         found: What was read of it.
         streams: Its messages, see :func:`streams_of`.
-        nodes: Node to its parameters, where it says them.
+        settings: See :func:`experiment.configuration`.
+        span: The part; messages around it are there, too.
 
     Raises:
         BagError: it is not of a run, or a topic that the log needs is not in it.
@@ -110,7 +113,7 @@ def of(
     for needed in (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS):
         if needed not in streams:
             raise BagError(f'{bag} has no messages on {_wanted(needed, streams, found.channels)}')
-    values, loop, start = experiment.configuration(bag, found.metadata, nodes)
+    values, loop, start = settings
     warnings = [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
         streams[topic], remarks = ours(topic, streams[topic], loop.joints)
@@ -130,7 +133,7 @@ def of(
     if not has_efforts:
         what = f'the messages on {topics.JOINT_STATES.name} have no efforts'
         warnings.append(f'{bag}: {what}: torques are those commanded')
-    recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands.numbers['data'])
+    recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     age = told_age(values)
@@ -153,8 +156,10 @@ def of(
     if not found.metadata:
         robot = f'{values["robot_model"]} with the parameters of the paper'
         warnings.append(f'{bag} does not say of which robot it is: taken to be of {robot}')
-    answer, answers, in_use = _answers(stamps, states, references, commands, recorded)
-    return RunLog(
+    answer, answers, in_use = _answers(
+        stamps, states, references, commands, recorded, span == WHOLE
+    )
+    run = RunLog(
         loop.scenario if found.metadata else 'unknown',
         loop.law if found.metadata else 'unknown',
         loop.joints,
@@ -169,7 +174,7 @@ def of(
             stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
         ),
         commands.numbers['data'],
-        count(streams, loop.period_ns, recorded),
+        count(streams, loop.period_ns, recorded, span),
         answer,
         states.log_times[used],
         answers,
@@ -178,6 +183,9 @@ def of(
         tuple(warnings),
         referenced,
     )
+    if span == WHOLE:
+        return run
+    return rows(run, np.flatnonzero((run.stamps >= span.begin) & (run.stamps < span.end)))
 
 
 def _wanted(topic: Topic, found: Mapping[Topic, Any], channels: Mapping[str, str]) -> str:
@@ -245,8 +253,7 @@ def _ordered(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> 
         what = f'{count} messages on {topic.name} came after newer ones'
         warnings.append(f'{bag}: {what}; they are put in the order of their stamps')
     order = np.argsort(samples.stamps, kind='stable')
-    numbers = {name: values[order] for name, values in samples.numbers.items()}
-    return Samples(samples.joints, samples.log_times[order], samples.stamps[order], numbers)
+    return samples.rows(order)
 
 
 def _reference_timeout(values: dict[str, Any], stamps: np.ndarray) -> int:
@@ -286,11 +293,12 @@ def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) ->
         raise BagError(f'{bag}: no message on {topic.name} has numbers that a robot can have')
     what = f'{count} messages on {topic.name} have numbers that no robot can have'
     warnings.append(f'{bag}: {what}; they are left out')
-    numbers = {name: values[kept] for name, values in samples.numbers.items()}
-    return Samples(samples.joints, samples.log_times[kept], samples.stamps[kept], numbers)
+    return samples.rows(kept)
 
 
-def streams_of(bag: Path, found: Mapping[str, list[list[Samples]]]) -> dict[Topic, list[Samples]]:
+def streams_of(
+    bag: Path, found: Mapping[str, Sequence[Sequence[Samples]]]
+) -> dict[Topic, list[Samples]]:
     """Streams of the suite's topics, all in one namespace.
 
     Args:
@@ -353,11 +361,12 @@ def _answers(
     references: Samples,
     commands: Samples,
     recorded: Answers | None,
+    whole: bool,
 ) -> tuple[np.ndarray, Answers | None, Used | None]:
     """Commands of the states with these stamps; see RunLog.answer, answers and used."""
     answers, sure = recorded, True
     if answers is None:
-        answers, sure = command_states.guess(states, commands)
+        answers, sure = command_states.guess(states, commands, whole)
     command = command_states.by_state(stamps, answers.states)
     answer = answers.torque[command]
     answer[command < 0] = np.nan
