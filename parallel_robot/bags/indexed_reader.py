@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
 from parallel_robot.bags import mcap_records
-from parallel_robot.bags.bag_files import File, files, open_file
+from parallel_robot.bags.bag_files import File, files, open_file, release
 from parallel_robot.bags.bag_reader import LARGE, Messages, join, messages_of
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.mcap_block import Block
@@ -170,6 +170,7 @@ class BagReader:
                 found = messages_of(join(blocks), wanted, allowance) if blocks else ()
                 yield [(wanted[key][0], part) for key, part in found], after and after.first
                 blocks = []
+                release(chunk.data)
 
     def without(self, topics: Collection[str]) -> dict[Path, set[int]]:
         """Where chunks begin that hold none of some topics, by file."""

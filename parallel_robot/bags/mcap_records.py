@@ -14,6 +14,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
+from parallel_robot.bags.bag_files import release
 from parallel_robot.bags.limits import ATTACHMENT, DESCRIPTION, Allowance
 from parallel_robot.bags.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
 from parallel_robot.bags.mcap_chunk import Content, chunk_content, packed_chunk
@@ -22,6 +23,7 @@ MAGIC = b'\x89MCAP0\r\n'
 FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
 TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
 PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes searched at a time for the next chunk
+HELD = 1 << 26  # bytes of a file that are held in memory
 BATCH = 1 << 16  # messages outside chunks that make one block
 CHUNK_BEGIN = re.compile(rb'\x06.{7}\x00.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd)', re.DOTALL)
 PARSED: dict[int, Any] = {
@@ -75,7 +77,7 @@ def scan(
     channels = np.zeros(1 << 16, bool)  # whether each number is a known channel
     channels[[record.id for record in repeated if isinstance(record, Channel)]] = True
     stop = len(data) if summary is None else summary
-    offset = min(len(MAGIC), stop)
+    offset = held = min(len(MAGIC), stop)
     sound = data[:offset] == MAGIC
     if not sound and offset:
         yield Damage('magic', offset)
@@ -116,6 +118,9 @@ def scan(
                 channels[parsed.id] = True
             yield parsed
         offset = end
+        if offset > held + HELD:
+            release(data)
+            held = offset
     if summary is None:
         yield Damage('end', len(data) - offset)
 
