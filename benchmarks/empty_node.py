@@ -34,7 +34,7 @@ MESSAGES = {
     topics.POSE: layouts.pose_stamped(topics.FRAME),
     topics.POSE_REFERENCE: layouts.pose_stamped(topics.FRAME),
     topics.ERROR: layouts.joint_state(JOINTS, BOTH),
-    topics.ANSWERED: layouts.int64_multi_array(3 * topics.SLOW),
+    topics.ANSWERED: layouts.int64_multi_array((3 + len(JOINTS)) * topics.SLOW),
     topics.SYNCHRONISATION_ERROR: layouts.joint_state(JOINTS, BOTH),
     topics.CROSS_COUPLING_ERROR: layouts.joint_state(JOINTS, POSITION),
     topics.SLIDING_VARIABLE: layouts.joint_state(JOINTS, POSITION),

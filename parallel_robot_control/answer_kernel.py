@@ -106,6 +106,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)
+    write_row(common.commanded, common.numbers[LOGGED] % AGES, done.torque)
     phase = lock_in.phase(estimator.lock_in, sample, row)
     code = _close(common, stamps, done.acted, done.cause, phase, now, monotonic)
     numbers, after = common.numbers, done.state

@@ -33,7 +33,8 @@ class AnswerLog:
 
     def zero_command(self) -> bytes:
         """A command of zero torque that answers no state, and is logged as such."""
-        self._arrays.log[self._numbers[LOGGED] % AGES] = 0
+        row = self._numbers[LOGGED] % AGES
+        self._arrays.log[row] = self._arrays.commanded[row] = 0
         self._numbers[LOGGED] += 1
         return layouts.float64_multi_array(len(self._arrays.torques)).template.tobytes()
 
@@ -42,7 +43,7 @@ class AnswerLog:
         count = min(int(self._numbers[LOGGED]), AGES)
         self._numbers[LOGGED] = 0
         self.rhythm.note(self._arrays.log[:count, 0].copy())
-        return answers_message(self._arrays.log[:count])
+        return answers_message(self._arrays.log[:count], self._arrays.commanded[:count])
 
     def take_ages(self) -> Array:
         """Ages of the states answered since the last call [s]; at most the newest AGES of them."""

@@ -70,6 +70,7 @@ def _common(references: Any, timing: Timing, state: CycleState, arrays: Shared) 
         arrays.command,
         arrays.torques,
         arrays.log,
+        arrays.commanded,
         arrays.ages,
     )
 

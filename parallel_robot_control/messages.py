@@ -117,14 +117,19 @@ def telemetry_fields(telemetry: Telemetry) -> dict[topics.Topic, dict[str, np.nd
     }
 
 
-def answers_message(stamps: np.ndarray) -> bytes:
-    """When some commands were asked for and act [ns], shape (N, 3), as an Int64MultiArray.
+def answers_message(stamps: np.ndarray, torques: np.ndarray) -> bytes:
+    """Some commands and when they were asked for, as an Int64MultiArray.
 
-    One row per command, in the order of the commands: stamp of the state, stamp of the reference,
-    time from which on the torque acts; zeros for one that answers no state.
+    One row per command, in the order of the commands: three stamps, and the bits of the torques.
+
+    Args:
+        stamps: Of the state, of the reference, and from which on the torque acts [ns], shape
+            (N, 3); zeros for a command that answers no state.
+        torques: The commands [N m], shape (N, n).
     """
-    head = layouts.int64_multi_array(stamps.size).template[: -stamps.nbytes or None]
-    return head.tobytes() + stamps.tobytes()
+    rows = np.hstack([stamps, torques.view(np.int64)])
+    head = layouts.int64_multi_array(rows.size).template[: -rows.nbytes or None]
+    return head.tobytes() + rows.tobytes()
 
 
 def limits_text(acted: int) -> str:

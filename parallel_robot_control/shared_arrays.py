@@ -42,6 +42,7 @@ class Shared(NamedTuple):
         torques: The torques in it [N m], shape (n,).
         log: Stamps of state and reference of each answer, and when its torque acts [ns],
             shape (AGES, 3).
+        commanded: Torques of each answer in the log [N m], shape (AGES, n).
         ages: Ages of the states when they were answered [ns], shape (AGES,).
     """
 
@@ -51,6 +52,7 @@ class Shared(NamedTuple):
     command: NDArray[np.uint8]
     torques: Array
     log: NDArray[np.int64]
+    commanded: Array
     ages: NDArray[np.int64]
 
 
@@ -64,6 +66,7 @@ def shared(joints: int) -> Shared:
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
+        np.zeros((AGES, joints)),
         np.zeros(AGES, np.int64),
     )
     made.numbers[[LAST, START, END]] = NEVER

@@ -13,7 +13,8 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot.analysis import metrics
+from parallel_robot.analysis import metrics, table
+from parallel_robot.bags import recorded_robot
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.motions import Motion
 
@@ -87,6 +88,11 @@ WRITERS = {
         path, found, index_types=IndexType.NONE, repeat_channels=False, repeat_schemas=False,
         use_statistics=False, use_summary_offsets=False, enable_crcs=False),
 }  # fmt: skip
+
+
+def table_of(bag, code=recorded_robot.NONE):
+    """A bag as a table."""
+    return table.of(recorded_robot.read(bag, code=code, topics=table.NEEDED))
 
 
 def chunks(path):

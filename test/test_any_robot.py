@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pandas
 import pytest
+from bags import table_of
 
-from parallel_robot.analysis import metrics, table
+from parallel_robot.analysis import metrics
 from parallel_robot.analysis.report import page, paper_figures, runs
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.palette import JOINTS, STYLES
@@ -89,7 +90,7 @@ def test_the_table_has_the_joints_and_the_pose(case, tmp_path):
     assert np.array_equal(positions, log.position)
     if parts is None:
         assert np.array_equal(back[pose].to_numpy(), log.position)
-    assert list(table.read(bag).columns) == list(back.columns)
+    assert list(table_of(bag).columns) == list(back.columns)
 
 
 def test_the_charts_have_a_curve_or_a_panel_for_each_joint(case):

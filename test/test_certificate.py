@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from parallel_robot.bags.certificate import Certificate, is_complete, lost
+from parallel_robot.bags.certificate import Certificate, lost
 
 
 def test_programs_read_numbers_and_people_a_sentence():
@@ -26,10 +26,3 @@ def test_programs_read_numbers_and_people_a_sentence():
 )  # fmt: skip
 def test_losses_are_read(text, expected):
     assert lost(text) == expected and type(lost(text)) is int
-
-
-def test_a_topic_is_complete_where_nothing_is_lost_and_all_is_there():
-    assert is_complete(Certificate(100, 0).dump(), 100)
-    for found in (Certificate(100, 1), Certificate(100, None), Certificate(99, 0)):
-        assert not is_complete(found.dump(), 100)
-    assert not is_complete('', 0)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import table_of
 from test_rerun import by_hand
 from untried import detach, forget
 from vectors import OnVectors
 
 from parallel_robot import simulate
-from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording
 from parallel_robot.bags.recorded_robot import RobotCode
@@ -80,7 +80,7 @@ def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
     assert 'platform_error_m' in again.to_frame() and 'not known' not in repr(again)
     ((report,),) = read_runs([bag], code=code).values()
     assert report.metrics == expected and report.motion.poses.planar
-    columns, warnings = table.read(bag, code=code)
+    columns, warnings = table_of(bag, code=code)
     assert np.array_equal(columns['platform_x_m'], run.pose[:, 0]) and not warnings
     words = [str(bag), '--rate', '1', '--out', str(tmp_path / 'robot.gif'), *words]
     assert main(['video', *words]) == 0
@@ -96,7 +96,7 @@ def test_without_its_file_a_bag_has_no_pose(bag, tmp_path, capsys):
     run = load(bag)
     assert np.isnan(run.pose).all() and not run.planar and '--trust' in repr(run)
     assert run.error.any() and not any('pose' in column for column in run.to_frame())
-    columns, (warning,) = table.read(bag)
+    columns, (warning,) = table_of(bag)
     assert not any('pose' in column or 'platform' in column for column in columns)
     assert 'example_robot is not known' in warning
     capsys.readouterr()

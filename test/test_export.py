@@ -5,9 +5,8 @@ import sys
 import numpy as np
 import pandas
 import pytest
-from bags import full_disk
+from bags import full_disk, table_of
 
-from parallel_robot.analysis import table
 from parallel_robot.cli.command_line import main
 
 READERS = {'.csv': pandas.read_csv, '.parquet': pandas.read_parquet}
@@ -34,7 +33,7 @@ def test_a_table_comes_back(suffix, bag, tmp_path, capsys):
     out = tmp_path / f'run{suffix}'
     assert main(['export', str(bag), '--out', str(out)]) == 0
     assert '301 rows, 36 columns' in capsys.readouterr().out
-    back, expected = READERS[suffix](out), table.read(bag).columns
+    back, expected = READERS[suffix](out), table_of(bag).columns
     assert list(back.columns) == list(expected)
     for name, column in expected.items():
         assert np.array_equal(back[name], column, equal_nan=True), name

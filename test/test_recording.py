@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from bags import START, streams, write_foreign
+from bags import START, streams, table_of, write_foreign
 
-from parallel_robot.analysis import table
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import bag_reader, recording
 from parallel_robot.cli.command_line import main
-from parallel_robot.python import notebook
+from parallel_robot.python import notebook, presentations
 from parallel_robot_control.messages import telemetry_layouts
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, SLIDING_VARIABLE
@@ -26,20 +25,21 @@ def bag(tmp_path_factory):
     [
         lambda bag: recording.read(bag, topics.TELEMETRY),
         lambda bag: read_runs([bag]),
-        table.read,
+        table_of,
         notebook.load,
+        lambda bag: presentations.export(bag, foxglove=bag.with_name('copy')),
         lambda bag: main(['analyze', str(bag)]),
         lambda bag: main(['replay', str(bag)]),
     ],
 )
 def test_the_file_is_walked_once(reader, bag, monkeypatch):
-    walks, scan = [], bag_reader.scan
+    walks, joined = [], bag_reader._joined
 
     def counted(*words):
         walks.append(words)
-        return scan(*words)
+        return joined(*words)
 
-    monkeypatch.setattr(bag_reader, 'scan', counted)
+    monkeypatch.setattr(bag_reader, '_joined', counted)
     reader(bag)
     assert len(walks) == 1
 

@@ -266,7 +266,7 @@ def test_only_what_was_answered_is_answered_again(common, tmp_path, capsys):
     answered = np.isin(np.arange(N + 1), [*SKIPPED], invert=True)
     assert np.array_equal(found.known, answered) and not found.differing.any()
     assert np.array_equal(np.isnan(found.torque[:, 0]), ~answered) and found.late > 80
-    assert np.count_nonzero(log.command_states == 0) == 1  # the zero
+    assert np.count_nonzero(log.answers.states == 0) == 1  # the zero
     assert not any(topic.missing for topic in log.messages.values())
     assert main(['replay', str(bag)]) == 0
     said = capsys.readouterr().out

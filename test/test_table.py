@@ -5,9 +5,8 @@ import sys
 import numpy as np
 import pytest
 from assembly import simulated as simulate
-from bags import JOINTS, MS, START, streams, write_foreign
+from bags import JOINTS, MS, START, streams, table_of, write_foreign
 
-from parallel_robot.analysis import table
 from parallel_robot.bags import simulation_bag
 from parallel_robot.python.presentations import export
 from parallel_robot_control.messages import telemetry_layouts
@@ -37,7 +36,7 @@ def by_joint(columns, joints, quantity):
 def test_the_platform_and_what_the_law_says_of_itself(joints, tmp_path):
     simulation = simulated(tmp_path / 'bag', joints=list(joints))
     run, reference = simulation.run, simulation.reference
-    columns, warnings = table.read(tmp_path / 'bag')
+    columns, warnings = table_of(tmp_path / 'bag')
     assert warnings == () and len(columns) == OTHERS + PER_JOINT * len(joints)
     assert {len(column) for column in columns.values()} == {COUNT + 1}
     for k, name in enumerate(('x_m', 'y_m', 'phi_rad')):
@@ -56,7 +55,7 @@ def test_the_platform_and_what_the_law_says_of_itself(joints, tmp_path):
 
 def test_columns_name_their_units(tmp_path):
     simulation = simulated(tmp_path / 'bag')
-    columns, _ = table.read(tmp_path / 'bag')
+    columns, _ = table_of(tmp_path / 'bag')
     assert list(columns)[:5] == [
         'time_s', 'stamp_ns', 'joint1_position_rad', 'joint2_position_rad', 'joint3_position_rad',
     ]  # fmt: skip
@@ -77,7 +76,7 @@ def at_rest(names=JOINTS):
 
 def test_a_stock_bag_without_telemetry(tmp_path):
     write_foreign(tmp_path / 'bag', at_rest(JOINTS[::-1]), space='/left')
-    columns, (robot,) = table.read(tmp_path / 'bag')
+    columns, (robot,) = table_of(tmp_path / 'bag')
     assert 'of which robot' in robot
     assert np.isnan(by_joint(columns, JOINTS, 'sliding_variable')).all()
     ring = by_joint(columns, JOINTS, 'synchronisation_error_rad')
@@ -94,7 +93,7 @@ def test_a_stock_bag_with_telemetry_in_another_order(tmp_path):
         (int(t), r.tobytes()) for t, r in zip(stamps, records, strict=True)
     ]
     write_foreign(tmp_path / 'bag', found, space='/left')
-    sliding = by_joint(table.read(tmp_path / 'bag').columns, JOINTS, 'sliding_variable')
+    sliding = by_joint(table_of(tmp_path / 'bag').columns, JOINTS, 'sliding_variable')
     assert np.array_equal(sliding[:40:10], rows[:4, ::-1])
     assert np.isnan(np.delete(sliding, np.s_[:40:10], axis=0)).all()
 
@@ -105,7 +104,7 @@ def test_somebody_elses_telemetry_is_left_out(kind, tmp_path):
     data = layouts.joint_state(('a', 'b', 'c')).encode(START) if kind == 'joints' else bytes(20)
     found[topics.SLIDING_VARIABLE] = [(START, data)]
     write_foreign(tmp_path / 'bag', found)
-    sliding = by_joint(table.read(tmp_path / 'bag').columns, JOINTS, 'sliding_variable')
+    sliding = by_joint(table_of(tmp_path / 'bag').columns, JOINTS, 'sliding_variable')
     assert sliding.shape == (50, 3) and np.isnan(sliding).all()
 
 
@@ -119,7 +118,7 @@ def test_where_there_is_no_pose_its_columns_are_empty(bad, tmp_path):
         data = layout.encode(stamp, position=out, velocity=out * 0, effort=out * 0)
         found[topics.JOINT_STATES][k] = (stamp, data)
     write_foreign(tmp_path / 'bag', found)
-    columns, (_, warning) = table.read(tmp_path / 'bag')
+    columns, (_, warning) = table_of(tmp_path / 'bag')
     assert 'pose of the robot' in warning and '\n' not in warning
     for name in ('platform_x_m', 'platform_reference_y_m', 'platform_error_m'):
         assert np.isfinite(columns[name][:bad]).all() and np.isnan(columns[name][bad:]).all()

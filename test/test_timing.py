@@ -44,7 +44,12 @@ def loop(lag, skipped=(), torques=TORQUES):
     heard = stamps[answered] + 300_000
     found[topics.COMMANDS] = [(int(t), row.tobytes()) for t, row in zip(heard, commands)]  # noqa: B905
     found[topics.ANSWERED] = [
-        (int(heard[rows[-1]]) + 1, answers_message(np.stack([stamps[answered[rows]]] * 3, axis=1)))
+        (
+            int(heard[rows[-1]]) + 1,
+            answers_message(
+                np.stack([stamps[answered[rows]]] * 3, axis=1), torques[answered[rows]]
+            ),
+        )
         for rows in np.array_split(np.arange(len(answered)), N // 10)
     ]
     return found, np.arange(1, N + 1) - acting[1:]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,15 +10,15 @@ import numpy as np
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.metrics import Poses
 from parallel_robot.bags import command_states, recorded_robot
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
-from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_model.robots.configuration import robot_of
+
+NEEDED = (SLIDING_VARIABLE,)  # topics that are to be read beside the run
 
 
 class Table(NamedTuple):
@@ -34,23 +33,9 @@ class Table(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def read(
-    bag: Path, memory: int = MEMORY, code: RobotCode = NONE, view: BagView = AS_RECORDED
-) -> Table:
-    """Read a bag, see :func:`recorded_robot.read`.
-
-    Args:
-        bag: Directory of the bag, or its MCAP file.
-        memory: Memory that reading it may take [bytes].
-        code: What may run to know its robot.
-        view: What bags do not say themselves, and which part is wanted.
-
-    Raises:
-        BagError: not a bag, or a topic that the table needs is not in it.
-    """
-    log, past, extra = recorded_robot.read(
-        bag, memory, code, (SLIDING_VARIABLE,), view, motion_only=True
-    )
+def of(recording: Recording) -> Table:
+    """The table of a bag that was read with the topics of NEEDED."""
+    log, past, extra = recording
     poses, warnings = _poses(log, past)
     sliding = np.full(log.position.shape, np.nan)
     if SLIDING_VARIABLE in extra:

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.bags import command_states
+from parallel_robot.bags.command_states import Answers
 from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run_log import RunLog
@@ -92,15 +94,17 @@ def evaluate(log: RunLog, history: History) -> Timing:
     if not history.facts:
         period = int(np.median(np.diff(log.stamps))) if len(log.stamps) > 1 else period
     told = int(history.facts.get('start_stamp', 0))
-    says = bool((log.command_states > 0).any())
-    first = told if told or not says else int(log.command_states[log.command_states > 0].min())
+    answers = log.answers
+    states = np.zeros(0, np.int64) if answers is None else answers.states[answers.states > 0]
+    says = bool(states.size)
+    first = told if told or not says else int(states.min())
     # Of a motion that was planned every state counts, also where the controller fell silent.
-    last = int(log.command_states.max()) if says and not told else log.stamps[-1]
+    last = int(states.max()) if says and not told else log.stamps[-1]
     due = (log.stamps + reported_age(log.config) >= first) & (log.stamps <= last)
     answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
     lag, uncommanded = np.zeros(0, np.int64), 0
-    if says and log.has_efforts:  # which tell what command acted
-        lag, uncommanded = _lags(log, first, period)
+    if answers is not None and says and log.has_efforts:  # which tell what command acted
+        lag, uncommanded = _lags(log, answers, first, period)
     delay = (log.heard - log.stamps - reported_age(log.config)) / NANOSECONDS
     nodes = history.facts.get('source', NODES) == NODES
     stepped = log.config['time_mode'] == 'lockstep'
@@ -174,22 +178,25 @@ def _percent(part: int, whole: int) -> str:
     return f'{share:.0f} %' if share >= 1.0 else f'{share:.1g} %'
 
 
-def _lags(log: RunLog, first: int, period: int) -> tuple[NDArray[np.int64], int]:
+def _lags(log: RunLog, answers: Answers, first: int, period: int) -> tuple[NDArray[np.int64], int]:
     """Lag of each step after a stamp [ns], in samples, and the number of steps without one."""
     limit = np.array(group(log.config, PlantParameters, 'plant').torque_limit)
-    command = np.clip(log.command, -limit, limit)
-    stamps = np.maximum.accumulate(log.command_states)
+    command = np.clip(answers.torque, -limit, limit)
+    stamps = np.maximum.accumulate(answers.states)
     newest = np.searchsorted(stamps, log.stamps, side='right') - 1
     acting = _acting(log.effort, command, newest)[1:]
-    answers = np.where(acting < 0, 0, log.command_states[acting])
+    since = np.where(acting < 0, 0, answers.states[acting])
     age = reported_age(log.config)
     counted = log.stamps[:-1] >= first
-    if answers.any():
-        answers[: np.flatnonzero(answers)[0]] = first - period
-    known = counted & (answers > 0)
-    took = (log.stamps[1:] - answers)[known] - age
+    if since.any():
+        since[: np.flatnonzero(since)[0]] = first - period
+    known = counted & (since > 0)
+    took = (log.stamps[1:] - since)[known] - age
     lag = np.rint(took / period).astype(np.int64)
-    return lag, int((counted & (answers == 0)).sum())  # of the last ones the bag may not say it
+    # Of some commands, as of the last ones, the bag may not say which state they answer.
+    silent = log.command[~command_states.among(log.command, answers.torque)]
+    told = command_states.among(log.effort[1:], np.clip(silent, -limit, limit))
+    return lag, int((counted & (since == 0) & ~told).sum())
 
 
 @kernel

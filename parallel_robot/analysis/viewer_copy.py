@@ -8,10 +8,9 @@ from typing import NamedTuple
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.frames import Frames
 from parallel_robot.bags import recorded_robot
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.recorded_robot import NONE, RobotCode
-from parallel_robot.bags.recovery import recover
+from parallel_robot.bags.recording import Recording
+from parallel_robot.bags.recovery import copy
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_sim.motions import differs
 
@@ -32,30 +31,23 @@ class ViewerCopy(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def write(
-    bag: Path,
-    out: Path,
-    memory: int = MEMORY,
-    code: RobotCode = NONE,
-    view: BagView = AS_RECORDED,
-) -> ViewerCopy:
+def write(bag: Path, recording: Recording, out: Path, memory: int = MEMORY) -> ViewerCopy:
     """Write the copy of a bag.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
+        recording: What it holds.
         out: Directory of the copy, which must not exist.
         memory: What may be held of the bag [bytes].
-        code: What may run to know its robot.
-        view: What it does not say itself.
 
     Raises:
-        BagError: not a bag of a run, its robot is not known, or the copy cannot be written.
+        BagError: its robot is not known, or the copy cannot be written.
     """
-    log, past, _ = recorded_robot.read(bag, memory, code, view=view)
+    log, past, _ = recording
     unknown = recorded_robot.unknown(log.config)
     if unknown:
         raise BagError(f'{bag}: {unknown}')
     seen = not recorded_motions.of_plant(past) or differs(log.config)
     frames = Frames(log, seen)
-    recover(bag, out, memory, frames.write)
+    copy(bag, out, memory, frames.write)
     return ViewerCopy(out, frames.count, seen, log.warnings)

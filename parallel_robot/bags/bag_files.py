@@ -78,6 +78,12 @@ def open_file(path: Path, memory: int = MEMORY) -> File:
         raise BagError(f'{path} cannot be read: {error.strerror}') from None
 
 
+def release(data: memoryview) -> None:
+    """Give up the memory that reading a file took; what is needed again is read again."""
+    if isinstance(data.obj, mmap.mmap):
+        data.obj.madvise(mmap.MADV_DONTNEED)
+
+
 def custom_data(bag: Path) -> dict[str, str]:
     """What metadata.yaml says about the experiment; empty when it is missing or broken."""
     directory = bag if bag.is_dir() else bag.parent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from parallel_robot.bags import mcap_records, sqlite_records
@@ -15,12 +15,13 @@ POINTER = b'version https://git-lfs.github.com/spec/'
 ROS1 = b'#ROSBAG V'
 
 
-def records(path: Path, file: File) -> Iterator[Record]:
+def records(path: Path, file: File, skipped: Collection[int] = ()) -> Iterator[Record]:
     """What a file of a bag holds, as records of MCAP.
 
     Args:
         path: Its path, for what is beside it, and for error messages.
         file: Its content.
+        skipped: Where chunks of MCAP begin that are not wanted.
 
     Raises:
         BagError: it is of a kind that is not read, it cannot be read, or takes too much.
@@ -28,7 +29,7 @@ def records(path: Path, file: File) -> Iterator[Record]:
     if file.data[: len(SQLITE)] == SQLITE:
         return sqlite_records.scan(path, file)
     check(path, file)
-    return mcap_records.scan(*file)
+    return mcap_records.scan(*file, skipped)
 
 
 def check(path: Path, file: File) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -59,6 +60,7 @@ def read(
     condense: Callable[[Topic, Messages], Part],
     memory: int = MEMORY,
     view: BagView = AS_RECORDED,
+    skipped: Mapping[Path, Collection[int]] = MappingProxyType({}),
 ) -> Bag[Part]:
     """Read some topics of a bag, a few megabytes at a time.
 
@@ -68,6 +70,7 @@ def read(
         condense: Turns messages into what is kept of them, which takes no more memory.
         memory: What may be held of the bag [bytes].
         view: Which topics take the place of others.
+        skipped: Where chunks begin that are not wanted, by file.
 
     Raises:
         BagError: nothing there is an MCAP file, or it takes more than is allowed.
@@ -89,7 +92,7 @@ def read(
         translators: dict[int, Callable[[Messages], list[Messages]]] = {}
         wanted: dict[int, tuple[str, Topic]] = {}
         opened = open_file(file, memory)
-        for record in _joined(bag_kinds.records(file, opened)):
+        for record in _joined(bag_kinds.records(file, opened, skipped.get(file, ()))):
             understood = understood or not isinstance(record, (Damage, Header))
             if isinstance(record, Schema):
                 schemas[record.id] = record.name
@@ -126,7 +129,7 @@ def read(
             elif isinstance(record, Damage):
                 damage.append(record)
             elif isinstance(record, Block):
-                for channel, messages in _messages(record, wanted, opened.allowance):
+                for channel, messages in messages_of(record, wanted, opened.allowance):
                     held.hold(messages.payloads.nbytes)
                     name, of = wanted[channel]
                     translate = translators.get(channel)
@@ -170,19 +173,20 @@ def _joined(records: Iterable[Record]) -> Iterator[Record]:
         small.append(record)
         size += len(record.data)
         if size > LARGE:
-            yield _join(small)
+            yield join(small)
             small, size = [], 0
     if small:
-        yield _join(small)
+        yield join(small)
 
 
-def _join(blocks: list[Block]) -> Block:
+def join(blocks: Sequence[Block]) -> Block:
+    """The messages of some blocks as one."""
     begins = np.cumsum([0, *(len(block.data) for block in blocks)])
     starts = [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
     return Block(memoryview(b''.join(block.data for block in blocks)), np.concatenate(starts))
 
 
-def _messages(
+def messages_of(
     block: Block, channels: Mapping[int, tuple[str, Topic]], allowance: Allowance
 ) -> Iterator[tuple[int, Messages]]:
     """Messages of a block by channel and length."""

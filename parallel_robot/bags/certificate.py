@@ -27,12 +27,6 @@ class Certificate(NamedTuple):
         return plain_data.dump(self._asdict())
 
 
-def is_complete(text: str, count: int) -> bool:
-    """Whether a bag with so many messages of a topic has all of them, by the text in it."""
-    found = plain_data.mapping(text)
-    return found.get('lost') == 0 and found.get('written') == count
-
-
 def lost(text: str) -> int:
     """Number of lost messages from the text in a bag; 0 when it does not say."""
     number = plain_data.mapping(text).get('lost')

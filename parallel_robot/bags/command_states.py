@@ -1,4 +1,4 @@
-"""Which command answers which state: as the controller recorded it, or guessed in older bags."""
+"""Which state each command answers: as the controller recorded it, or guessed for other bags."""
 
 from __future__ import annotations
 
@@ -7,36 +7,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.message_arrays import Samples
+from parallel_robot.bags.message_arrays import LARGEST, Samples
 from parallel_robot_control.contract import JointReference
 
-UNKNOWN = -1  # stamp where the bag does not say
-NEIGHBOURS = 21  # messages (odd) whose median says how many commands came before each of them
-EVEN = 0.5, 2.0  # of the usual time between two messages; others came in a burst or after a pause
-CALM = 5  # messages to both sides that came so, beside one whose log time counts
+NONE = np.zeros(0, np.int64)
 EXTRAPOLATED = ('position', 'velocity', 'acceleration')
+MIX = np.uint64(0x9E3779B97F4A7C15)  # odd: powers of it tell the joints apart
 
 
-class Answered(NamedTuple):
-    """What the controller recorded about the commands of a bag.
+class Answers(NamedTuple):
+    """Commands of a run with the states that they answer, in their order.
 
     Attributes:
-        states: Stamp of the state that each command answers [ns], shape (M,); 0: it answers none.
-        references: Stamp of the reference that it used [ns], shape (M,).
-        acts: Time from which on it acts, as far as the controller knew [ns], shape (M,).
-        rows: Stamps of all states that were answered [ns], shape (R,).
-        rows_act: Times from which on their torques act [ns], shape (R,).
-        lost: Commands between the first and the last one that the bag lacks.
-        gaps: Places where the bag lacks records of answers.
+        states: Stamp of the state that each answers [ns], shape (R,); 0: it answers none.
+        references: Stamp of the reference that it used [ns], shape (R,).
+        acts: Time from which on it acts, as far as the controller knew [ns], shape (R,).
+        torque: The commands [N m], NaN where they are not ones, shape (R, n).
+        lost: When the records of commands were heard that are between the first and the last one
+            and that the bag lacks [ns].
+        gaps: When the commands were heard with which records begin anew [ns].
     """
 
     states: np.ndarray
     references: np.ndarray
     acts: np.ndarray
-    rows: np.ndarray
-    rows_act: np.ndarray
-    lost: int
-    gaps: int
+    torque: np.ndarray
+    lost: np.ndarray = NONE
+    gaps: np.ndarray = NONE
 
 
 class Used(NamedTuple):
@@ -64,97 +61,58 @@ class Used(NamedTuple):
         return Used(self.stamps[chosen], self.acts[chosen], self.late[chosen], older, samples)
 
 
-def align(
-    heard: np.ndarray, messages: Sequence[Samples], complete: bool = False
-) -> Answered | None:
-    """Find the record of each command.
-
-    Records and commands are in the same order, so it is enough to know how many commands came
-    before each message of records. The bag may begin in the middle of a message and end before the
-    last one; log times may be out of order here and there, so neighbours decide together. Those of
-    a recorder that stood still, and then got all at once, say nothing: what came before and after
-    it counts. Where nothing is lost, one number holds for all.
+def recorded(messages: Sequence[Samples], commands: Samples) -> Answers | None:
+    """What the controller recorded of its answers.
 
     Args:
-        heard: Log times of the commands in order [ns], shape (M,).
-        messages: Messages on ``controller/answered``; those that do not hold threes are ignored.
-        complete: Whether no command and no record is missing between the first and the last.
+        messages: Messages on ``controller/answered``; those without a torque of each joint are
+            ignored.
+        commands: All commands of the bag.
 
     Returns:
-        What was recorded; None when there is no record.
+        The answers; None when there is none of a command of the bag.
     """
-    pairs = [
-        (part.log_times, part.numbers['data'].reshape(len(part.log_times), -1, 3))
+    torques = commands.numbers['data']
+    width = 3 + torques.shape[1]
+    parts = [
+        (part.log_times, part.numbers['data'].reshape(len(part.stamps), -1, width))
         for part in messages
-        if 'data' in part.numbers and part.numbers['data'].shape[1] % 3 == 0
+        if 'data' in part.numbers and part.numbers['data'].shape[1] % width == 0
     ]
-    if not pairs:
+    if not parts:
         return None
-    times = np.concatenate([times for times, _ in pairs])
-    last = np.concatenate([rows[:, :, 0].max(axis=1) for _, rows in pairs])
-    sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for _, rows in pairs])
-    whole = np.concatenate([rows.reshape(-1, 3) for _, rows in pairs])
-    order = np.lexsort((last, times))
-    starts = (np.cumsum(sizes) - sizes)[order]
-    times, sizes = times[order], sizes[order]
-    ends = np.cumsum(sizes)
-    rows = whole[np.repeat(starts - (ends - sizes), sizes) + np.arange(ends[-1])]
-
-    ahead = ends - np.searchsorted(heard, times, side='right')
-    # The last command may be logged after its record: what comes after all of them counts, too.
-    after = int(np.median([*ahead[-2:][[0, -1]], ends[-1] - len(heard)]))
-    if complete:
-        values, counts = np.unique(ahead, return_counts=True)
-        ahead = np.full_like(ahead, values[np.argmax(counts)])
-    else:
-        ahead = _median(_calm(times, ahead), after)
-    free = np.maximum.accumulate(np.concatenate([[0], ends - ahead]))[:-1]
-    command = np.arange(len(rows)) - np.repeat(ahead, sizes)
-    found = (command >= np.repeat(free, sizes)) & (command < len(heard))
-    stamps = np.full((len(heard), 3), UNKNOWN)
-    stamps[command[found]] = rows[found]
-    steps = np.diff(ahead)
-    return Answered(
-        stamps[:, 0],
-        stamps[:, 1],
-        stamps[:, 2],
-        rows[rows[:, 0] > 0, 0],
-        rows[rows[:, 0] > 0, 2],
-        int(steps[steps > 0].sum()),
-        int((steps < 0).sum()),
+    times, ends = (
+        np.concatenate([np.repeat(key(*part), part[1].shape[1]) for part in parts])
+        for key in (lambda times, _: times, lambda _, rows: rows[:, :, 0].max(axis=1))
     )
+    rows = np.concatenate([rows.reshape(-1, width) for _, rows in parts])
+    order = np.lexsort((ends, times))
+    rows, times = rows[order], times[order]
+    torque = rows[:, 3:].copy().view(float)
+    kept, told = among(torque, torques), among(torques, torque)
+    if not kept.any():
+        return None
+    torque[~(np.abs(torque) <= LARGEST).all(axis=1)] = np.nan
+    (begin, end), (first, last) = (np.flatnonzero(known)[[0, -1]] for known in (kept, told))
+    lost = begin + np.flatnonzero(~kept[begin:end])
+    gaps = first + 1 + np.flatnonzero(~told[first:last] & told[first + 1 : last + 1])
+    states, references, acts = rows[:, :3].T
+    return Answers(states, references, acts, torque, times[lost], commands.log_times[gaps])
 
 
-def _calm(times: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    """How far records are ahead, where their messages did not come as usual by those that did.
-
-    Args:
-        times: Log times of the messages [ns], shape (K,).
-        ahead: Records less commands up to each of them, shape (K,).
-    """
-    steps = np.diff(times)
-    usual = np.median(steps) if len(steps) else 0.0
-    even = (steps >= EVEN[0] * usual) & (steps <= EVEN[1] * usual)
-    around = np.pad(even, CALM, constant_values=True)
-    windows = np.lib.stride_tricks.sliding_window_view(around, 2 * CALM)
-    calm = np.flatnonzero(windows.all(axis=1))
-    if 2 * len(calm) < len(times):  # nothing is usual here
-        return ahead
-    rows = np.arange(len(times))
-    next_one = np.searchsorted(calm, rows)
-    before = ahead[calm[np.maximum(next_one - 1, 0)]]
-    after = ahead[calm[np.minimum(next_one, len(calm) - 1)]]
-    found = np.clip(ahead, np.minimum(before, after), np.maximum(before, after))
-    found[calm] = ahead[calm]
-    return found
+def among(torques: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which torques are among others, bit for bit, shape (N,); both shape (., n)."""
+    some, all_others = _key(torques), _key(others)
+    if np.array_equal(some, all_others):  # nothing is lost
+        return np.ones(len(some), bool)
+    return np.isin(some, all_others)
 
 
-def _median(values: np.ndarray, after: int) -> np.ndarray:
-    """Median of the neighbours of each value; the first and `after` stand for those beyond."""
-    beyond = NEIGHBOURS // 2
-    around = np.concatenate([np.full(beyond, values[0]), values, np.full(beyond, after)])
-    windows = np.lib.stride_tricks.sliding_window_view(around, NEIGHBOURS)
-    return np.partition(windows, NEIGHBOURS // 2)[:, NEIGHBOURS // 2]
+def _key(torques: np.ndarray) -> np.ndarray:
+    """A number for each row of torques, another one for other bits, shape (N,)."""
+    factors = MIX ** np.arange(torques.shape[1], dtype=np.uint64)
+    key: np.ndarray = np.ascontiguousarray(torques).view(np.uint64) @ factors
+    return key
 
 
 def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -194,7 +152,7 @@ def used(stamps: np.ndarray, acts: np.ndarray, known: np.ndarray, references: Sa
     return Used(found, acts, late, older, JointReference(*samples))
 
 
-def guess(states: Samples, commands: Samples) -> tuple[np.ndarray, bool]:
+def guess(states: Samples, commands: Samples, whole: bool = True) -> tuple[Answers, bool]:
     """Guess the state that each command answers, for bags that do not say.
 
     The k-th answers the k-th, except for zeros that the controller sent on its own: at its end,
@@ -204,10 +162,10 @@ def guess(states: Samples, commands: Samples) -> tuple[np.ndarray, bool]:
     Args:
         states: All states of the bag.
         commands: All commands of the bag.
+        whole: Whether both begin with the bag; else the k-th need not answer the k-th.
 
     Returns:
-        Stamps of the states [ns], shape (M,), 0 where a command answers none; whether none of
-        either is lost.
+        The answers, with the state for the reference; whether none of either is lost.
     """
     torques, count = commands.numbers['data'], len(states.stamps)
     order = np.arange(len(torques))
@@ -215,9 +173,10 @@ def guess(states: Samples, commands: Samples) -> tuple[np.ndarray, bool]:
     if 0 < len(torques) - count <= len(zeros):
         order = np.delete(order, zeros[count - len(torques) :])
     stamps = np.zeros(len(torques), np.int64)
-    if len(order) == count:
+    sure = whole and len(order) == count
+    if sure:
         stamps[order] = states.stamps
-        return stamps, True
-    newest = np.searchsorted(states.log_times, commands.log_times, side='right') - 1
-    stamps[newest >= 0] = states.stamps[newest[newest >= 0]]
-    return stamps, False
+    else:
+        newest = np.searchsorted(states.log_times, commands.log_times, side='right') - 1
+        stamps[newest >= 0] = states.stamps[newest[newest >= 0]]
+    return Answers(stamps, stamps, stamps, torques), sure

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parallel_robot.bags.command_states import Answered
+from parallel_robot.bags.command_states import Answers
 from parallel_robot.bags.message_arrays import Samples
+from parallel_robot.bags.span import WHOLE, Span
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import SLOW, TELEMETRY, Topic
 
@@ -30,8 +31,9 @@ class TopicCount:
 def count(
     streams: Mapping[Topic, Sequence[Samples]],
     period: int,
-    answered: Answered | None,
+    answered: Answers | None,
     states_period: int,
+    span: Span = WHOLE,
 ) -> dict[str, TopicCount]:
     """Count the messages of each topic.
 
@@ -41,30 +43,41 @@ def count(
         answered: What the controller recorded. None, or not all of it: a command is taken to
             answer each state.
         states_period: From a joint state to the next [ns].
+        span: The messages that count; those before it show what is missing at its begin.
     """
     counts: dict[str, TopicCount] = {}
     for topic, parts in streams.items():
         stamps = np.sort(np.concatenate([part.stamps for part in parts]))
+        held = sum(int(span.holds(topic, part).sum()) for part in parts)
         missing = 0
-        if topic == topics.COMMANDS and (answered is None or answered.gaps):
+        if topic == topics.COMMANDS and (answered is None or _within(answered.gaps, span)):
             states = counts[topics.JOINT_STATES.name]
-            missing = max(0, states.count + states.missing - len(stamps))
+            missing = max(0, states.count + states.missing - held)
         elif topic == topics.COMMANDS and answered is not None:
-            missing = answered.lost
+            missing = _within(answered.lost, span)
         elif topic == topics.ANSWERED and answered is not None:
-            missing = answered.gaps
+            missing = _within(answered.gaps, span)
         elif topic in TELEMETRY and answered is not None and len(stamps):
             due = _due(answered, period)
             due = due[(due > stamps[0]) & (due < stamps[-1])]
+            due = due[(due >= span.begin) & (due < span.end)]
             missing = int((~np.isin(due, stamps)).sum())
         elif topic.every:
             each = states_period if topic == topics.JOINT_STATES else topic.every * period
-            steps = np.diff(stamps) / each
+            inside = (stamps[1:] >= span.begin) & (stamps[1:] < span.end)
+            steps = np.diff(stamps)[inside] / each
             missing = int(np.maximum(np.rint(steps) - 1, 0).sum())
-        counts[topic.name] = TopicCount(len(stamps), missing)
+        counts[topic.name] = TopicCount(held, missing)
     return counts
 
 
-def _due(answered: Answered, period: int) -> np.ndarray:
+def _due(answered: Answers, period: int) -> np.ndarray:
     """Stamps at which telemetry was due: the first answer of each SLOW samples."""
-    return answered.rows[1:][np.diff(answered.rows_act // (SLOW * period)) != 0]
+    known = answered.states > 0
+    acts = answered.acts[known] // (SLOW * period)
+    return answered.states[known][1:][np.diff(acts) != 0]
+
+
+def _within(log_times: np.ndarray, span: Span) -> int:
+    """How many places are in a part of a run, by log times [ns]."""
+    return int(((log_times >= span.begin_heard) & (log_times < span.end_heard)).sum())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import bisect
+import itertools
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,12 +14,16 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
 from parallel_robot.bags import bag_kinds, mcap_records
-from parallel_robot.bags.bag_files import File, files, open_file
+from parallel_robot.bags.bag_files import File, files, open_file, release
+from parallel_robot.bags.bag_reader import LARGE, Messages, join, messages_of
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
+from parallel_robot.bags.mcap_block import Block
+from parallel_robot.bags.mcap_records import Damage
 from parallel_robot.bags.printable_output import MAX_LINE_LENGTH
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import plain_data
+from parallel_robot_model.messages.topics import Topic
 
 TRANSIENT_LOCAL = ('transient_local', 1)  # in bags since Iron, and before
 TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
@@ -59,6 +64,7 @@ class _Chunk(NamedTuple):
     path: Path
     data: memoryview
     offset: int
+    length: int
     channels: dict[int, str]  # id to topic
 
 
@@ -70,6 +76,7 @@ class BagReader:
         counts: Messages by topic.
         start: Log time of the first message [ns].
         end: Log time of the last message [ns].
+        damage: What :meth:`arrays` left out.
     """
 
     def __init__(self, bag: str | Path, memory: int = MEMORY) -> None:
@@ -87,6 +94,8 @@ class BagReader:
         self._bag = Path(bag)
         self._memory = memory
         self._size = 0
+        self.damage: list[Damage] = []
+        self._names: dict[Path, dict[int, str]] = {}  # of topics, by number of channel
         chunks: list[_Chunk] = []
         for path in files(self._bag):
             file = open_file(path, memory)
@@ -127,6 +136,51 @@ class BagReader:
             pending.sort()
         yield from map(_message, pending)
 
+    def arrays(
+        self, topics: Mapping[str, Topic], start: int = 0
+    ) -> Iterator[tuple[list[tuple[str, Messages]], int | None]]:
+        """Iterate over messages as arrays, about in the order of log times; leaves out damage.
+
+        Args:
+            topics: Topics by their names with leading slash.
+            start: First log time [ns]; some messages from before come with it.
+
+        Yields:
+            Some megabytes of messages by the names of their topics, and the log time up to which
+            all are read by now [ns]; None: all of the bag.
+
+        Raises:
+            BagError: it takes too much.
+        """
+        allowance = Allowance(self._bag, self._size, self._memory)
+        chunks = [chunk for chunk in self._chunks if chunk.last >= start]
+        blocks: list[Block] = []
+        for chunk, after in itertools.zip_longest(chunks, chunks[1:]):
+            block = mcap_records.messages_at(chunk.data, chunk.offset, allowance)
+            if block is None:
+                self.damage.append(Damage('chunk', chunk.length))
+            else:
+                blocks.append(block)
+            large = sum(len(block.data) for block in blocks) > LARGE
+            if after is None or after.path != chunk.path or large:
+                wanted = {
+                    key: (name, topics[name])
+                    for key, name in self._names[chunk.path].items()
+                    if name in topics
+                }
+                found = messages_of(join(blocks), wanted, allowance) if blocks else ()
+                yield [(wanted[key][0], part) for key, part in found], after and after.first
+                blocks = []
+                release(chunk.data)
+
+    def without(self, topics: Collection[str]) -> dict[Path, set[int]]:
+        """Where chunks begin that hold none of some topics, by file."""
+        found: dict[Path, set[int]] = {}
+        for chunk in self._chunks:
+            if not {*topics} & {*chunk.channels.values()}:
+                found.setdefault(chunk.path, set()).add(chunk.offset)
+        return found
+
     def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
         """Messages that a new subscriber of latched topics would get at a moment [ns], in order.
 
@@ -165,7 +219,7 @@ class BagReader:
         if max((index.message_end_time for index in indexes.values()), default=0) > LAST:
             raise BagError(f'{name} has log times that no clock can have')
         schemas = {r.id: r.name for r in records if isinstance(r, Schema)}
-        topic_of = {}
+        topic_of = self._names.setdefault(path, {})
         for channel in (r for r in records if isinstance(r, Channel)):
             type_name = schemas.get(channel.schema_id, '')
             known = TYPE.fullmatch(type_name) and TOPIC.fullmatch(channel.topic)
@@ -183,6 +237,7 @@ class BagReader:
                 path,
                 file.data,
                 offset,
+                index.chunk_length,
                 {
                     key: topic
                     for key, topic in topic_of.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO
 from typing import Any, NamedTuple
 from zlib import crc32
@@ -14,6 +14,7 @@ from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
+from parallel_robot.bags.bag_files import release
 from parallel_robot.bags.limits import ATTACHMENT, DESCRIPTION, Allowance
 from parallel_robot.bags.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
 from parallel_robot.bags.mcap_chunk import (
@@ -27,6 +28,7 @@ MAGIC = b'\x89MCAP0\r\n'
 FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
 TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
 PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes searched at a time for the next chunk
+HELD = 1 << 26  # bytes of a file that are held in memory
 BATCH = 1 << 16  # messages outside chunks that make one block
 NEW = 0x10  # opcode from which on records are of later versions, from 0x80 on private ones
 UNPACKED_BY = 'chunks compressed by'  # a compression that is not known
@@ -61,7 +63,9 @@ class Damage(NamedTuple):
 Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage
 
 
-def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
+def scan(
+    data: memoryview, allowance: Allowance, skipped: Collection[int] = ()
+) -> Iterator[Record]:
     """Yield what a file holds: what its summary repeats, then its data in their order.
 
     Memory stays within the size of one chunk, whatever the lengths in the file say. After damage
@@ -70,6 +74,7 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
     Args:
         data: The file.
         allowance: Budget for reading it.
+        skipped: Where chunks begin that are not wanted.
 
     Raises:
         BagError: it takes more.
@@ -79,7 +84,7 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
     channels = np.zeros(1 << 16, bool)  # whether each number is a known channel
     channels[[record.id for record in repeated if isinstance(record, Channel)]] = True
     stop = len(data) if summary is None else summary
-    offset = min(len(MAGIC), stop)
+    offset = held = min(len(MAGIC), stop)
     sound = data[:offset] == MAGIC
     if not sound and offset:
         yield Damage('magic', offset)
@@ -104,6 +109,8 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
             starts, end = record_starts(np.frombuffer(data, np.uint8), offset, stop, opcode, BATCH)
             allowance.walk(len(starts))
             yield from _known(Block(data, starts), channels)
+        elif opcode == Opcode.CHUNK and offset in skipped:
+            sound = False  # what is not read is not verified
         elif opcode == Opcode.CHUNK:
             content = chunk_content(record, allowance)
             if content is None:
@@ -119,6 +126,9 @@ def scan(data: memoryview, allowance: Allowance) -> Iterator[Record]:
                 channels[parsed.id] = True
             yield parsed
         offset = end
+        if offset > held + HELD:
+            release(data)
+            held = offset
     if summary is None:
         yield Damage('end', len(data) - offset)
 

@@ -33,3 +33,8 @@ class Samples(NamedTuple):
     log_times: np.ndarray
     stamps: np.ndarray
     numbers: dict[str, np.ndarray]
+
+    def rows(self, chosen: np.ndarray) -> Samples:
+        """Some of them, by their numbers or by a mask."""
+        numbers = {name: values[chosen] for name, values in self.numbers.items()}
+        return Samples(self.joints, self.log_times[chosen], self.stamps[chosen], numbers)

@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,14 @@ from parallel_robot.bags.certificate import Certificate
 from parallel_robot.bags.channels import Channel, channel_of
 from parallel_robot.bags.experiment import describe, software
 from parallel_robot.bags.record_names import CHANGES, MISSING, PARAMETERS
-from parallel_robot.bags.switch_times import SwitchTimes
+from parallel_robot.bags.statuses import decoded
 from parallel_robot.bags.topic_stream import TopicStream
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import (
     ACTIVE_LAW,
     ANSWERED,
@@ -50,9 +51,9 @@ class Recorder:
     """Writes what it is given, from the start stamp to the end of the motion.
 
     In lockstep the log time is the time of the simulation: the stamp of a message, or for types
-    without one the stamp of the state that the k-th message answers, or at which the law of that
-    name became active. In wall time it is the time of reception. Topics that are not the suite's
-    have the time of the newest message that is.
+    without one the stamp of the state that the k-th message answers; the name of a law is taken
+    from the first status with it, and has its stamp. In wall time it is the time of reception.
+    Topics that are not the suite's have the time of the newest message that is.
     """
 
     def __init__(
@@ -90,10 +91,13 @@ class Recorder:
         self._answered = filter(self._times.is_answered, itertools.count())  # samples
         self._expected: dict[Topic, int] = {}  # messages of the whole motion
         self._suite = suite
-        self._streams = {topic: TopicStream(topic, channel_of(topic)) for topic in self._suite}
+        self._streams = {
+            topic: TopicStream(topic, channel_of(topic), len(loop.joints)) for topic in suite
+        }
         self._sources: dict[str, bytes] = {}  # attachments, made or to be made, by name
         self._newest = 0  # ns, largest stamp of the suite
-        self._switches = SwitchTimes(0)
+        self._law = b''  # the last name of a law, as a message
+        self._told = False  # whether a status has named the law
         self._queue: queue.SimpleQueue[tuple[TopicStream, int, bytes]] = queue.SimpleQueue()
         self._notes: queue.SimpleQueue[Callable[[BagWriter], None]] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -111,7 +115,6 @@ class Recorder:
             RunError: the disk is full.
         """
         self._start = start_stamp or (self._loop.step_start if self._loop.lockstep else 0)
-        self._switches = SwitchTimes(self._start)
         if self._loop.last_index is not None and start_stamp:
             self._end = start_stamp + self._loop.last_index * self._loop.period_ns
             last = self._times.last_told(self._loop.last_index)
@@ -222,18 +225,22 @@ class Recorder:
             self._over = True
         log_time = stamp if self._lockstep else max(received or time.time_ns(), start)
         self._last_heard = time.monotonic()
-        if self._lockstep and stream.is_law and STATUS in self._streams:
-            self._switches.add_name(data)
-        else:
-            self._queue.put((stream, log_time, data))
+        if self._lockstep and stream.is_law and STATUS in self._suite:
+            if self._told:
+                return
+            log_time, self._law = start, data
         if self._lockstep and stream.is_status:
-            self._switches.add_status(data)
-        if stream.is_law or stream.is_status:
-            self._put_laws(self._switches.dated())
+            self._name_law(log_time, data)
+        self._queue.put((stream, log_time, data))
 
-    def _put_laws(self, dated: Iterable[tuple[int, bytes]]) -> None:
-        for log_time, data in dated:
-            self._queue.put((self._streams[ACTIVE_LAW], log_time, data))
+    def _name_law(self, log_time: int, data: bytes) -> None:
+        """Write the name of the law of a status, unless it is that of before."""
+        status = decoded(data)
+        self._told |= status is not None
+        name = layouts.text_message(status.law) if status else self._law
+        if name != self._law:
+            self._law = name
+            self._queue.put((self._streams[ACTIVE_LAW], log_time, name))
 
     def several(self, topic: Topic) -> None:
         """Note that a topic has several publishers, whose numbers cannot be told apart."""
@@ -288,7 +295,6 @@ class Recorder:
         Returns:
             The report: one line a topic with received, written and lost messages.
         """
-        self._put_laws(self._switches.rest())
         self._stop.set()
         if self._writer is None:
             return []

@@ -68,7 +68,14 @@ class Recovery:
         return lines
 
 
-def recover(
+def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:
+    """Copy what is intact in a bag, see :func:`copy`, and find what is missing there."""
+    recovery = copy(bag, out, memory)
+    recovery.missing = _missing(Path(out), memory)  # whatever it finds, the new bag stays
+    return recovery
+
+
+def copy(
     bag: str | Path,
     out: str | Path,
     memory: int = MEMORY,
@@ -77,7 +84,7 @@ def recover(
     """Write all that is intact in a bag as a new bag; leave nothing when that fails.
 
     Args:
-        bag: Directory of the broken bag, or one file of it.
+        bag: Directory of the bag, or one file of it.
         out: Directory of the new one; must not exist.
         memory: Memory that reading the bag may take [bytes].
         add: Called with the writer of the new one at the end, to add more to it.
@@ -107,7 +114,6 @@ def recover(
         if isinstance(error, OSError):
             raise RunError(f'cannot write {out}: {error.strerror}') from None
         raise
-    recovery.missing = _missing(out, memory)  # whatever it finds, the new bag stays
     return recovery
 
 

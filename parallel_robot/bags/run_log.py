@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import certificate, command_states, experiment, planned_motion
+from parallel_robot.bags import command_states, planned_motion
 from parallel_robot.bags.bag_reader import Bag
 from parallel_robot.bags.bag_view import AS_RECORDED, INSTEAD, BagView
-from parallel_robot.bags.command_states import UNKNOWN, Answered, Used
+from parallel_robot.bags.command_states import Answers, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
-from parallel_robot.bags.record_names import MESSAGES
+from parallel_robot.bags.span import WHOLE, Span
 from parallel_robot.bags.state_doubts import doubts
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
@@ -23,7 +23,7 @@ from parallel_robot_control.state_rhythm import StateRhythm
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.loop import SWAPPED
+from parallel_robot_model.configuration.loop import SWAPPED, LoopParameters
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import RECORDED, Topic
 from parallel_robot_sim.imperfections import reported_age
@@ -56,8 +56,7 @@ class RunLog(NamedTuple):
         messages: Counts per topic, by name without leading slash.
         answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
         heard: Log times of the states [ns], shape (N,).
-        command_states: Stamp of the state that each command answers [ns], 0 where it answers
-            none, UNKNOWN where the bag does not say, shape (M,).
+        answers: The commands with the states that they answer; None where the bag does not say.
         used: References that the controller used; None in bags that do not say.
         has_efforts: Whether the torques were measured, as far as the robot does.
         warnings: What is wrong with the bag, one line each.
@@ -82,7 +81,7 @@ class RunLog(NamedTuple):
     messages: dict[str, TopicCount]
     answer: np.ndarray = EMPTY
     heard: np.ndarray = EMPTY
-    command_states: np.ndarray = EMPTY
+    answers: Answers | None = None
     used: Used | None = None
     has_efforts: bool = True
     warnings: tuple[str, ...] = ()
@@ -98,17 +97,19 @@ def of(
     bag: Path,
     found: Bag[list[Samples]],
     streams: Mapping[Topic, list[Samples]],
-    nodes: Mapping[str, Mapping[str, Any]],
+    settings: tuple[dict[str, Any], LoopParameters, int],
     view: BagView = AS_RECORDED,
+    span: Span = WHOLE,
 ) -> RunLog:
-    """The run of a bag.
+    """The run of a bag, or a part of it.
 
     Args:
         bag: The bag, for error messages.
         found: What was read of it.
         streams: Its messages, see :func:`streams_of`.
-        nodes: Node to its parameters, where it says them.
+        settings: See :func:`experiment.configuration`.
         view: What it does not say itself.
+        span: The part; messages around it are there, too.
 
     Raises:
         BagError: it is not of a run, or a topic that the log needs is not in it.
@@ -117,7 +118,7 @@ def of(
     for needed in NEEDED:
         if needed not in streams:
             raise BagError(f'{bag} has no messages on {wanted(needed, streams, found)}')
-    values, loop, start = experiment.configuration(bag, found.metadata, nodes, view)
+    values, loop, start = settings
     warnings = [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
         streams[topic], remarks = ours(topic, streams[topic], loop.joints)
@@ -141,6 +142,7 @@ def of(
     if not has_efforts:
         what = f'the messages on {topics.JOINT_STATES.name} have no efforts'
         warnings.append(f'{bag}: {what}: torques are those commanded')
+    recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     start = start or int(max(states.stamps[0], references.stamps[0]))
     age = reported_age(values)
@@ -171,12 +173,11 @@ def of(
     assumed = _assumed(values, loop.joints, bool(found.metadata), view)
     if assumed:
         warnings.append(f'{bag} {assumed}')
-    answers = streams.get(topics.ANSWERED, [])
-    counted = {topics.COMMANDS: [commands], topics.ANSWERED: answers}
-    complete = _complete(counted, found.notes.get(MESSAGES, []))
-    answered = command_states.align(commands.log_times, answers, complete)
-    answer, answered_states, in_use = _answers(stamps, states, references, commands, answered)
-    return RunLog(
+    answer, answers, in_use = _answers(
+        stamps, states, references, commands, recorded, span == WHOLE
+    )
+    states_period = loop.period_ns if loop.lockstep else rhythm.period
+    run = RunLog(
         loop.scenario if found.metadata or view.assumes else 'unknown',
         loop.law if found.metadata or view.assumes else 'unknown',
         loop.joints,
@@ -191,29 +192,18 @@ def of(
             stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
         ),
         commands.numbers['data'],
-        count(
-            streams, loop.period_ns, answered, loop.period_ns if loop.lockstep else rhythm.period
-        ),
+        count(streams, loop.period_ns, recorded, states_period, span),
         answer,
         states.log_times[used],
-        answered_states,
+        answers,
         in_use,
         has_efforts,
         tuple(warnings),
         referenced,
     )
-
-
-def _complete(
-    counted: Mapping[Topic, Sequence[Samples]], notes: Sequence[Mapping[str, str]]
-) -> bool:
-    """Whether one recorder says that no message of some topics is missing."""
-    return len(notes) == 1 and all(
-        certificate.is_complete(
-            notes[0].get(topic.name, ''), sum(len(part.log_times) for part in parts)
-        )
-        for topic, parts in counted.items()
-    )
+    if span == WHOLE:
+        return run
+    return rows(run, np.flatnonzero((run.stamps >= span.begin) & (run.stamps < span.end)))
 
 
 def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
@@ -318,8 +308,7 @@ def rows(log: RunLog, chosen: np.ndarray) -> RunLog:
     kept: dict[str, Any] = {
         name: value[chosen]
         for name, value in log._asdict().items()
-        if name not in ('command', 'command_states') and isinstance(value, np.ndarray)
-        if len(value)
+        if name != 'command' and isinstance(value, np.ndarray) and len(value)
     }
     return log._replace(**kept, used=None if log.used is None else log.used.rows(chosen))
 
@@ -337,8 +326,7 @@ def _ordered(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> 
         what = f'{count} messages on {topic.name} came after newer ones'
         warnings.append(f'{bag}: {what}; they are put in the order of their stamps')
     order = np.argsort(samples.stamps, kind='stable')
-    numbers = {name: values[order] for name, values in samples.numbers.items()}
-    return Samples(samples.joints, samples.log_times[order], samples.stamps[order], numbers)
+    return samples.rows(order)
 
 
 def _reference_timeout(values: dict[str, Any], stamps: np.ndarray) -> int:
@@ -378,12 +366,13 @@ def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) ->
         raise BagError(f'{bag}: no message on {topic.name} has numbers that a robot can have')
     what = f'{count} messages on {topic.name} have numbers that no robot can have'
     warnings.append(f'{bag}: {what}; they are left out')
-    numbers = {name: values[kept] for name, values in samples.numbers.items()}
-    return Samples(samples.joints, samples.log_times[kept], samples.stamps[kept], numbers)
+    return samples.rows(kept)
 
 
 def streams_of(
-    bag: Path, found: Mapping[str, list[list[Samples]]], view: BagView = AS_RECORDED
+    bag: Path,
+    found: Mapping[str, Sequence[Sequence[Samples]]],
+    view: BagView = AS_RECORDED,
 ) -> dict[Topic, list[Samples]]:
     """Streams of the suite's topics, all in one namespace but for those that were chosen.
 
@@ -457,18 +446,18 @@ def _answers(
     states: Samples,
     references: Samples,
     commands: Samples,
-    answered: Answered | None,
-) -> tuple[np.ndarray, np.ndarray, Used | None]:
-    """Commands of the states with these stamps; see RunLog.answer, command_states and used."""
-    if answered is None:
-        answered_states, sure = command_states.guess(states, commands)
-    else:
-        answered_states, sure = answered.states, True
-    command = command_states.by_state(stamps, answered_states)
-    answer = commands.numbers['data'][command]
+    recorded: Answers | None,
+    whole: bool,
+) -> tuple[np.ndarray, Answers | None, Used | None]:
+    """Commands of the states with these stamps; see RunLog.answer, answers and used."""
+    answers, sure = recorded, True
+    if answers is None:
+        answers, sure = command_states.guess(states, commands, whole)
+    command = command_states.by_state(stamps, answers.states)
+    answer = answers.torque[command]
     answer[command < 0] = np.nan
-    if answered is None:
-        return answer, answered_states if sure else np.full_like(answered_states, UNKNOWN), None
-    known = np.where(command < 0, 0, answered.references[command])
-    acts = np.where(known > 0, answered.acts[command], stamps)
-    return answer, answered_states, command_states.used(stamps, acts, known, references)
+    if recorded is None:
+        return answer, answers if sure else None, None
+    known = np.where(command < 0, 0, answers.references[command])
+    acts = np.where(known > 0, answers.acts[command], stamps)
+    return answer, answers, command_states.used(stamps, acts, known, references)

@@ -102,7 +102,7 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
         shown = slow[course.shown[slow]]
         records[topics.POSE] = shown, pose_messages(stamps[shown], run.pose[shown])
         records[topics.POSE_REFERENCE] = slow, pose_messages(stamps[slow], reference.pose[slow])
-    known, suite = faults.of(robot), topics.recorded(robot.PLANAR)
+    reasons, suite = faults.of(robot), topics.recorded(robot.PLANAR)
     facts = describe(loop, values, loop.step_start, SIMULATION)
     sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
     with BagWriter(directory, suite, facts) as writer:
@@ -119,14 +119,17 @@ def write(directory: str | Path, values: Mapping[str, Any], simulation: Simulati
             log_time = int(stamps[k])
             delay = delay_text(estimator, int(phases[k]))
             last = k if heard.answered[k] else last
-            now = Status(law.name, known.get(int(run.fault[k])), int(acted[last]), delay)
+            now = Status(law.name, reasons.get(int(run.fault[k])), int(acted[last]), delay)
             if now != status and (heard.answered[k] or k in course.lost):
                 status, told_at = now, int(acts[last])
                 writer.write(topics.STATUS.name, told_at, status_message(told_at, status))
             if heard.answered[k]:
-                answers.append((measured[k], known_stamps[k - heard.late[k]], acts[k]))
+                answers.append(k)
             if k in logged and answers:
-                writer.write(topics.ANSWERED.name, log_time, answers_message(np.array(answers)))
+                known = known_stamps[answers - heard.late[answers]]
+                asked = np.stack([measured[answers], known, acts[answers]], axis=1)
+                message = answers_message(asked, run.command[answers])
+                writer.write(topics.ANSWERED.name, log_time, message)
                 answers.clear()
             for topic, (rows, messages) in records.items():
                 index = written[topic]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from parallel_robot.bags.channels import Channel
 from parallel_robot_model.messages.cdr_reader import header_stamp, last_state
 from parallel_robot_model.messages.topics import (
@@ -38,14 +40,16 @@ class TopicStream:
         received: Messages taken.
     """
 
-    def __init__(self, topic: Topic, channel: Channel) -> None:
+    def __init__(self, topic: Topic, channel: Channel, joints: int = 0) -> None:
+        """Begin without messages; `joints`: how many the robot has, for topics of the suite."""
         self.topic, self.channel = topic, channel
         self.of_suite = topic in RECORDED
         self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
         self.is_measured = topic in MEASURED
         self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
         stamped = self.of_suite and topic.type not in UNSTAMPED
-        self.stamp_of = (last_state if self.is_log else header_stamp) if stamped else None
+        read_stamp = partial(last_state, joints=joints) if self.is_log else header_stamp
+        self.stamp_of = read_stamp if stamped else None
         self.received = 0
         self._missing: int | None = None
         self._restarted = False

@@ -147,10 +147,11 @@ def export(
     if copy is not None:
         new_files.check_directory(copy)
     code = recorded_robot.chosen(trust, custom_robots)
-    view = arguments.view(options)
-    columns, warnings = table.read(bag, memory, code, view)
+    view, only = arguments.view(options), copy is None
+    recording = recorded_robot.read(bag, memory, code, table.NEEDED, view, motion_only=only)
+    columns, warnings = table.of(recording)
     if copy is not None:
-        viewer_copy.write(bag, copy, memory, code, view)
+        viewer_copy.write(bag, recording, copy, memory)
     if file is not None:
         table_file.write(file, columns)
     frame: Frame = frames.DataFrame(columns)

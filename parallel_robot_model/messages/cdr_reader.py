@@ -95,8 +95,12 @@ def read_numbers(data: bytes) -> np.ndarray:
         return np.empty(0)
 
 
-def last_state(data: bytes) -> int | None:
-    """Largest stamp in a serialised std_msgs/Int64MultiArray of stamps [ns]; None if empty."""
-    layout = int64_multi_array((len(data) - 20) // 8)
-    records = layout.decode(data) if len(data) >= 28 else None
-    return int(records['data'].max()) if records is not None else None
+def last_state(data: bytes, joints: int) -> int | None:
+    """Largest stamp in a message of ``controller/answered`` [ns]; None if it is not one."""
+    count = (len(data) - 20) // 8
+    if count <= 0 or count % (3 + joints):
+        return None
+    records = int64_multi_array(count).decode(data)
+    if records is None:
+        return None
+    return int(records['data'].reshape(-1, 3 + joints)[:, :3].max())

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
+from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
@@ -41,16 +42,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag, out, memory = arguments.bag, arguments.out, arguments.max_memory
+    if out:
+        table_file.check(out)
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values)
+    only = arguments.foxglove is None
+    recording = recorded_robot.read(bag, memory, code, table.NEEDED, view, motion_only=only)
     if arguments.foxglove:
-        copy = viewer_copy.write(bag, arguments.foxglove, memory, code, view)
+        copy = viewer_copy.write(bag, recording, arguments.foxglove, memory)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
-    table_file.check(out)
-    columns, warnings = table.read(bag, memory, code, view)
+    columns, warnings = table.of(recording)
     _warn(warnings)
     table_file.write(out, columns)
     print(f'table   {out}, {len(columns["time_s"])} rows, {len(columns)} columns')
