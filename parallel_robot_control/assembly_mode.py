@@ -56,6 +56,7 @@ class AssemblyModes:
         """Take the robot of a controller."""
         self._robot, self._margins = configuration.robot, configuration.margins
         self._joints = configuration.loop.joints
+        self._zero_angle = np.array(configuration.estimator.zero_angle)
         axes = self._robot.module.coordinates(self._robot.parameters)
         self._names = [axis.name for axis in axes]
         self._turns = np.array([axis.unit == 'rad' for axis in axes])
@@ -92,10 +93,11 @@ class AssemblyModes:
             message = Reader(data)
             message.header()
             angles = dict(zip(message.texts(), message.numbers(), strict=True))
-            position = np.array([angles[joint] for joint in self._joints])
+            measured = np.array([angles[joint] for joint in self._joints])
             passive = np.array([angles[joint] for joint in passive_names(self._joints)])
         except (KeyError, ValueError):  # not among them
             return None
+        position = measured - self._zero_angle
         pose: Array = tells(self._robot.parameters, position, passive)
         return self.near(position, pose) if np.isfinite(pose).all() else None
 

@@ -17,6 +17,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Space, clip, kernel, select, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
+from parallel_robot_model.configuration.zero_angles import ZeroAngle
 
 NONE, FILTER, LEVANT, KALMAN = range(4)
 KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN}
@@ -35,12 +36,7 @@ class EstimatorParameters(NamedTuple):
             'levant: differentiator; kalman: motion and disturbance when the torque acts',
         ),
     ]
-    zero_angle: Annotated[
-        PerJoint,
-        Field(
-            'rad', 'zero angle that is taken off the measured positions, as `calibrate` finds it'
-        ),
-    ]
+    zero_angle: ZeroAngle
     bandwidth: Annotated[float, Field('Hz', 'of the filter', 1e-3)]
     acceleration: Annotated[
         PerJoint, Field('rad/s^2', 'bound of the accelerations for the differentiator', 1e-3)

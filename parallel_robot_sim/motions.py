@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.extrapolation import extrapolate_rows
-from parallel_robot_control.zero_angles import corrected
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import SWAPPED
+from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.ideal_torque import torque_of

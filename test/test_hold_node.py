@@ -13,6 +13,7 @@ from trajectory_gen.configuration import resolve, trajectory_of
 pytest_plugins = ['ros_fixtures']
 
 POSE = [0.51, 0.39, 1.45]  # not that of any file
+ZERO = [0.3, -0.2, 0.1]  # rad, of the encoders
 NAMES = ['gripper', 'joint3', 'joint1', 'joint2']  # as a broadcaster orders them
 
 
@@ -24,7 +25,8 @@ def angles(pose):
 
 def state(position, names=NAMES):
     """A joint state without efforts or rates, with a joint of which nothing is known."""
-    known = {**dict(zip(('joint1', 'joint2', 'joint3'), position, strict=True)), 'gripper': np.nan}
+    shown = np.add(position, ZERO)
+    known = {**dict(zip(('joint1', 'joint2', 'joint3'), shown, strict=True)), 'gripper': np.nan}
     return JointState(name=names, position=[known[name] for name in names])
 
 
@@ -38,6 +40,7 @@ UNUSABLE = {
 
 def test_it_waits_for_the_pose_of_the_robot_and_holds_that(launch, domain, peer):
     words = ['-p', 'trajectory.shape:=hold', '-p', 'time_mode:=wall']
+    words += ['-p', f'estimator.zero_angle:={ZERO}']
     process = launch(MODULES['trajectory'], '--ros-args', *words)
     heard, told = peer.listen(topics.REFERENCE), []
     peer.node.create_subscription(

@@ -59,12 +59,14 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
 
 
 def test_it_publishes_what_draws_the_robot(launch, peer, robot):
-    process = launch('parallel_robot.analysis.monitor_node')
+    zero = [0.3, -0.2, 0.1]  # rad, of the encoders
+    words = ('--ros-args', '-p', f'estimator.zero_angle:={zero}')
+    process = launch('parallel_robot.analysis.monitor_node', *words)
     texts = peer.listen(topics.ROBOT_DESCRIPTION)
     links = peer.listen(LINKS)
     publisher = peer.publisher(topics.JOINT_STATES)
     theta, beta = legs(robot, PAPER_START)
-    state = streams(np.tile(theta, (100, 1)), np.tile(theta, (100, 1)))[topics.JOINT_STATES]
+    state = streams(np.tile(theta, (100, 1)), np.tile(theta + zero, (100, 1)))[topics.JOINT_STATES]
 
     def play():
         for _, data in state:

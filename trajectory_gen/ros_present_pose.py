@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 
+from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, KinematicsError
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.joint_reader import JointReader
@@ -20,18 +21,20 @@ class PresentPose:
         problem: Why it is not known, for people.
     """
 
-    def __init__(self, near: Trajectory, joints: tuple[str, ...]) -> None:
+    def __init__(self, near: Trajectory, joints: tuple[str, ...], zero_angle: Array) -> None:
         """Prepare to read joint states; the machine code is loaded here.
 
         Args:
             near: A motion that begins at a pose of the same assembly mode.
             joints: Names of the joints, in order.
+            zero_angle: What is taken off measured positions [rad], shape (n,).
 
         Raises:
             InputError: the robot does not reach that pose.
         """
         guess = near.sample(0.0)
         self._robot, self._guess = near.robot, guess.pose[0]
+        self._zero_angle = zero_angle
         self._unusable: Counter[str] = Counter()
         self._reader = JointReader(topics.JOINT_STATES, joints, ('position',), self._unusable)
         self.problem = f'no {topics.JOINT_STATES.name} yet'
@@ -50,7 +53,8 @@ class PresentPose:
             return None
         _, (position,) = state
         try:
-            (pose,) = poses_of(self._robot, position[np.newaxis], self._guess)
+            joints = (position - self._zero_angle)[np.newaxis]
+            (pose,) = poses_of(self._robot, joints, self._guess)
         except KinematicsError as error:
             self.problem = str(error)
             return None

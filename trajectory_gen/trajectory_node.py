@@ -24,6 +24,7 @@ from parallel_robot_model.common.errors import InputError, MotionError, Parallel
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.configuration.parameter_file import MOTION
+from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles, known
 from parallel_robot_model.messages import cdr_reader, topics
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.life_cycle import run_node
@@ -61,7 +62,7 @@ class TrajectoryNode(SuiteNode):
         trajectory, robot = self._motions.trajectory, self._motions.robot.module
         self._settable = frozenset(key for key, _ in settings(self._motions))
         groups = declared(robot, self._motions.shapes)
-        self.declare_groups(('robot', robot.Parameters), *groups)
+        self.declare_groups(('robot', robot.Parameters), (ESTIMATOR, ZeroAngles), *groups)
         if self._present is None:
             preflight.check(trajectory, self.loop.period)
         if self.loop.start_stamp != WAIT:  # else who starts it says so
@@ -160,7 +161,7 @@ class TrajectoryNode(SuiteNode):
         guess = self.values[GUESS]
         if guess:
             self._motions = self._motions._replace(here=robot.pose_of(GUESS, guess))
-        return PresentPose(self._motions.trajectory, self.loop.joints)
+        return PresentPose(self._motions.trajectory, self.loop.joints, known(self.values))
 
     def _on_joints(self, data: bytes) -> None:
         """Hold the pose of the first joint state that tells one."""

@@ -12,6 +12,7 @@ from parallel_robot.analysis.monitor import Monitor, MonitorParameters
 from parallel_robot.analysis.posture import Posture
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles, known
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.joint_reader import JointReader
@@ -39,7 +40,12 @@ class MonitorNode(SuiteNode):
         """Prepare to publish, then listen."""
         super().__init__('monitor', resolve)
         robot, guess = nominal_of(self.values)
-        self.declare_groups(('robot', robot.module.Parameters), ('monitor', MonitorParameters))
+        self.declare_groups(
+            ('robot', robot.module.Parameters),
+            ('monitor', MonitorParameters),
+            (ESTIMATOR, ZeroAngles),
+        )
+        self._zero_angle = known(self.values)
         parameters = group(self.values, MonitorParameters, 'monitor')
         self._monitor = Monitor(robot, guess, parameters)
         joints = self.loop.joints
@@ -55,7 +61,9 @@ class MonitorNode(SuiteNode):
             )
             for name in self._monitor.names
         }
-        self._posture = Posture(robot, guess, self.loop) if has_tree(robot) else None
+        self._posture = (
+            Posture(robot, guess, self.loop, self._zero_angle) if has_tree(robot) else None
+        )
         if self._posture is not None:
             self._layout = layouts.joint_state(self._posture.joints, ('position',))
             self._links = self.publisher(LINKS, essential=False)
@@ -83,7 +91,7 @@ class MonitorNode(SuiteNode):
             if angles is not None:
                 records = self._layout.records(1, np.array([stamp]), position=angles)
                 self._links.publish(records[0].tobytes())
-        found = self._monitor.add_state(stamp, position, effort)
+        found = self._monitor.add_state(stamp, position - self._zero_angle, effort)
         if found is not None:
             for name, publisher in self._metrics.items():
                 publisher.publish(Float64(data=getattr(found, name)))

@@ -11,6 +11,7 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.messages.topics import MARKERS_EVERY
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
@@ -26,18 +27,21 @@ class Posture:
         description: The robot as URDF.
     """
 
-    def __init__(self, robot: RobotModel, guess: Array, loop: LoopParameters) -> None:
+    def __init__(
+        self, robot: RobotModel, guess: Array, loop: LoopParameters, zero_angle: Array
+    ) -> None:
         """Prepare.
 
         Args:
             robot: The nominal robot.
             guess: Pose from which its forward kinematics starts, shape (m,).
             loop: Names of its joints, period.
+            zero_angle: What is taken off measured positions [rad], shape (n,).
 
         Raises:
             InputError: the robot says nothing of its links.
         """
-        self._robot = robot
+        self._robot, self._zero_angle = robot, zero_angle
         self._first_guess = self._guess = guess
         self.links = links_of(robot, loop.joints)
         self.joints = tuple(link.joint for link in self.links)
@@ -50,7 +54,7 @@ class Posture:
 
         Args:
             stamp: Stamp of the state [ns].
-            position: Actuated joints [rad], shape (n,).
+            position: Measured actuated joints [rad], shape (n,).
 
         Returns:
             Angles of the joints of all links [rad], shape (L,), fifty times in a second of motion;
@@ -60,13 +64,14 @@ class Posture:
         self._newest = stamp
         if not due:
             return None
+        joints = (position - self._zero_angle)[np.newaxis]
         try:
-            pose = poses_of(self._robot, position[np.newaxis], self._guess)
+            pose = poses_of(self._robot, joints, self._guess)
         except KinematicsError:  # it was put elsewhere
             self._guess = self._first_guess
             return None
         self._guess = pose[0]
-        return angles_of(self._robot, pose, position[np.newaxis])[0]
+        return angles_of(self._robot, pose, joints)[0]
 
 
 def posture_of(values: Mapping[str, Any]) -> Posture:
@@ -75,4 +80,4 @@ def posture_of(values: Mapping[str, Any]) -> Posture:
     Raises:
         InputError: a parameter is wrong, or the robot says nothing of its links.
     """
-    return Posture(*nominal_of(values), loop_of(values))
+    return Posture(*nominal_of(values), loop_of(values), known(values))

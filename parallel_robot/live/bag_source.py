@@ -34,6 +34,7 @@ from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration.config import default
+from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_sim.motions import differs
 
 PAST = 12.0  # s before a moment that is sought, for the curves
@@ -63,7 +64,13 @@ class BagSource:
         guess = np.array(configuration.guess)
         self._camera = Camera(configuration.robot, guess, log.joints)
         none = np.full_like(log.effort, np.nan)
-        self._motion = Motion(log.time, log.position, log.reference_position, log.effort, none)
+        self._motion = Motion(
+            log.time,
+            corrected(log.config, log.position),
+            log.reference_position,
+            log.effort,
+            none,
+        )
         self._ghost, self._torques = '', {'': none}
         self._seen = not recorded_motions.of_plant(past) or differs(log.config)
         parts = stretches.of_run(past, log)

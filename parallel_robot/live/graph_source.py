@@ -24,6 +24,7 @@ from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.module_process import command, die_with_parent
 from parallel_robot_sim.imperfections import reported_age
@@ -128,6 +129,7 @@ class GraphSource:
             if seen != self._seen or self._watched.started:  # not where a motion goes on
                 self._layouts += 1
                 self._seen, joints = seen, self._values['joints']
+                self._zero_angle = known(self._values)
                 self._camera = Camera(*nominal_of(self._values), joints, self._layouts)
                 self._buffer = MotionBuffer(len(joints), reported_age(self._values))
             self._trouble = ''
@@ -149,7 +151,7 @@ class GraphSource:
         ghost = none if self._ghost is None else self._haunt(self._ghost, states, none)
         motion = Motion(
             (states.stamps - self._origin) / NANOSECONDS,
-            states.position,
+            states.position - self._zero_angle,
             states.desired,
             states.effort,
             ghost,

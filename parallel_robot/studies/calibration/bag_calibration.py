@@ -24,11 +24,11 @@ from parallel_robot.studies.calibration import (
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_control.zero_angles import known
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RobotError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.robots.configuration import is_known
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel

@@ -15,10 +15,10 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_control.zero_angles import corrected
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_sim.plant import PlantParameters
 
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known

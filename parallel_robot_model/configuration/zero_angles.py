@@ -1,15 +1,27 @@
-"""Measured positions less the zero angles that the controller knows."""
+"""Zero angles of the encoders that are known, which are taken off the measured positions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.configuration.groups import group
+
+ESTIMATOR = 'estimator'  # prefix of their group
+ZeroAngle = Annotated[
+    PerJoint,
+    Field('rad', 'zero angle that is taken off the measured positions, as `calibrate` finds it'),
+]
+
+
+class ZeroAngles(NamedTuple):
+    """The part of the estimator's parameters that every node needs that looks at positions."""
+
+    zero_angle: ZeroAngle
 
 
 def corrected(values: Mapping[str, Any], position: Array) -> Array:
@@ -26,9 +38,9 @@ def corrected(values: Mapping[str, Any], position: Array) -> Array:
 
 
 def known(values: Mapping[str, Any]) -> Array:
-    """Zero angles that the controller knows [rad], shape (n,).
+    """Zero angles that are known [rad], shape (n,).
 
     Raises:
         InputError: ``estimator.zero_angle`` is wrong.
     """
-    return np.array(group(values, EstimatorParameters, 'estimator').zero_angle)
+    return np.array(group(values, ZeroAngles, ESTIMATOR).zero_angle)
