@@ -29,7 +29,9 @@ def mode(options: Mapping[str, Any]) -> str:
         _refuse(options, OF_BAG, '--design reads no bag: no {}')
         return DESIGN
     check_free(options['free'])
-    _refuse(options, ('design', 'seed'), '{} goes with no bag')
+    if options['design'] is not None:
+        raise InputError('--design reads no bag')
+    _refuse(options, ('seed',), '{} goes with --design alone')
     if options['poses'] is not None and options['pose-topic'] is not None:
         raise InputError('--poses and --pose-topic exclude each other')
     return BAG
