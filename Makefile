@@ -16,10 +16,13 @@ WARM := import logging, sys; \
   values = resolve('paper_circle'); \
   whole = configure(values); \
   Controller(whole.control); Simulator(whole.plant).warm(); motions_of(values).load()
+OF_TOOLS := from importlib.metadata import requires; \
+  print(*(line.partition(";")[0] for line in requires("parallel_robot") if "test" in line.partition(";")[2]), sep="\n")
 TESTS := $(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0
 PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
+TOOLS := .venv/tools-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
 
 # Of a ROS that is installed, or of a Python that was started before: they would mix with .venv.
@@ -34,10 +37,10 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 help: ## what can be made (this)
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
 
-setup: $(INSTALLED) ## create or update .venv; PYTHON=python3.12 chooses its Python
+setup: $(INSTALLED) $(TOOLS) ## create or update .venv with all tools; PYTHON=python3.12 chooses its Python
 	@echo 'Ready: $(BIN)/parallel_robot --help'
 
-demo: setup ## run the paper's circle in real time over ROS 2, show it in a browser, record and measure it
+demo: $(INSTALLED) ## run the paper's circle in real time over ROS 2, show it in a browser, record and measure it
 	@$(BIN)/parallel_robot run paper_circle --live --law s_fotsmc --time-mode wall --duration 12 \
 	--out runs/demo_$$(date +%Y%m%d_%H%M%S)
 
@@ -93,9 +96,16 @@ $(BIN)/python:
 	@$(PYTHON) -m venv --clear .venv
 
 $(DEPENDENCIES): | $(BIN)/python
-	@echo 'Setup, 2 of 3: ROS 2, libraries, tools of the tests: some 140 packages, minutes the first time ...'
+	@echo 'Setup, 2 of 3: ROS 2 and libraries, some 100 packages, a minute the first time ...'
 	@rm -f .venv/dependencies-*
-	@$(BIN)/python -m pip install -qq '.[ros,test]'
+	@$(BIN)/python -m pip install -qq --no-compile '.[ros,all,source]'
+	@touch $@
+
+$(TOOLS): | $(INSTALLED)
+	@echo 'Setup of the tools for tests and pages: some 100 packages more ...'
+	@rm -f .venv/tools-*
+	@$(BIN)/python -c '$(OF_TOOLS)' > .venv/tools.txt
+	@$(BIN)/python -m pip install -qq --no-compile -r .venv/tools.txt
 	@touch $@
 
 $(INSTALLED): $(DEPENDENCIES)

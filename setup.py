@@ -19,6 +19,8 @@ LIVE = ['aiohttp>=3.10,<4']
 VIDEO = ['av>=12,<19']
 FOXGLOVE = ['foxglove-sdk>=0.30,<0.31']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
+ALL = [*EXPORT, *MUJOCO, *TUNE, *LIVE, *VIDEO, *FOXGLOVE, *TOP]
+SOURCE = ['setuptools>=70.1']  # installs changed sources without the network
 
 setup(
     name=NAME,
@@ -129,24 +131,23 @@ setup(
         'mujoco': MUJOCO,
         # `parallel_robot video --out x.mp4`; a GIF needs nothing more.
         'video': VIDEO,
+        # All of these.
+        'all': ALL,
+        # `make demo`, `make setup`.
+        'source': SOURCE,
         # `make site`.
         'docs': DOCS,
         # Exact where another version may judge the same code differently.
         'test': [
-            *DOCS,
-            *EXPORT,
-            *TOP,
-            *LIVE,
-            *FOXGLOVE,
+            *ALL,
             *CLUSTER,
-            *TUNE,
-            *VIDEO,
+            *DOCS,
+            *SOURCE,
             'hypothesis>=6.100',
             'import-linter>=2.16,<3',
             'ipykernel>=6.29',
             'mcap-ros2-support>=0.5',
             'ros-jazzy-domain-coordinator==0.12.0',
-            *MUJOCO,
             'mypy==2.4.1',
             'nbclient>=0.10',
             'nbformat>=5.10',
@@ -154,7 +155,6 @@ setup(
             'pytest-xdist>=3.6',
             'ruff==0.17.5',
             'selenium>=4.20',
-            'setuptools>=70.1',  # `make setup` reinstalls changed sources without the network
             'types-PyYAML>=6.0.12',
         ],
     },
