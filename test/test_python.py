@@ -255,18 +255,29 @@ def test_metrics_are_shown_as_a_table(run):
     assert 'end-effector' not in repr(axes) and 'nan' not in repr(axes)
 
 
-@pytest.mark.parametrize('scenario', ['paper_circle', 'axes_step'])
-def test_a_run_as_a_frame_has_the_columns_of_its_bag(scenario, tmp_path):
-    run = simulate(scenario, duration=0.1)
+@pytest.mark.parametrize(
+    ('scenario', 'changes'),
+    [
+        ('paper_circle', {}),
+        ('axes_step', {}),
+        ('paper_circle', {'sensor.delay': 0.002, 'sensor.position_noise': 1e-4}),
+        ('serial_2r_circle', {'true_robot.m1': 4.0}),
+    ],
+)
+def test_a_run_as_a_frame_has_the_columns_of_its_bag(scenario, changes, tmp_path):
+    run = simulate(scenario, duration=0.1, **changes)
     notebook.save(run, tmp_path / 'bag')
-    frame, exported = run.to_frame(), presentations.export(tmp_path / 'bag')
-    assert len(frame) == 101 and set(frame) < set(exported)
-    left = {column.split('_', 1)[1] for column in set(exported) - set(frame)}
-    assert left == {
-        'ns', 'reference_acceleration_rad_per_s2', 'command_nm', 'synchronisation_error_rad',
-        'sliding_variable',
-    }  # fmt: skip
-    np.testing.assert_allclose(frame, exported[list(frame)], atol=1e-9)
+    exported = presentations.export(tmp_path / 'bag')
+    loaded, made = notebook.load(tmp_path / 'bag').to_frame(), run.to_frame()
+    assert list(loaded) == list(made) == list(exported) and len(made) == len(loaded) == 101
+    assert bool(changes) == any('seen' in name for name in made)
+    assert (made.stamp_ns == exported.stamp_ns).all()
+    pandas.testing.assert_frame_equal(loaded, exported)
+    late = {'time_s'} | {f'{joint}_effort_nm' for joint in run.joints}
+    same = [name for name in exported if not ('sensor.delay' in changes and name in late)]
+    np.testing.assert_allclose(
+        made[same].where(exported[same].notna()), exported[same], rtol=0.0, atol=1e-9
+    )
 
 
 def test_runs_are_drawn_over_one_another(run):

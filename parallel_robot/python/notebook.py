@@ -27,6 +27,7 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures, palette
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.scale import AUTO
+from parallel_robot.analysis.table import sliding_variable
 from parallel_robot.bags import recorded_robot, simulation_bag
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.statuses import LIMIT_TEXT
@@ -44,6 +45,7 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_sim.motions import Motions, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
 
@@ -137,7 +139,9 @@ def load(
         'stop': stop,
         **values,
     }
-    log, past, _ = recorded_robot.read(bag, memory, code, view=arguments.view(given))
+    log, past, extra = recorded_robot.read(
+        bag, memory, code, (SLIDING_VARIABLE,), view=arguments.view(given)
+    )
     law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
@@ -161,6 +165,10 @@ def load(
         log.effort,
         part.pose,
         part.poses.reference,
+        log.stamps,
+        log.reference_acceleration,
+        log.answer,
+        sliding_variable(log, extra),
         part.poses.planar,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
