@@ -146,6 +146,7 @@ setup(
             'hypothesis>=6.100',
             'import-linter>=2.16,<3',
             'ipykernel>=6.29',
+            'markdown-it-py>=3',
             'mcap-ros2-support>=0.5',
             'ros-jazzy-domain-coordinator==0.12.0',
             'mypy==2.4.1',

@@ -26,6 +26,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.repetitions': ('replay', 'rerun'),
     'parallel_robot.python.spectra': ('spectrum',),
     'parallel_robot.python.tuning': ('tune',),
+    'parallel_robot.python.written_tables': ('table',),
     'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
@@ -38,7 +39,7 @@ __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'calibrate', 'compare',
     'export', 'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load', 'metrics',
     'plot', 'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show', 'simulate',
-    'spectrum', 'sweep', 'tune', 'urdf', 'verify', 'video',
+    'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.repetitions import replay, rerun
     from parallel_robot.python.spectra import spectrum
     from parallel_robot.python.tuning import tune
+    from parallel_robot.python.written_tables import table
     from parallel_robot_model.common.errors import (
         BagError,
         InputError,

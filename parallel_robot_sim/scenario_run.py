@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
@@ -16,17 +17,20 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import parameter_file
 from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.motions import Motions, saturation, sensor_remarks
+from parallel_robot_sim.motions import Motions, differs, of_simulation, saturation, sensor_remarks
+from parallel_robot_sim.run_columns import JointColumns, of_joints, of_poses
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration
 
 File = str | Path
+ROUNDING = 1e-6  # s, much less than between two samples
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,6 +52,10 @@ class Run:
             true one; of a bag whose plant is not known, that of the measured joints by the nominal
             robot. NaN where the robot is not known here.
         pose_reference: Desired pose, shape (N, m).
+        stamps: Stamps of the states [ns], shape (N,).
+        reference_acceleration: Desired accelerations of the joints [rad/s^2], shape (N, n).
+        command: Torque that answered the state [N m], NaN without an answer, shape (N, n).
+        sliding_variable: In the unit of the law, NaN where it is not known, shape (N, n).
         planar: Whether a pose begins with x and y [m] in a plane.
         fault: Time [s] and text of the first fault, None without one.
         limits: Limits that acted, by name; empty when none did.
@@ -69,6 +77,10 @@ class Run:
     torque: Array
     pose: Array
     pose_reference: Array
+    stamps: NDArray[np.int64]
+    reference_acceleration: Array
+    command: Array
+    sliding_variable: Array
     planar: bool = True
     fault: tuple[float, str] | None = None
     limits: str = ''
@@ -98,29 +110,41 @@ class Run:
         Raises:
             InputError: pandas is not installed.
         """
-        joints = {
-            'position_rad': self.position,
-            'velocity_rad_per_s': self.velocity,
-            'effort_nm': self.torque,
-            'reference_position_rad': self.reference,
-            'reference_velocity_rad_per_s': self.reference_velocity,
-        }
-        columns = {'time_s': self.time}
-        for quantity, numbers in joints.items():
-            columns |= dict(
-                zip((f'{joint}_{quantity}' for joint in self.joints), numbers.T, strict=True)
-            )
-        prefix = 'platform' if self.planar else 'pose'
+        found = JointColumns(
+            self.position,
+            self.velocity,
+            self.torque,
+            self.reference,
+            self.reference_velocity,
+            self.reference_acceleration,
+            self.command,
+            self.sliding_variable,
+        )
+        columns = of_joints(self.time, self.stamps, self.joints, found)
         if is_known(self.values):
             robot = robot_of(self.values)
             coordinates = robot.module.coordinates(robot.parameters)
-            for k, (name, unit) in enumerate(coordinates):
-                columns[f'{prefix}_{name}_{unit}'] = self.pose[:, k]
-                columns[f'{prefix}_reference_{name}_{unit}'] = self.pose_reference[:, k]
-        if self.planar:
-            columns['platform_error_m'] = np.hypot(*self.pose_error[:, :2].T)
+            poses = self.pose, self.pose_reference
+            columns |= of_poses(coordinates, self.planar, *poses, self._seen())
         frame: Frame = pandas().DataFrame(columns)
         return frame
+
+    def _seen(self) -> Array | None:
+        """Pose as sensors and nominal robot show it, NaN where none was told, shape (N, m).
+
+        None where it is the best pose.
+        """
+        motions, time = self.motions, self.time
+        if self.simulation is not None and differs(self.values):
+            motions = of_simulation(self.simulation)
+            time = (self.stamps - self.simulation.experiment.loop.step_start) / NANOSECONDS
+        if motions is None or motions.true is None or motions.seen is None:
+            return None
+        seen = motions.seen
+        rows = np.searchsorted(seen.time, time - ROUNDING)
+        rows = np.minimum(rows, len(seen.time) - 1)
+        told = np.abs(seen.time[rows] - time) < ROUNDING
+        return np.where(told[:, np.newaxis], seen.poses.actual[rows], np.nan)
 
     def __repr__(self) -> str:
         """The run in a line; others for a fault, limits and warnings."""
@@ -224,6 +248,10 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         record.effort,
         record.pose,
         desired.pose,
+        _stamps(made),
+        measured.acceleration,
+        record.command,
+        record.sliding_variable,
         made.experiment.trajectory.robot.module.PLANAR,
         None if fault is None else (fault[0], fault[1].text),
         limits_text(acted) if acted else '',
@@ -235,6 +263,14 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         ),
         made,
     )
+
+
+def _stamps(made: Simulation) -> NDArray[np.int64]:
+    """Stamps of the states of a simulation, as its bag has them [ns], shape (N,)."""
+    loop, count = made.experiment.loop, len(made.run.position)
+    late = made.course.heard.head(count).late
+    age = round(made.age * NANOSECONDS)
+    return loop.step_start + loop.period_ns * (np.arange(count) - late) - age
 
 
 def named(what: str, given: Any) -> str:

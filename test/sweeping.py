@@ -3,7 +3,7 @@
 import pyarrow.parquet as pq
 import pytest
 
-from parallel_robot.studies.sweep import study
+from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.sweep import sweep
 from parallel_robot.studies.sweep.tasks import run_task
@@ -60,7 +60,9 @@ def swept(out, text=TEXT, runs=None, workers=None, count=2, summarised=False):
     with pytest.MonkeyPatch.context() as patch:
         if not summarised:
             patch.setattr('parallel_robot.studies.sweep.sweep.summarise', lambda *_: '')
-        return sweep(planned(text, runs), text, out, workers or Inline(), count)
+        plan = planned(text, runs)
+        found = sweep(plan, text, out, workers or Inline(), count)
+        return summary.text(plan, found) if summarised else found
 
 
 @pytest.fixture(scope='session')

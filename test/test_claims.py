@@ -126,7 +126,7 @@ def test_a_law_in_a_fault_has_no_figures_of_merit(tmp_path, capsys):
     data = json.loads(report.read_text())
     assert data['faults'] and data['faults'].keys() < {'smc', 's_smc', 'nftsmc'}
     for law, text in data['faults'].items():
-        row = rf'^{law} +no figures: in a fault for .* % of the run, first at t = 0'
+        row = rf'^ *{law} +no figures: in a fault for .* % of the run, first at t = 0'
         assert re.search(row, out, re.MULTILINE) and law not in data['laws']
         number = re.fullmatch(
             r'joint2 at (\S+) rad/s is above safety.speed_limit, 0.09 rad/s', text

@@ -279,17 +279,17 @@ def test_verify_names_each_check_that_fails(change, wrong, tmp_path, capsys):
         file.write_text(EXAMPLE.read_text().replace(*change))
     words = ['--set', f'custom_robots=[{file}]', '--set', f'robot_model={file.stem}']
     assert main(['verify', *words]) == (1 if wrong else 0)
-    lines = capsys.readouterr().out.splitlines()[1:]
-    failed = [line for line in lines if not line.endswith(': agrees')]
+    lines = capsys.readouterr().out.splitlines()[2:]
+    failed = [line for line in lines if not line.endswith('  agrees')]
     assert len(lines) > 8 and len(failed) == len(wrong)
     for line, what in zip(failed, wrong, strict=True):
-        assert what in line and line.endswith(': wrong')
+        assert what in line and line.endswith('  wrong')
 
 
 @pytest.mark.parametrize('name', ['planar_3rrr', 'serial_2r', 'axes'])
 def test_robots_of_the_suite_pass(name, capsys):
     assert main(['verify', '--set', f'robot_model={name}']) == 0
-    assert capsys.readouterr().out.count(': agrees') == 13
+    assert capsys.readouterr().out.count('  agrees') == 13
 
 
 @pytest.fixture(scope='module')

@@ -219,8 +219,8 @@ def test_an_option_without_a_meaning_is_refused(words, message, bag, idle, tmp_p
 def test_a_parameter_file_counts_in_a_study(more, tmp_path, monkeypatch):
     (tmp_path / 'tuned.yaml').write_text('s_fotsmc: {G: 12.0, lambda: 30.0}\n')
     found = []
-    monkeypatch.setattr(sweep, 'sweep', lambda plan, *_: found.append(plan.row(0)) or '')
-    monkeypatch.setattr(simulate, 'record', lambda _, changed, __: found.append(changed) or 0)
+    monkeypatch.setattr(sweep, 'sweep', lambda plan, *_: found.append(plan.row(0)) or {})
+    monkeypatch.setattr(simulate, 'record', lambda _, changed, *__: found.append(changed) or 0)
     given = ['--param-file', str(tmp_path / 'tuned.yaml'), *more, '--out', str(tmp_path / 'out')]
     assert main(['sweep', 'uncertain_robot', *given]) == 0
     assert main(['simulate', 'uncertain_robot', '--row', '0', *given]) == 0

@@ -42,7 +42,7 @@ def test_compare_has_a_row_for_a_law_that_failed(tmp_path, capsys):
     assert main([*words, *PUSHED]) == 1
     out, err = capsys.readouterr()
     for law in laws:
-        assert re.search(rf'^{law} +no figures: {DRIVEN_OUT} after t = ', out, re.MULTILINE)
+        assert re.search(rf'^ *{law} +no figures: {DRIVEN_OUT} after t = ', out, re.MULTILINE)
     assert err.endswith('every law failed\n')
     data = json.loads(found.read_text())
     assert not data['laws'] and not data['claims'] and set(data['faults']) == set(laws)

@@ -15,6 +15,7 @@ from parallel_robot.studies.identification import (
 )
 from parallel_robot.studies.identification.measured_motion import MeasuredMotion
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.friction import FrictionParameters
@@ -177,7 +178,7 @@ def test_a_slow_motion_does_not_tell_a_delay():
     case = motion('paper_circle', duration=6.0)
     found = identify(case, late(noisy(case, np.random.default_rng(3), 5e-5, 0.5), 3))
     assert not found.delay.counts and found.delay.half_width > 1e-3
-    assert 'does not tell whether positions are late' in '\n'.join(readable.table(found))
+    assert 'does not tell whether positions are late' in tables.text(readable.parts(found))
 
 
 @pytest.mark.parametrize(

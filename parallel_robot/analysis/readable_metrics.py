@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from parallel_robot.analysis.metrics import SEEN, Metrics, Value, of_seen, of_true
 from parallel_robot.bags.counts import TopicCount
+from parallel_robot_model.common.tables import Table
 
 
 class Metric(NamedTuple):
@@ -86,6 +87,17 @@ def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:
         for metric, value in zip(metrics, values, strict=True)
         if value is None or not math.isnan(value)
     ]
+
+
+def table(rows: Sequence[tuple[str, str, str]]) -> Table:
+    """Name, value and unit of some metrics as a table."""
+    return Table(['metric', 'value', 'unit'], rows, 'lrl', bare=True)
+
+
+def whole(found: Metrics) -> Table:
+    """The metrics of a run as a table, with three decimals."""
+    metrics = defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
+    return table([(one.name, f'{one.value(found):.3f}', one.unit) for one in metrics])
 
 
 def as_data(found: Metrics) -> dict[str, dict[str, Any]]:

@@ -7,16 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import metrics, recorded_motions
+from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.metrics import Poses
 from parallel_robot.bags import command_states, recorded_robot
 from parallel_robot.bags.history import History
+from parallel_robot.bags.message_arrays import Samples
 from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.run_log import RunLog
-from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import ParallelRobotError
-from parallel_robot_model.messages.topics import SLIDING_VARIABLE
+from parallel_robot_model.messages.topics import SLIDING_VARIABLE, Topic
 from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_sim.run_columns import Columns, JointColumns, of_joints, of_poses
 
 NEEDED = (SLIDING_VARIABLE,)  # topics that are to be read beside the run
 
@@ -29,7 +30,7 @@ class Table(NamedTuple):
         warnings: Defects of the bag and what cannot be computed, one line each.
     """
 
-    columns: dict[str, np.ndarray]
+    columns: Columns
     warnings: tuple[str, ...]
 
 
@@ -37,52 +38,46 @@ def of(recording: Recording) -> Table:
     """The table of a bag that was read with the topics of NEEDED."""
     log, past, extra = recording
     poses, warnings = _poses(log, past)
+    return Table(columns(log, sliding_variable(log, extra)) | poses, log.warnings + warnings)
+
+
+def sliding_variable(log: RunLog, extra: Mapping[Topic, Samples]) -> np.ndarray:
+    """Sliding variable at each state in the unit of the law, NaN where it is not known.
+
+    Args:
+        log: The run.
+        extra: What was read of the bag beside it, see :func:`recording.read`.
+
+    Returns:
+        Shape (N, n).
+    """
     sliding = np.full(log.position.shape, np.nan)
     if SLIDING_VARIABLE in extra:
         found = extra[SLIDING_VARIABLE]
         row = command_states.by_state(log.stamps, found.stamps)
         sliding[row >= 0] = found.numbers['position'][row[row >= 0]]
-    return Table(columns(log, poses, sliding), log.warnings + warnings)
+    return sliding
 
 
-def columns(
-    log: RunLog, poses: Mapping[str, np.ndarray], sliding_variable: np.ndarray
-) -> dict[str, np.ndarray]:
-    """A run as columns: name with unit to numbers, shape (N,).
+def columns(log: RunLog, sliding: np.ndarray) -> Columns:
+    """Time and joints of a run as columns: name with unit to numbers, shape (N,).
 
     Args:
         log: The run.
-        poses: Columns of the pose.
-        sliding_variable: Sliding variable in the unit of the law, NaN where it is not known,
-            shape (N, n).
+        sliding: See :func:`sliding_variable`.
     """
     reference, rate, acceleration = (
         np.where(log.referenced[:, np.newaxis], each, np.nan)
         for each in (log.reference_position, log.reference_velocity, log.reference_acceleration)
     )
-    quantities = {
-        'position_rad': log.position,
-        'velocity_rad_per_s': log.velocity,
-        'effort_nm': log.effort if log.has_efforts else np.full_like(log.effort, np.nan),
-        'reference_position_rad': reference,
-        'reference_velocity_rad_per_s': rate,
-        'reference_acceleration_rad_per_s2': acceleration,
-        'command_nm': log.answer,
-        'synchronisation_error_rad': synchronisation_error(reference - log.position),
-        'sliding_variable': sliding_variable,
-    }
-    return (
-        {'time_s': log.time, 'stamp_ns': log.stamps}
-        | {
-            f'{joint}_{quantity}': numbers[:, k]
-            for quantity, numbers in quantities.items()
-            for k, joint in enumerate(log.joints)
-        }
-        | dict(poses)
+    effort = log.effort if log.has_efforts else np.full_like(log.effort, np.nan)
+    found = JointColumns(
+        log.position, log.velocity, effort, reference, rate, acceleration, log.answer, sliding
     )
+    return of_joints(log.time, log.stamps, log.joints, found)
 
 
-def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+def _poses(log: RunLog, past: History) -> tuple[Columns, tuple[str, ...]]:
     """Columns of the pose, named after its coordinates, and what is wrong with them.
 
     Those of a robot that moves in a plane are of its platform and hold its error. They are true
@@ -96,7 +91,6 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
     except ParallelRobotError as error:
         return {}, (f'no pose of the robot: {error}',)
     coordinates = robot.module.coordinates(robot.parameters)
-    names = [f'{name}_{unit}' for name, unit in coordinates]
     warnings: tuple[str, ...] = ()
     seen = None
     alone = not log.referenced.any()
@@ -111,22 +105,13 @@ def _poses(log: RunLog, past: History) -> tuple[dict[str, np.ndarray], tuple[str
         warnings = (f'the pose of the robot is {part.cut}',) if part.cut else ()
         warnings += (part.remark,) if part.remark not in ('', recorded_motions.UNKNOWN) else ()
     except ParallelRobotError as error:
-        nothing = np.empty((0, len(names)))
+        nothing = np.empty((0, len(coordinates)))
         found = Poses(nothing, nothing, robot.module.PLANAR)
         warnings = (f'no pose of the robot: {error}',)
-    prefix = 'platform' if found.planar else 'pose'
     actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
     reference = np.full_like(reference, np.nan) if alone else reference
-    columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
-    columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
-    if found.planar:
-        columns['platform_error_m'] = metrics.distances(Poses(actual, reference))
-    if seen is not None:
-        actual = _spread(seen.actual, log.referenced)
-        columns |= {f'seen_{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
-        if seen.planar:
-            columns['seen_platform_error_m'] = metrics.distances(Poses(actual, reference))
-    return columns, warnings
+    shown = None if seen is None else _spread(seen.actual, log.referenced)
+    return of_poses(coordinates, found.planar, actual, reference, shown), warnings
 
 
 def _spread(rows: np.ndarray, where: np.ndarray) -> np.ndarray:

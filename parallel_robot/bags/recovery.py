@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from mcap import records as mcap
 
@@ -22,13 +23,15 @@ from parallel_robot.bags.new_files import check_directory
 from parallel_robot.bags.progress import Progress
 from parallel_robot.bags.record_names import MESSAGES, METADATA, ROSBAG2
 from parallel_robot_model.common.errors import BagError, RunError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part, Table
 
 # Metadata about the content of a file.
 WRITTEN_ANEW = (METADATA, MESSAGES, ROSBAG2)
 
 
-@dataclass
-class Recovery:
+@dataclass(repr=False)
+class Recovery(ShownResult):
     """What was kept and what was lost.
 
     Attributes:
@@ -47,25 +50,52 @@ class Recovery:
     missing: dict[str, int] = field(default_factory=dict)
     damage: list[Damage] = field(default_factory=list)
 
-    def lines(self) -> list[str]:
-        """The result as lines of text."""
-        lost = sum(place.length for place in self.damage)
-        kinds = Counter(place.what for place in self.damage)
-        chunks = max(self.written_chunks - self.chunks, kinds['chunk'])
+    def parts(self) -> list[Part]:
+        """What was kept and lost, and messages lost by topic."""
+        kinds = self._kinds
         lines = [
             f'kept    {self.kept.total()} messages in {self.chunks} chunks',
-            f'lost    {lost} bytes, {chunks} chunks',
+            f'lost    {self._lost} bytes, {self._lost_chunks} chunks',
         ]
         if kinds:
             lines[-1] += f'; damaged: {", ".join(f"{kind} ({n})" for kind, n in kinds.items())}'
-        gone = self.written - self.kept
-        lines += [f'  {topic:<34}{count:>8} messages' for topic, count in sorted(gone.items())]
-        lines += [
-            f'  /{topic:<33}{count:>8} messages, by the rhythm of their stamps'
+        gone = self._gone
+        rows = [[topic, f'{count}', 'messages'] for topic, count in sorted(gone.items())]
+        rows += [
+            [f'/{topic}', f'{count}', 'messages, by the rhythm of their stamps']
             for topic, count in self.missing.items()
             if count and f'/{topic}' not in gone
         ]
-        return lines
+        table = Table(['topic', 'lost', 'what'], rows, 'lrl', bare=True)
+        return [*lines, *([table] if rows else [])]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            'kept': dict(self.kept),
+            'kept_chunks': self.chunks,
+            'lost_bytes': self._lost,
+            'lost_chunks': self._lost_chunks,
+            'damaged': dict(self._kinds),
+            'lost': dict(sorted(self._gone.items())),
+            'missing': {f'/{topic}': count for topic, count in self.missing.items() if count},
+        }
+
+    @property
+    def _lost(self) -> int:
+        return sum(place.length for place in self.damage)
+
+    @property
+    def _kinds(self) -> Counter[str]:
+        return Counter(place.what for place in self.damage)
+
+    @property
+    def _lost_chunks(self) -> int:
+        return max(self.written_chunks - self.chunks, self._kinds['chunk'])
+
+    @property
+    def _gone(self) -> Counter[str]:
+        return self.written - self.kept
 
 
 def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from parallel_robot.analysis import metrics as evaluation
-from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis import readable_metrics, recorded_motions
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import (
     METRICS,
@@ -27,6 +27,7 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures, palette
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.scale import AUTO
+from parallel_robot.analysis.table import sliding_variable
 from parallel_robot.bags import recorded_robot, simulation_bag
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.statuses import LIMIT_TEXT
@@ -42,12 +43,14 @@ from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_sim.motions import Motions, of_simulation
 from parallel_robot_sim.scenario_run import Run, simulate
 
-NARROWEST = 27  # characters of the names of metrics
 RESOLUTION = 70  # dots per inch of a picture in a notebook
 
 
@@ -137,7 +140,9 @@ def load(
         'stop': stop,
         **values,
     }
-    log, past, _ = recorded_robot.read(bag, memory, code, view=arguments.view(given))
+    log, past, extra = recorded_robot.read(
+        bag, memory, code, (SLIDING_VARIABLE,), view=arguments.view(given)
+    )
     law_titles.learn(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
@@ -161,6 +166,10 @@ def load(
         log.effort,
         part.pose,
         part.poses.reference,
+        log.stamps,
+        log.reference_acceleration,
+        log.answer,
+        sliding_variable(log, extra),
         part.poses.planar,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
@@ -189,7 +198,7 @@ def save(run: Run, bag: str | Path) -> None:
     simulation_bag.save(bag, run.values, run.simulation)
 
 
-class RunMetrics(Metrics):
+class RunMetrics(ShownResult, Metrics):
     """Metrics that are shown as a table; the attributes are those of Metrics, in SI units."""
 
     __slots__ = ()
@@ -198,12 +207,9 @@ class RunMetrics(Metrics):
         found = [(one, shown(one.value(self))) for one in defined(METRICS, self)]
         return [(one.name, value, one.unit if value != NEVER else '') for one, value in found]
 
-    def __repr__(self) -> str:
-        """A line for each metric, with its unit."""
-        rows = self._rows()
-        width = max(NARROWEST, *(len(name) for name, _, _ in rows))
-        lines = [f'{name:<{width}}{value:>11} {unit}'.rstrip() for name, value, unit in rows]
-        return '\n'.join([*lines, *self._notes()])
+    def parts(self) -> list[Part]:
+        """A row for each metric, with its unit, and what they are of."""
+        return [readable_metrics.table(self._rows()), *self._notes()]
 
     def _notes(self) -> list[str]:
         return [f'errors over {window(self)}', *unsettled(self)]

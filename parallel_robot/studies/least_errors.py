@@ -18,6 +18,7 @@ from parallel_robot.studies.limit.causes import CAUSES, NEGLIGIBLE, LeastError, 
 from parallel_robot.studies.limit.picture import draw
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.placed import merged
 from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
@@ -46,14 +47,14 @@ class LeastErrors(NamedTuple):
     calm: bool
     warnings: tuple[str, ...]
 
-    def lines(self) -> list[str]:
-        """The tables, as lines."""
-        lines = []
+    def parts(self) -> list[Part]:
+        """The tables."""
+        parts: list[Part] = []
         for scenario, members in self.members.items():
-            lines += _table(scenario, members, self.planar)
+            parts += _table(scenario, members, self.planar)
             if self.calm:
-                lines += _calm_table(members, self.planar)
-        return lines
+                parts += _calm_table(members, self.planar)
+        return parts
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
         """Names of columns, and one row for each robot in SI units; NaN for what is not known."""
@@ -163,8 +164,8 @@ def is_study(name: str, bases: int = MAX_BASES) -> bool:
     return is_study(absolute(base, path.parent), bases - 1)
 
 
-def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:
-    """The least errors of some robots, as lines."""
+def _table(scenario: str, members: list[LeastError], planar: bool) -> list[Part]:
+    """The least errors of some robots."""
     what, unit = ('end-effector error', 'µm') if planar else ('joint error', 'µrad')
     count = f', {len(members)} robots' if len(members) > 1 else ''
     head = f'{scenario}{count}: least {what} of any controller, rms [{unit}], second half'
@@ -175,25 +176,33 @@ def _table(scenario: str, members: list[LeastError], planar: bool) -> list[str]:
     geometry = [1e6 * one.geometry for one in members]
     if max(geometry) > 1e6 * NEGLIGIBLE:
         columns[GEOMETRY] = geometry
-    lines = [head]
-    if len(members) > 1:
-        lines.append(f'  {"":<34}{"median":>10}{"5 %":>10}{"95 %":>10}')
-    for name, values in columns.items():
-        figures = np.percentile(values, [50, 5, 95] if len(members) > 1 else [50])
-        lines.append(f'  {name:<34}' + ''.join(f'{shown(float(each)):>10}' for each in figures))
-    return lines
+    rows = [_row(name, values) for name, values in columns.items()]
+    return [head, _figures('least error', rows, unit)]
 
 
-def _calm_table(members: list[LeastError], planar: bool) -> list[str]:
-    """The least errors with at most some chattering, as lines."""
+def _row(name: str, values: list[float]) -> list[str]:
+    """A name and a figure; of several robots median and percentiles."""
+    found = np.percentile(values, [50, 5, 95] if len(values) > 1 else [50])
+    return [name, *(shown(float(each)) for each in found)]
+
+
+def _figures(name: str, rows: list[list[str]], unit: str) -> Table:
+    """Rows as a table."""
+    several = any(len(row) > 2 for row in rows)
+    heads = [f'{head} [{unit}]' for head in (('median', '5 %', '95 %') if several else ('error',))]
+    return Table([name, *heads], rows, bare=not several)
+
+
+def _calm_table(members: list[LeastError], planar: bool) -> list[Part]:
+    """The least errors with at most some chattering."""
     known = [one.calm for one in members if one.calm is not None]
     if not known:
         return ['  no noise: calm costs nothing']
-    lines = [f'  with a chattering of at most [N m]; {len(known)} robots with noise']
-    for level in LEVELS:
-        values = [1e6 * each.at(level) for each in known]
-        if np.isnan(values).any():
-            continue  # calmer than the calmest controller that was computed for some robot
-        figures = np.percentile(values, [50, 5, 95] if len(members) > 1 else [50])
-        lines.append(f'  {level:<34g}' + ''.join(f'{shown(float(each)):>10}' for each in figures))
-    return lines
+    found = {level: [1e6 * each.at(level) for each in known] for level in LEVELS}
+    rows = [
+        _row(f'{level:g}', values)
+        for level, values in found.items()
+        if not np.isnan(values).any()  # else calmer than what was computed for some robot
+    ]
+    head = f'  with a chattering of at most [N m]; {len(known)} robots with noise'
+    return [head, _figures('chattering [N m]', rows, 'µm' if planar else 'µrad')]

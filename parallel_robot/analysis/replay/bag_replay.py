@@ -24,6 +24,8 @@ from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration import config
 
 # Beginnings of keys on which torques depend, beside those of the laws.
@@ -32,7 +34,7 @@ USED = ('law', *config.CUSTOM, 'robot', *GROUPS)
 
 
 @dataclass(frozen=True, repr=False)
-class BagReplay:
+class BagReplay(ShownResult):
     """Torques of a bag that were computed again: N states, n joints.
 
     Attributes:
@@ -79,14 +81,31 @@ class BagReplay:
         """Whether commands differ that should not."""
         return not self.changed and self.result.remembered and self.differing > 0
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """What came of it."""
         answered = int((~np.isnan(self.torque[:, 0])).sum())
         head = (
             f'{self.log.scenario}, {self.log.law}: {answered} states answered again by {self.law}'
         )
-        found = table if self.changed else verdict
-        return [head, *found(self.log, self.result)]
+        if self.changed:
+            return [head, table(self.log, self.result)]
+        return [head, *verdict(self.log, self.result)]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            'scenario': self.log.scenario,
+            'law': self.log.law,
+            'answered_by': self.law,
+            'states': len(self.torque),
+            'commands': int(self.result.known.sum()),
+            'differing': self.differing,
+            'late': self.late,
+            'difference_nm': {
+                name: dict(zip(self.log.joints, map(float, values), strict=True))
+                for name, values in _differences(self.result).items()
+            },
+        }
 
     def save_figure(self, path: Path) -> None:
         """Draw both torques into a file, which must not exist.
@@ -98,10 +117,6 @@ class BagReplay:
             figures.draw_torques(self.log, self.torque, self.law, path)
         except OSError as error:
             raise InputError(f'cannot write {path}: {error.strerror}') from None
-
-    def __repr__(self) -> str:
-        """What came of it, and warnings."""
-        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
 
 
 @dataclass(frozen=True)
@@ -252,15 +267,17 @@ def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
     ]
 
 
-def table(log: RunLog, result: replayed.Replay) -> list[str]:
+def table(log: RunLog, result: replayed.Replay) -> Table:
     """Difference to the recorded commands, joint by joint."""
+    rows = _differences(result)
+    cells = [[name, *(f'{value:.3f}' for value in values)] for name, values in rows.items()]
+    return Table(['difference of torques [N m]', *log.joints], cells)
+
+
+def _differences(result: replayed.Replay) -> dict[str, Array]:
+    """Differences to the recorded commands [N m], each shape (n,)."""
     difference = (result.torque - result.recorded)[result.known]
-    rows = {
+    return {
         'rms': np.sqrt((difference**2).mean(axis=0)),
-        'max': np.abs(difference).max(axis=0),
+        'max': np.abs(difference).max(axis=0, initial=0.0),
     }
-    lines = ['difference of torques [N m]' + ''.join(f'{joint:>12}' for joint in log.joints)]
-    return lines + [
-        f'  {name:<25}' + ''.join(f'{value:>12.3f}' for value in values)
-        for name, values in rows.items()
-    ]

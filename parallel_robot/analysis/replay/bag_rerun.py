@@ -20,6 +20,8 @@ from parallel_robot.bags.trust import custom_files
 from parallel_robot_control.configuration import available, configure, load, resolve
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.loop import loop_of
@@ -33,7 +35,7 @@ MADE_BY = ('version', 'revision')  # facts that say which code made a bag
 
 
 @dataclass(frozen=True, repr=False)
-class Rerun:
+class Rerun(ShownResult):
     """An experiment that was run again.
 
     Attributes:
@@ -59,17 +61,13 @@ class Rerun:
         """Whether both bags have the same messages."""
         return not (self.unlike or self.difference)
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """What came of it."""
         if self.unlike:
             return [f'{self.unlike}: bytes cannot be compared']
         if self.difference:
             return [f'differs: {self.difference}', f'         {self.size}']
         return [f'identical: {self.messages} messages{self.reach}']
-
-    def __repr__(self) -> str:
-        """What came of it, and warnings."""
-        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,13 @@ import numpy as np
 from parallel_robot.analysis import metrics, motion_alone, recorded_motions, timing
 from parallel_robot.analysis.readable_metrics import (
     AS_SEEN,
-    EFFORT,
     STEADY,
     TORQUE,
-    Metric,
     as_data,
     defined,
     head,
     shown,
+    whole,
 )
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
@@ -35,9 +34,11 @@ from parallel_robot.bags.stretches import Stretch
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration.loop import length
 from parallel_robot_sim.motions import Motions
 
@@ -54,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='picture; png, pdf, svg; default: BAG/run.png, where there is none yet',
     )
+    add_format_argument(parser)
     add_window_arguments(parser)
     add_scale_argument(parser)
     add_bag_arguments(parser, window=False)
@@ -105,17 +107,17 @@ def execute(arguments: argparse.Namespace) -> int:
                 figures.draw_run(drawn, motion, figure, arguments.scale, marks)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
-    if timing.verdict(timed):
-        print(timing.verdict(timed))
-    print(table(result, found, length(log.config)))
     quiet = ['no limit acted, no fault'] if past.statuses and not part.saturated else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
     remarks += history.new_motions(past, log.start_stamp)
     remarks += [*part.remarks, *stretches.told(parts), *of_stretches(part.motions, parts)]
-    for text in remarks:
-        print(f'  {text}')
+    verdict = timing.verdict(timed)
+    printed: list[Part] = [verdict] if verdict else []
+    printed += tables(result, found, length(log.config))
+    printed += [f'  {text}' for text in remarks]
     old = ' exists and is kept; --figure draws another' if kept else ''
-    print(f'bag     {arguments.bag}\nfigure  {figure}{old}')
+    files = [f'bag     {arguments.bag}', f'figure  {figure}{old}']
+    show(arguments.format, printed, result, files)
     return 0
 
 
@@ -125,7 +127,8 @@ def _without_reference(arguments: argparse.Namespace, log: run_log.RunLog) -> in
         given = '--json' if arguments.json else '--figure'
         raise BagError(f'{arguments.bag} has no reference: no errors, and no {given}')
     log = run_log.between(arguments.bag, log, arguments.start, arguments.stop)
-    print('\n'.join([*motion_alone.lines(log), f'bag     {arguments.bag}']))
+    parts, data = motion_alone.parts(log), motion_alone.as_data(log)
+    show(arguments.format, parts, data, [f'bag     {arguments.bag}'])
     return 0
 
 
@@ -164,31 +167,25 @@ def summarise(
     }
 
 
-def table(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> str:
-    """Metrics as lines of text.
+def tables(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> list[Part]:
+    """Metrics and messages.
 
     Args:
         result: See :func:`summarise`.
         found: The metrics.
         planned: How long the motion was to be [s]; 0 if not known.
     """
-    if 'failure' in result:
-        names = f'{result["scenario"]}, {result["law"]}'
-        lines = [
-            f'{names}, {result["duration_s"]:g} s: no figures of a run that was '
-            f'{result["failure"]}; --from and --to choose a part'
-        ]
-        shown_metrics: list[Metric] = []
-    else:
-        lines = [head(result['scenario'], result['law'], found, planned)]
-        shown_metrics = defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
-    lines += [
-        f'  {metric.name:<32}{metric.value(found):>12.3f} {metric.unit}'
-        for metric in shown_metrics
-    ]
-    lines.append(f'  {"messages":<34}{"count":>8}{"missing":>9}')
-    lines += [
-        f'    {name:<32}{count["count"]:>8}{count["missing"]:>9}'
+    rows = [
+        [name, f'{count["count"]}', f'{count["missing"]}']
         for name, count in result['messages'].items()
     ]
-    return '\n'.join(lines)
+    messages = Table(['messages', 'count', 'missing'], rows)
+    if 'failure' in result:
+        names = f'{result["scenario"]}, {result["law"]}'
+        why = (
+            f'{names}, {result["duration_s"]:g} s: no figures of a run that was '
+            f'{result["failure"]}; --from and --to choose a part'
+        )
+        return [why, messages]
+    lines = head(result['scenario'], result['law'], found, planned).split('\n')
+    return [*lines, whole(found), messages]

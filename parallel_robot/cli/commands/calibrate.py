@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.result_format import JSON, add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.studies.calibration import bag_calibration, design, modes
 from parallel_robot.studies.calibration.pose_model import FREE
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='FILE', help='write the robot as YAML, for --param-file'
     )
-    parser.add_argument('--format', choices=('text', 'json'), help='of the results, default: text')
+    add_format_argument(parser)
     parser.add_argument(
         '--scenario',
         help='with --design, no bag: the robot and the first pose; else what a bag without a '
@@ -84,18 +84,16 @@ def execute(arguments: argparse.Namespace) -> int:
     )
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    lines = found.lines()
     if arguments.out:
         found.write(arguments.out)
-        lines.append(f'robot   {arguments.out}')
-    json_asked = arguments.format == 'json'
-    print(json.dumps(found.as_data(), indent=2) if json_asked else '\n'.join(lines))
+    files = [f'robot   {arguments.out}'] if arguments.out else []
+    show(arguments.format, found.parts(), found.as_data(), files)
     return 0
 
 
 def _design(arguments: argparse.Namespace) -> int:
     """Choose poses that tell most, and write a motion through them."""
-    if arguments.format == 'json':
+    if arguments.format == JSON:
         raise InputError('--design reads no bag: no --format json')
     found = design.design(
         arguments.scenario,
@@ -104,9 +102,8 @@ def _design(arguments: argparse.Namespace) -> int:
         arguments.free,
         arguments.seed or 0,
     )
-    lines = found.lines()
     if arguments.out:
         found.write(arguments.out)
-        lines.append(f'motion  {arguments.out}')
-    print('\n'.join(lines))
+    files = [f'motion  {arguments.out}'] if arguments.out else []
+    show(arguments.format, found.parts(), None, files)
     return 0

@@ -23,9 +23,11 @@ from parallel_robot.bags import new_files
 from parallel_robot.bags.progress import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration import assignments
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
@@ -40,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_window_arguments(parser)
     parser.add_argument('--laws', nargs='+', metavar='LAW', help='laws to compare, default: all')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write table and claims as JSON')
+    add_format_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -74,15 +77,14 @@ def execute(arguments: argparse.Namespace) -> int:
             notes += [f'{law}: {text}' for text in unsettled(results[law])]
         notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
     verdicts = claims.verify(scenario, results)
+    data = summarise(scenario, results, verdicts, causes)
     if arguments.json:
         try:
-            data = summarise(scenario, results, verdicts, causes)
             new_files.write(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
-    print(table(scenario, laws, results, failed))
-    for verdict in verdicts:
-        print(line(verdict))
+    parts = [*table(scenario, laws, results, failed), *map(line, verdicts)]
+    show(arguments.format, parts, data)
     for note in notes:
         print(f'warning: {note}', file=sys.stderr)
     if not results:
@@ -95,7 +97,7 @@ def table(
     laws: Iterable[str],
     results: Mapping[str, metrics.Metrics],
     failed: Mapping[str, str],
-) -> str:
+) -> list[Part]:
     """One row for each law, one column for each metric.
 
     Args:
@@ -106,16 +108,15 @@ def table(
     """
     found = next(iter(results.values()), None)
     columns = defined(METRICS, found) if found else []
-    rows = [f'{scenario}: ' + (_parts(found, columns) if found else 'no figures')]
-    rows.append(f'{"law":<20}' + ''.join(f'{metric.short:>11}' for metric in columns))
-    rows.append(f'{"":<20}' + ''.join(f'{"[" + metric.unit + "]":>11}' for metric in columns))
-    for law in laws:
-        if law in failed:
-            rows.append(f'{law:<20}  no figures: {failed[law]}')
-            continue
-        cells = [shown(metric.value(results[law])) for metric in columns]
-        rows.append(f'{law:<20}' + ''.join(f'{cell:>11}' for cell in cells))
-    return '\n'.join(rows)
+    head = f'{scenario}: ' + (_parts(found, columns) if found else 'no figures')
+    rows = [
+        [law, f'no figures: {failed[law]}']
+        if law in failed
+        else [law, *(shown(metric.value(results[law])) for metric in columns)]
+        for law in laws
+    ]
+    heads = [f'{metric.short}\n[{metric.unit}]' for metric in columns] or ['figures']
+    return [head, Table(['law', *heads], rows)]
 
 
 def _parts(found: metrics.Metrics, columns: Collection[Metric]) -> str:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.result_format import JSON, add_format_argument, show
 from parallel_robot.studies.identification import bag_identification, designed, modes
 from parallel_robot.studies.identification.designed import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF
@@ -37,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='torques, measured and predicted: png, pdf, svg',
     )
-    parser.add_argument('--format', choices=('text', 'json'), help='of the results, default: text')
+    add_format_argument(parser)
     parser.add_argument(
         '--cutoff',
         type=float,
@@ -73,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
     view = bag_view(arguments, simulate.given(arguments))
     if mode == modes.REST:
         still = bag_identification.at_rest(bag, memory, view)
-        _print(arguments, still.lines(), {'rest': still.as_data()})
+        show(arguments.format, still.parts(), {'rest': still.as_data()})
         return 0
     found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, memory, view)
     for warning in found.warnings:
@@ -81,23 +80,18 @@ def execute(arguments: argparse.Namespace) -> int:
     found.write(arguments.out, arguments.figure)
     files = {'robot': arguments.out, 'figure': arguments.figure}
     written = [f'{name:<7} {path}' for name, path in files.items() if path]
-    _print(arguments, [*found.lines(), *written], found.as_data())
+    show(arguments.format, found.parts(), found.as_data(), written)
     return 0
-
-
-def _print(arguments: argparse.Namespace, lines: list[str], data: dict[str, Any]) -> None:
-    """Print results in the format that was asked for."""
-    print(json.dumps(data, indent=2) if arguments.format == 'json' else '\n'.join(lines))
 
 
 def _design(arguments: argparse.Namespace) -> int:
     """Search for an exciting trajectory and write its parameters."""
-    if arguments.format == 'json':
+    if arguments.format == JSON:
         raise InputError('--design reads no bag: no --format json')
     if arguments.out is None:
         raise InputError('--design needs --out FILE for the coefficients')
     changes = simulate.given(arguments)
     found = designed.search(arguments.design, changes, arguments.trials, arguments.seed)
     found.write(arguments.out)
-    print('\n'.join([*found.lines(), f'{"coefficients":<13}{arguments.out}']))
+    show(arguments.format, found.parts(), None, [f'{"coefficients":<13}{arguments.out}'])
     return 0

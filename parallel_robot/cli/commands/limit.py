@@ -9,6 +9,7 @@ from pathlib import Path
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import new_files
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.result_format import add_format_argument, show, tell
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.least_errors import is_study
 from parallel_robot_model.common.errors import InputError
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--figure', type=Path, metavar='FILE', help='picture of that; png, pdf, svg'
     )
+    add_format_argument(parser)
     simulate.add_set_argument(parser)
 
 
@@ -46,14 +48,15 @@ def execute(arguments: argparse.Namespace) -> int:
     found = least_errors.compute(name, changes, arguments.runs, arguments.duration, calm)
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    print('\n'.join(found.lines()))
+    head, rows = found.rows()
+    show(arguments.format, found.parts(), [dict(zip(head, row, strict=True)) for row in rows])
     if arguments.out:
         try:
             new_files.write(arguments.out, found.csv().encode())
         except OSError as error:
             raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
-        print(f'rows    {arguments.out}')
+        tell(arguments.format, f'rows    {arguments.out}')
     if arguments.figure:
         found.save_figure(arguments.figure)
-        print(f'figure  {arguments.figure}')
+        tell(arguments.format, f'figure  {arguments.figure}')
     return 0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.recovery import recover
+from parallel_robot.cli.result_format import add_format_argument, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='DIR', help='bag; must not exist; default: BAG_recovered'
     )
+    add_format_argument(parser)
     add_memory_argument(parser)
 
 
@@ -24,6 +26,6 @@ def execute(arguments: argparse.Namespace) -> int:
     bag = Path(os.path.realpath(arguments.bag))  # in a loop of links too
     name = bag.name.removesuffix('.zstd').removesuffix('.mcap')
     out = arguments.out or bag.parent / f'{name}_recovered'
-    print('\n'.join(recover(arguments.bag, out, arguments.max_memory).lines()))
-    print(f'bag     {out}')
+    found = recover(arguments.bag, out, arguments.max_memory)
+    show(arguments.format, found.parts(), found.as_data(), [f'bag     {out}'])
     return 0

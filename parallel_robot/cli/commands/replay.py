@@ -12,6 +12,7 @@ from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot_model.common.errors import InputError
 
 
@@ -27,6 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='picture of both torques; with --law or --set: default BAG/replay_LAW.png',
     )
+    add_format_argument(parser)
     add_trust_argument(parser)
     add_memory_argument(parser)
 
@@ -53,5 +55,6 @@ def execute(arguments: argparse.Namespace) -> int:
         found.save_figure(figure)
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    print('\n'.join([*found.lines(), *([f'figure  {figure}'] if figure else [])]))
+    files = [f'figure  {figure}'] if figure else []
+    show(arguments.format, found.parts(), found.as_data(), files)
     return int(found.failed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,10 @@ from parallel_robot.cli.commands.simulate import (
     given_layers,
 )
 from parallel_robot_control.configuration import load
+from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration import config, scenario_file
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.parameter_file import MARK
@@ -52,7 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--format',
         choices=FORMATS,
         default='table',
-        help='table (default); yaml: a scenario; ros: a parameter file for nodes; json',
+        help='table or text (default); yaml: a scenario; ros: a parameter file for nodes; json; '
+        'markdown; latex',
     )
 
 
@@ -102,14 +105,28 @@ def _plot(made: Configuration, path: Path) -> None:
 
 def as_table(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
     """One line for each key: value, unit and source."""
-    units = {key: field.unit for key, field in fields_of(values).items()}
-    rows = [('key', 'value', 'source')]
-    for key in ordered(values):
-        rows.append(
-            (key, f'{_short(values[key])} {units.get(key, "")}'.strip(), _source(key, sources))
-        )
-    widths = [min(WIDEST, max(len(row[i]) for row in rows)) for i in (0, 1)]
-    return '\n'.join(f'{a:<{widths[0]}}  {b:<{widths[1]}}  {c}' for a, b, c in rows)
+    rows = [
+        [key, f'{value} {unit}'.strip(), source]
+        for key, value, unit, source in _rows(values, sources)
+    ]
+    return tables.text([Table(['key', 'value', 'source'], rows, 'l', widest=WIDEST)])
+
+
+def as_document(form: str) -> Callable[[Mapping[str, Any], Mapping[str, str], str], str]:
+    """The same with a column of units, in a format of :mod:`tables`."""
+    head = ['key', 'value', 'unit', 'source']
+    return lambda values, sources, place: tables.FORMATS[form](
+        [Table(head, _rows(values, sources), 'l')]
+    )
+
+
+def _rows(values: Mapping[str, Any], sources: Mapping[str, str]) -> list[list[str]]:
+    """Key, value, unit and source of each key."""
+    fields = fields_of(values)
+    return [
+        [key, _short(values[key]), fields.get(key, UNKNOWN).unit, _source(key, sources)]
+        for key in ordered(values)
+    ]
 
 
 def as_json(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
@@ -148,7 +165,14 @@ def as_ros(values: Mapping[str, Any], sources: Mapping[str, str], place: str) ->
     return '\n'.join(['/**:', f'  {MARK}:', *(f'    {line}' for line in lines)])
 
 
-FORMATS = {'table': as_table, 'yaml': as_scenario, 'ros': as_ros, 'json': as_json}
+FORMATS = {
+    'table': as_table,
+    'text': as_table,
+    'yaml': as_scenario,
+    'ros': as_ros,
+    'json': as_json,
+    **{form: as_document(form) for form in ('markdown', 'latex')},
+}
 MANY = 100  # items of a list, of which not all are shown
 WIDEST = 44  # characters of a column; what is wider sticks out
 

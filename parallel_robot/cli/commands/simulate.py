@@ -15,11 +15,13 @@ from parallel_robot.analysis import metrics, readable_metrics
 from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.cli import invocation
+from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimator import delay_text
 from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration import assignments, config, parameter_file, points_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
@@ -42,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='one run of a study: SCENARIO is the directory of its sweep, its file or its name',
     )
+    add_format_argument(parser)
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -180,6 +183,19 @@ def evaluate(made: Simulation) -> list[str]:
     return [head, *readable_metrics.brief(found, {})]
 
 
+def _tables(made: Simulation) -> tuple[list[Part], dict[str, Any]]:
+    """The metrics of a simulation as a table, and as plain data."""
+    loop = made.experiment.loop
+    data: dict[str, Any] = {'scenario': loop.scenario, 'law': loop.law}
+    if made.failure:
+        return [*evaluate(made)], data | {'failure': made.failure}
+    found = metrics.figures(of_simulation(made))
+    head, data = evaluate(made)[0], data | {'duration_s': found.duration_s}
+    return [*head.split('\n'), readable_metrics.whole(found)], data | readable_metrics.as_data(
+        found
+    )
+
+
 def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
     """Last lines of a command that made a bag: metrics, its directory, the next command.
 
@@ -200,7 +216,7 @@ def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.row is None:
-        return record(arguments.scenario, overrides(arguments), arguments.out)
+        return record(arguments.scenario, overrides(arguments), arguments.out, arguments.format)
     from parallel_robot.studies.sweep.single_row import row_of  # needed for rows alone
 
     for option in ('law', 'duration', 'hold', 'fit_speed'):
@@ -210,11 +226,17 @@ def execute(arguments: argparse.Namespace) -> int:
     row, doubts = row_of(arguments.scenario, arguments.row, given(arguments))
     for text in doubts:
         print(f'warning: {text}', file=sys.stderr)
-    return record(row.scenario, dict(row.overrides), arguments.out)
+    return record(row.scenario, dict(row.overrides), arguments.out, arguments.format)
 
 
-def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
+def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None = None) -> int:
     """Simulate a scenario with changes of its configuration into a bag; returns an exit code.
+
+    Args:
+        scenario: Name or file of the scenario.
+        changed: Keys of its configuration and their values.
+        out: Directory of the bag.
+        form: Format of the results, see :mod:`result_format`.
 
     Raises:
         InputError: something is wrong with the configuration or the place of the bag.
@@ -234,9 +256,15 @@ def record(scenario: str, changed: dict[str, Any], out: Path) -> int:
     rate = duration / simulation.loop_time
     delay = delay_text(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
     if delay:
-        print(f'delay of the states: {delay}')
-    print(f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)')
-    print(result(out, lambda: evaluate(simulation)))
+        tell(form, f'delay of the states: {delay}')
+    tell(
+        form,
+        f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)',
+    )
+    if form in (None, TEXT):
+        print(result(out, lambda: evaluate(simulation)))
+    else:
+        show(form, *_tables(simulation))
     if simulation.failure:
         raise RunError(simulation.failure)
     return 0

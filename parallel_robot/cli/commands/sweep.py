@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
-from parallel_robot.studies.sweep import study
+from parallel_robot.cli.result_format import add_format_argument, show, tell
+from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.cluster import Cluster
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers, sweep
@@ -39,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--scheduler', metavar='ADDRESS', help='run on the cluster of this dask scheduler instead'
     )
+    add_format_argument(parser)
     simulate.add_set_argument(parser)
 
 
@@ -50,10 +52,12 @@ def execute(arguments: argparse.Namespace) -> int:
     asked = study.parse(study.read(file), str(file), file.parent, arguments.laws)
     asked = asked.changed(arguments.runs, fixed)
     out: Path = arguments.out
-    summary = sweep(plan(asked), asked.text, out, workers, count)
-    print(summary, end='')
-    print(f'rows    {out / "runs.parquet"}')
-    print(f'summary {out / "summary.txt"} (.csv, .tex, .html), {out / "distributions.png"} (.pdf)')
+    planned = plan(asked)
+    found = sweep(planned, asked.text, out, workers, count)
+    form, picture = arguments.format, out / 'distributions.png'
+    show(form, summary.parts(planned, found), summary.as_data(found))
+    tell(form, f'rows    {out / "runs.parquet"}')
+    tell(form, f'summary {out / "summary.txt"} (.csv, .tex, .html), {picture} (.pdf)')
     return 0
 
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.result_format import add_format_argument, show, tell
 from parallel_robot.studies.tuning import convergence, effort
 from parallel_robot.studies.tuning.asked import IMPROVEMENT, MOST_UNTIL, PATIENCES, Asked
 from parallel_robot.studies.tuning.effort import MEASURES
@@ -113,20 +114,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--workers', type=int, metavar='N', help='processes, default: one for each core'
     )
+    add_format_argument(parser)
     simulate.add_set_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     found = tune(asked(arguments), simulate.given(arguments), arguments.out)
-    for line in found.lines():
-        print(line)
+    form = arguments.format
+    show(form, found.parts(), found.as_data())
     for text in found.warnings:
         print(f'warning: {text}', file=sys.stderr)
     files = found.files
-    print(f'gains   {files["tuned.yaml"]}, for nodes {files["tuned_ros.yaml"]}')
-    print(f'front   {files["front.csv"]} (.svg, .png)')
-    print(f'trials  {files["trials.csv"]}, {files["convergence.svg"]} (.png)')
+    tell(form, f'gains   {files["tuned.yaml"]}, for nodes {files["tuned_ros.yaml"]}')
+    tell(form, f'front   {files["front.csv"]} (.svg, .png)')
+    tell(form, f'trials  {files["trials.csv"]}, {files["convergence.svg"]} (.png)')
     return 0
 
 

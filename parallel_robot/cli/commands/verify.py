@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import math
 
 from parallel_robot.bags.progress import tracked
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.studies.robot_verification import verify_robot
 from parallel_robot.studies.verification import SCENARIOS, check_numbers, verify
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration.placed import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 
@@ -28,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='S',
         help=f'of each motion against MuJoCo, default {DURATION:g}',
     )
+    add_format_argument(parser)
     simulate.add_set_argument(parser)
 
 
@@ -38,35 +42,59 @@ def execute(arguments: argparse.Namespace) -> int:
     check_numbers(robots, arguments.seed, duration, '--')
     given = simulate.given(arguments)
     if not given:
-        return _against_mujoco(robots, arguments.seed, duration)
+        return _against_mujoco(robots, arguments.seed, duration, arguments.format)
     for option in ('robots', 'duration'):
         if getattr(arguments, option) is not None:
             raise InputError(f'--set checks one robot without MuJoCo: no --{option}')
-    return _against_contract(given, arguments.seed)
+    return _against_contract(given, arguments.seed, arguments.format)
 
 
-def _against_contract(given: Placed, seed: int) -> int:
+def _against_contract(given: Placed, seed: int, form: str | None) -> int:
     """Check one robot; print each check."""
     name, found = verify_robot(given, seed)
-    print(f'{name}: largest differences near plant.initial_pose')
+    rows = []
     for check in found:
-        print(f'  {check.text()}: {"agrees" if check.passes(FINE) else "wrong"}')
+        known = math.isfinite(check.difference)
+        sizes = f'{check.difference:.2g}' if known else 'not finite', f'{check.size:.2g}'
+        verdict = 'agrees' if check.passes(FINE) else 'wrong'
+        rows.append([check.function, check.what, *sizes, verdict])
+    head = f'{name}: largest differences near plant.initial_pose'
+    columns = ['function', 'what', 'difference', 'of', 'verdict']
+    data = [check._asdict() | {'agrees': check.passes(FINE)} for check in found]
+    show(form, [head, Table(columns, rows, 'llrrl')], data)
     return 0 if all(check.passes(FINE) for check in found) else 1
 
 
-def _against_mujoco(robots: int, seed: int, duration: float) -> int:
+def _against_mujoco(robots: int, seed: int, duration: float, form: str | None) -> int:
     """Compare random robots of each kind; print the worst."""
-    print(f'largest difference of the poses over {duration:g} s, [m] or [rad]')
-    failed = False
+    rows, data = [], []
     for kind in SCENARIOS:
         numbers = tracked(range(robots), robots, kind)
         found = verify(kind, numbers, seed, duration)
         worst = max(found, key=lambda difference: difference.largest)
         least = min(difference.path for difference in found)
         agrees = worst.largest < TOLERANCE
-        failed |= not agrees
-        print(
-            f'  {kind:12} {worst.largest:8.1e}, robot {worst.robot} of {len(found)}; each moved '
-            f'by {least:.2g} or more: {"agrees" if agrees else f"more than {TOLERANCE:g}"}'
+        verdict = 'agrees' if agrees else f'more than {TOLERANCE:g}'
+        rows.append(
+            [
+                kind,
+                f'{worst.largest:.1e}',
+                f'{worst.robot} of {len(found)}',
+                f'{least:.2g}',
+                verdict,
+            ]
         )
-    return 1 if failed else 0
+        data.append(
+            {
+                'kind': kind,
+                'robots': len(found),
+                'largest_difference': worst.largest,
+                'robot': worst.robot,
+                'least_path': least,
+                'agrees': agrees,
+            }
+        )
+    head = f'largest difference of the poses over {duration:g} s, [m] or [rad]'
+    columns = ['kind', 'difference', 'robot', 'least way', 'verdict']
+    show(form, [head, Table(columns, rows, 'lrrrl')], data)
+    return 0 if all(row['agrees'] for row in data) else 1

@@ -27,6 +27,8 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RobotError
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.robots.configuration import is_known
@@ -39,7 +41,7 @@ STRAY = 6.0  # of the noise, an error that is doubted
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration:
+class Calibration(ShownResult):
     """What measured poses tell of a robot.
 
     Attributes:
@@ -65,9 +67,9 @@ class Calibration:
         groups = parameter_file.groups(self.model, self.found)
         return {f'{group}.{key}': each for group, of in groups.items() for key, each in of.items()}
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """The results as tables."""
-        return readable.table(self.model, self.found)
+        return readable.parts(self.model, self.found)
 
     def as_data(self) -> dict[str, Any]:
         """The results as plain data, as ``--format json`` has them."""
@@ -81,10 +83,6 @@ class Calibration:
         """
         content = parameter_file.text(self.model, self.found, str(self.bag))
         new_files.save(out, content.encode())
-
-    def __repr__(self) -> str:
-        """The tables, and warnings."""
-        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
 
 
 def calibrate(

@@ -27,6 +27,8 @@ from parallel_robot.studies.identification.robot_file import dump
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.zero_angles import known
 from trajectory_gen import preflight
@@ -44,13 +46,14 @@ SHORTEST = 1.0  # s of a way
 INNER = 7  # points of a way between its ends, and of a rest
 
 
-@dataclass(frozen=True)
-class Designed:
+@dataclass(frozen=True, repr=False)
+class Designed(ShownResult):
     """Poses that tell most.
 
     Attributes:
         robot: Name of the robot.
         names: Names of the coordinates.
+        units: Their units.
         joints: Names of the joints.
         time: Middle of the rest at each pose [s], shape (N,).
         poses: The poses in the order in which they are visited, shape (N, m).
@@ -65,6 +68,7 @@ class Designed:
 
     robot: str
     names: tuple[str, ...]
+    units: tuple[str, ...]
     joints: tuple[str, ...]
     time: Array
     poses: Array
@@ -75,20 +79,22 @@ class Designed:
     unit: str
     motion: dict[str, dict[str, Any]]
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """The poses, and what they tell."""
-        lines = [''.join(f'{name:>12}' for name in ('t', *self.names, *self.joints))]
-        for row in np.column_stack((self.time, self.poses, self.position)):
-            lines.append(''.join(f'{value:>12.5f}' for value in row))
+        poses = np.column_stack((self.time, self.poses, self.position))
+        rows = [[f'{value:.5f}' for value in row] for row in poses]
+        coordinates = zip(self.names, self.units, strict=True)
+        head = ['t [s]', *(f'{name} [{unit}]' for name, unit in coordinates)]
+        head += [f'{joint} [rad]' for joint in self.joints]
         size = f'{len(self.poses)} poses'
         noise = f'noise of {1e6 * NOISE["m"]:g} µm and {1e6 * NOISE["rad"]:g} µrad'
         error, at_random = (f'{1e6 * each:.3g}' for each in (self.error, self.at_random))
-        lines.append(
+        return [
+            Table(head, rows, 'r'),
             f'error of the calibrated robot that is to be expected, rms, with a {noise}: '
-            f'{error} µ{self.unit}; by {size} at random {at_random}'
-        )
-        lines.append(f'condition number {self.condition:.4g}')
-        return lines
+            f'{error} µ{self.unit}; by {size} at random {at_random}',
+            f'condition number {self.condition:.4g}',
+        ]
 
     def write(self, path: Path) -> None:
         """Write the motion as YAML, for ``--param-file``, into a file that must not exist.
@@ -101,10 +107,6 @@ class Designed:
             f'{REST:g} s of rest at each.\n'
         )
         new_files.save(path, (comment + dump(self.motion)).encode())
-
-    def __repr__(self) -> str:
-        """The same in lines."""
-        return '\n'.join(self.lines())
 
 
 def design(
@@ -161,9 +163,11 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     ordered = _ordered(position, chosen)
     motion, rests = _motion(values, trajectory, centre, poses[ordered])
     singular = np.linalg.svd(J[chosen].reshape(-1, len(told)), compute_uv=False)
+    axes = robot.module.coordinates(robot.parameters)
     return Designed(
         robot.name,
-        tuple(axis.name for axis in robot.module.coordinates(robot.parameters)),
+        tuple(axis.name for axis in axes),
+        tuple(axis.unit for axis in axes),
         joints,
         rests,
         poses[ordered],

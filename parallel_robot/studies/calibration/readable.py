@@ -9,40 +9,40 @@ import numpy as np
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.tables import Part, Table
 
 SHARE = 0.1  # in a unit vector from which an unknown is named
 MICRO = {'m': 'µm', 'rad': 'µrad', 's': 'µs'}
 
 
-def table(model: PoseModel, found: Fit) -> list[str]:
+def parts(model: PoseModel, found: Fit) -> list[Part]:
     """Geometry, zero angles and tracker with 95 % intervals, and what is not known."""
-    lines = [
-        f'{model.robot.name}: {len(model.measured.time)} poses',
-        f'{"":<28}{"estimate":>13}{"95 % interval":>20}{"change":>14}',
-    ]
-    half = found.half_widths
+    half, rows = found.half_widths, []
     for k, each in enumerate(model.unknown):
         unit = MICRO[each.unit]
         interval = 'kept' if k in found.kept else f'+- {1e6 * half[k]:.3g} {unit}'
         change = f'{1e6 * (found.values[k] - model.start[k]):.1f} {unit}'
-        lines.append(f'{each.name:<28}{found.values[k]:>13.7g}{interval:>20}{change:>14}')
-    lines += [f'the poses do not tell: {text}' for text in untold(model, found)]
-    if found.kept:
-        kept = ', '.join(model.unknown[k].name for k in found.kept)
-        lines.append(f'kept, so that the others can be told: {kept}')
-    lines.append(f'condition number {found.condition:.4g}')
-    lines.append(f'{"error of the poses, rms":<28}{"before":>13}{"now":>20}{"noise":>14}')
+        rows.append([each.name, f'{found.values[k]:.7g}', each.unit, interval, change])
+    kept = ', '.join(model.unknown[k].name for k in found.kept)
+    errors = []
     axes = model.robot.module.coordinates(model.robot.parameters)
     for k, column in enumerate(model.measured.columns):
         before, now = (1e6 * rms(rows[:, k]) for rows in (found.before, found.left))
-        name = f'  {axes[column].name} [{MICRO[axes[column].unit]}]'
+        name = f'{axes[column].name} [{MICRO[axes[column].unit]}]'
         noise = 1e6 * found.noise[k]
-        lines.append(f'{name:<28}{before:>13.4g}{now:>20.4g}{noise:>14.4g}')
+        errors.append([name, f'{before:.4g}', f'{now:.4g}', f'{noise:.4g}'])
     expected = ', '.join(
         f'{1e6 * value:.3g} {MICRO[unit]}' for unit, value in expected_error(model, found).items()
     )
-    lines.append(f'error of the calibrated robot that is expected at these poses, rms: {expected}')
-    return lines
+    return [
+        f'{model.robot.name}: {len(model.measured.time)} poses',
+        Table(['unknown', 'estimate', 'unit', '95 % interval', 'change'], rows, 'lrlr'),
+        *(f'the poses do not tell: {text}' for text in untold(model, found)),
+        *([f'kept, so that the others can be told: {kept}'] if kept else []),
+        f'condition number {found.condition:.4g}',
+        Table(['error of the poses, rms', 'before', 'now', 'noise'], errors),
+        f'error of the calibrated robot that is expected at these poses, rms: {expected}',
+    ]
 
 
 def untold(model: PoseModel, found: Fit) -> list[str]:

@@ -28,10 +28,12 @@ from parallel_robot.studies.identification.identified import Identified, Predict
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
 from parallel_robot.studies.identification.rest import Rest
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
 
 
 @dataclass(frozen=True, repr=False)
-class Identification:
+class Identification(ShownResult):
     """What a bag tells of its robot.
 
     Attributes:
@@ -62,14 +64,14 @@ class Identification:
     def _noise(self) -> dict[str, list[float]]:
         return self.rest.parameters() if self.rest else {}
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """The results as tables."""
         of = 'validation' if self.validated else 'same bag'
         title = f'torque error, rms, {of} [N m]'
         return [
-            *readable.table(self.found),
-            *readable.prediction(title, self.checked, self.joints),
-            *(self.rest.lines() if self.rest else [rest.NONE]),
+            *readable.parts(self.found),
+            readable.prediction(title, self.checked, self.joints),
+            *(self.rest.parts() if self.rest else [rest.NONE]),
         ]
 
     def as_data(self) -> dict[str, Any]:
@@ -97,10 +99,6 @@ class Identification:
                     figures.draw_prediction(rows.time, self.joints, rows.torque, torque, figure)
         except OSError as error:
             raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
-
-    def __repr__(self) -> str:
-        """The tables, and warnings."""
-        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
 
 
 def check_files(out: Path | None, figure: Path | None) -> None:

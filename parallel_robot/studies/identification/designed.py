@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from parallel_robot.bags import new_files
 from parallel_robot.studies.identification import design, robot_file
 from parallel_robot.studies.identification.design import Design
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration.fields import Field, check
 
 TRIALS = 2500
 SEED = 0
 
 
-class Designed(NamedTuple):
+@dataclass(frozen=True, repr=False)
+class Designed(ShownResult):
     """An exciting motion.
 
     Attributes:
@@ -32,14 +36,14 @@ class Designed(NamedTuple):
     trials: int
     seed: int
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """What it shows of the parameters, before the search and now."""
-        return [
-            f'{name:<13}weakest combination {quality.weakest:.4g} N m, '
-            f'condition number {quality.condition:.4g}'
+        rows = [
+            [name, f'{quality.weakest:.4g}', f'{quality.condition:.4g}']
             for name, quality in (('before', self.design.before), ('now', self.design.quality))
             if quality is not None
         ]
+        return [Table(['', 'weakest combination [N m]', 'condition number'], rows)]
 
     def write(self, path: Path) -> None:
         """Write the coefficients as YAML, for ``--param-file``, into a file that must not exist.

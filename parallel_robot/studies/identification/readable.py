@@ -10,39 +10,41 @@ import numpy as np
 from parallel_robot.studies.identification.base_parameters import linear_model
 from parallel_robot.studies.identification.identified import Delay, Identified, Prediction
 from parallel_robot.studies.identification.least_squares import UNKNOWN
+from parallel_robot_model.common.tables import Part, Table
 
 
-def table(found: Identified) -> list[str]:
+def parts(found: Identified) -> list[Part]:
     """Base parameters with their 95 % intervals, what is not known, and the chosen robot."""
     fit, robot = found.fit, found.robot
     model = linear_model(found.nominal.robot)
-    lines = [
-        f'{found.nominal.robot.name}: {found.rows.duration:.3g} s of motion, '
-        f'{len(found.rows.time)} rows for each joint',
-        f'{"base parameter":<22}{"estimate":>12}{"95 % interval":>26}{"before":>12}  unit',
-    ]
     half = fit.interval * fit.standard_errors
+    rows = []
     for k, (name, unit) in enumerate(zip(found.base.names, found.base.units, strict=True)):
         unknown = half[k] > 0.1 * UNKNOWN * found.scale[k]
         interval = 'not determined' if unknown else f'+- {half[k]:.2g}'
         if not unknown:
             interval += f' ({100.0 * half[k] / found.scale[k]:.2g} %)'
-        value = f'{fit.values[k]:.5g}'
-        lines.append(f'{name:<22}{value:>12}{interval:>26}{found.before[k]:>12.5g}  {unit}')
-    lines.append(f'  {model.NAMES}')
-    lines.append(f'condition number {fit.condition:.4g}')
-    lines.append(_delay(found.delay, found.period))
-    lines += [f'the motion does not tell: {line}' for line in poor(found)]
+        rows.append([name, f'{fit.values[k]:.5g}', interval, f'{found.before[k]:.5g}', unit])
+    parts: list[Part] = [
+        f'{found.nominal.robot.name}: {found.rows.duration:.3g} s of motion, '
+        f'{len(found.rows.time)} rows for each joint',
+        Table(['base parameter', 'estimate', '95 % interval', 'before', 'unit'], rows, 'lrrrl'),
+        f'  {model.NAMES}',
+        f'condition number {fit.condition:.4g}',
+        _delay(found.delay, found.period),
+        *(f'the motion does not tell: {line}' for line in poor(found)),
+    ]
     if robot.active:
-        lines.append(
+        parts.append(
             'constraint active: no robot that can be built has these estimates; the nearest one '
             f'is {robot.misfit:.2g} standard errors away'
         )
-    lines.append(f'{"one of many robots that explain it":<34}{"":>26}{"before":>12}')
-    for key, value in robot.robot.items():
-        for number, before, index in _each(value, robot.nominal[key]):
-            lines.append(f'  {f"robot.{key}{index}":<20}{number:>12.5g}{"":>26}{before:>12.5g}')
-    return lines
+    keys = [
+        [f'robot.{key}{index}', f'{number:.5g}', f'{before:.5g}']
+        for key, value in robot.robot.items()
+        for number, before, index in _each(value, robot.nominal[key])
+    ]
+    return [*parts, 'one of many robots that explain it', Table(['key', 'value', 'before'], keys)]
 
 
 def _delay(found: Delay, period: float) -> str:
@@ -63,18 +65,15 @@ def poor(found: Identified) -> list[str]:
     ]
 
 
-def prediction(title: str, found: Prediction, joints: Sequence[str]) -> list[str]:
+def prediction(title: str, found: Prediction, joints: Sequence[str]) -> Table:
     """Errors of the predicted torques, joint by joint."""
     rows = {
         'identified': found.error,
         'before': found.nominal_error,
         'torque itself': found.size,
     }
-    lines = [f'{title:<34}' + ''.join(f'{joint:>12}' for joint in joints)]
-    return lines + [
-        f'  {name:<32}' + ''.join(f'{value:>12.4g}' for value in values)
-        for name, values in rows.items()
-    ]
+    cells = [[name, *(f'{value:.4g}' for value in values)] for name, values in rows.items()]
+    return Table([title, *joints], cells)
 
 
 def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> dict[str, Any]:
@@ -117,6 +116,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
         'constraint_active': robot.active,
         'misfit_standard_errors': robot.misfit,
         'robot': robot.robot,
+        'robot_before': {key: robot.nominal[key] for key in robot.robot},
         'friction': {'viscous': robot.viscous.tolist(), 'coulomb': robot.coulomb.tolist()},
         'torque_error_rms_nm': {
             joint: {

@@ -19,14 +19,16 @@ import numpy as np
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import GAP, SPAN, STILL
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
 
 SHORTEST = 0.1  # s of a phase
 NONE = f'sensor noise: the bag has no phase of rest of {SHORTEST:g} s'
 ORDER, GAIN = 3, 20.0  # of the differences; variance of that of white noise, in parts of its own
 
 
-@dataclass(frozen=True)
-class Rest:
+@dataclass(frozen=True, repr=False)
+class Rest(ShownResult):
     """Noise of the measured joints at rest, rms.
 
     Attributes:
@@ -48,7 +50,7 @@ class Rest:
             if np.all(values > 0.0)
         }
 
-    def lines(self) -> list[str]:
+    def parts(self) -> list[Part]:
         """The parameters as a scenario takes them."""
         if not self.parameters():
             return [f'no sensor noise in {self.duration:.3g} s at rest']

@@ -7,13 +7,16 @@ import csv
 import html
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.studies.sweep.plan import Plan, sampling
 from parallel_robot.studies.sweep.results import OTHERS, Quantity, ScenarioResult
 from parallel_robot.studies.sweep.statistics import Estimate
 from parallel_robot_control.laws import title as title_of
+from parallel_robot_model.common import tables
+from parallel_robot_model.common.tables import Part, Table
 
 Results = Mapping[str, ScenarioResult]
 STRONGEST = 5  # parameters that are shown as drivers of the error; CSV has all
@@ -23,9 +26,7 @@ PAIRS = (
     "{0} pairs, p of the sign test with Holm's correction over all of them, open from {1:g} on."
 )
 LEVEL = 0.05  # of p
-LATEX = {'_': r'\_', '%': r'\%', '&': r'\&', '#': r'\#', '$': r'\$', '{': r'\{', '}': r'\}'}
-LATEX |= {'\\': r'\textbackslash{}', '~': r'\textasciitilde{}', '^': r'\textasciicircum{}'}
-LATEX |= {'µ': r'$\mu$'}
+COLUMNS = ('scenario', 'law', 'quantity', 'unit', 'value', 'low', 'high', 'runs')
 STYLE = (
     'body{font:15px/1.5 sans-serif;max-width:60em;margin:2em auto;padding:0 1em}'
     'table{border-collapse:collapse;margin:1em 0}td,th{padding:.2em .8em;text-align:right}'
@@ -33,15 +34,20 @@ STYLE = (
 )
 
 
+def parts(plan: Plan, results: Results) -> list[Part]:
+    """The summary as lines and tables."""
+    parts: list[Part] = [_head(plan), *_notes(plan, results)]
+    for scenario, result in results.items():
+        for title, found in _tables(result):
+            parts += [f'\n{scenario}: {title}', found]
+        for law, of_law in result.laws.items():
+            parts += [f'  {law}, {count} runs: {why}' for why, count in of_law.reasons.items()]
+    return parts
+
+
 def text(plan: Plan, results: Results) -> str:
     """The summary for a terminal."""
-    lines = [_head(plan), *_notes(plan, results)]
-    for scenario, result in results.items():
-        for title, table in _tables(result):
-            lines += ['', f'{scenario}: {title}', *_aligned(table)]
-        for law, found in result.laws.items():
-            lines += [f'  {law}, {count} runs: {why}' for why, count in found.reasons.items()]
-    return '\n'.join(lines) + '\n'
+    return tables.text(parts(plan, results)) + '\n'
 
 
 def page(plan: Plan, results: Results, picture: bytes) -> str:
@@ -56,12 +62,12 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
     parts = [f'<p>{html.escape(_head(plan))}. {html.escape(notes)}</p>']
     for scenario, result in results.items():
         parts.append(f'<h2>{html.escape(scenario)}</h2>')
-        for title, (head, *rows) in _tables(result, title_of):
-            parts.append(f'<h3>{html.escape(title)}</h3><table>{_cells(head, "th")}')
-            parts += [_cells(row, 'td') for row in rows]
+        for title, found in _tables(result, title_of):
+            parts.append(f'<h3>{html.escape(title)}</h3><table>{_cells(found.head, "th")}')
+            parts += [_cells(row, 'td') for row in found.rows]
             parts.append('</table>')
-        for law, found in result.laws.items():
-            for why, count in found.reasons.items():
+        for law, of_law in result.laws.items():
+            for why, count in of_law.reasons.items():
                 parts.append(f'<p>{html.escape(f"{title_of(law)}, {count} runs: {why}")}</p>')
     encoded = base64.b64encode(picture).decode()
     parts.append(f'<img alt="Distributions of the error" src="data:image/png;base64,{encoded}">')
@@ -75,43 +81,49 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
 
 def latex(results: Results) -> str:
     """The tables of the laws, error and effort, two tabulars for each scenario."""
-    parts = []
+    parts: list[Part] = []
     for scenario, result in results.items():
-        for title, (head, *rows) in _tables(result, title_of)[:2]:
-            parts.append(f'% {scenario}: {title}')
-            parts.append(r'\begin{tabular}{l' + 'r' * (len(head) - 1) + '}')
-            parts.append(r'\hline' + '\n' + _latex_row(head) + '\n' + r'\hline')
-            parts += [_latex_row(row) for row in rows]
-            parts.append(r'\hline' + '\n' + r'\end{tabular}')
-    return '\n'.join(parts) + '\n'
+        for title, found in _tables(result, title_of)[:2]:
+            parts += [f'{scenario}: {title}', found]
+    return tables.latex(parts) + '\n'
 
 
 def table(results: Results) -> str:
     """All numbers as comma-separated values, one number with its interval a row."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator='\n')
-    writer.writerow(['scenario', 'law', 'quantity', 'unit', 'value', 'low', 'high', 'runs'])
+    writer.writerow(COLUMNS)
+    writer.writerows(_numbers(results))
+    return stream.getvalue()
+
+
+def as_data(results: Results) -> list[dict[str, Any]]:
+    """The same as plain data, for JSON."""
+    return [dict(zip(COLUMNS, row, strict=True)) for row in _numbers(results)]
+
+
+def _numbers(results: Results) -> Iterator[list[Any]]:
+    """One number with its interval a row."""
     for scenario, result in results.items():
         for name, level in result.levels.items():
             row = [scenario, '', f'median of {name}', result.quantities[0].unit]
-            writer.writerow([*row, *_ends(level.median), len(level.values)])
+            yield [*row, *_ends(level.median), len(level.values)]
         for law, found in result.laws.items():
             total = sum(found.runs.values())
             for quantity, median in zip(result.quantities, found.medians, strict=True):
                 name = f'median of {quantity.name}'
-                writer.writerow([scenario, law, name, quantity.unit, *_ends(median), total])
+                yield [scenario, law, name, quantity.unit, *_ends(median), total]
             for status, count in sorted(found.runs.items()):
-                writer.writerow([scenario, law, f'runs {status}', '', count, '', '', total])
+                yield [scenario, law, f'runs {status}', '', count, '', '', total]
             for driver in found.drivers:
                 name = f'rank correlation of the error with {driver.parameter}'
-                writer.writerow([scenario, law, name, '', *_ends(driver.correlation), total])
+                yield [scenario, law, name, '', *_ends(driver.correlation), total]
         for duel in result.duels:
             total = sum(result.laws[duel.winner].runs.values())
             name = f'probability of a smaller error than {duel.loser}'
-            writer.writerow([scenario, duel.winner, name, '', *_ends(duel.probability), total])
+            yield [scenario, duel.winner, name, '', *_ends(duel.probability), total]
             name = f'p of a smaller error than {duel.loser}, corrected by Holm'
-            writer.writerow([scenario, duel.winner, name, '', duel.p, '', '', total])
-    return stream.getvalue()
+            yield [scenario, duel.winner, name, '', duel.p, '', '', total]
 
 
 def _head(plan: Plan) -> str:
@@ -135,8 +147,8 @@ def _notes(plan: Plan, results: Results) -> list[str]:
 
 def _tables(
     result: ScenarioResult, written: Callable[[str], str] = str
-) -> list[tuple[str, list[list[str]]]]:
-    """Title and rows, the first with the headings, of each table of a scenario.
+) -> list[tuple[str, Table]]:
+    """Title and table of each table of a scenario.
 
     Args:
         result: Results of the scenario.
@@ -169,13 +181,13 @@ def _tables(
         ]
         for duel in result.duels
     ]
-    tables = [
-        ('medians', first),
-        ('medians of the effort', efforts),
-        ('who has the smaller error in the same sample', duels),
-        ('what the error goes with (rank correlation)', drivers),
+    titled = [
+        ('medians', first, 'lr'),
+        ('medians of the effort', efforts, 'lr'),
+        ('who has the smaller error in the same sample', duels, 'llr'),
+        ('what the error goes with (rank correlation)', drivers, 'llr'),
     ]
-    return [(title, rows) for title, rows in tables if len(rows) > 1]
+    return [(title, Table(head, rows, align)) for title, (head, *rows), align in titled if rows]
 
 
 def _heading(quantity: Quantity) -> str:
@@ -199,15 +211,5 @@ def _ends(estimate: Estimate) -> tuple[float, float, float]:
     return estimate.value, estimate.low, estimate.high
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows as lines with columns of one width."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ['  ' + '  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
-
-
 def _cells(row: Sequence[str], tag: str) -> str:
     return '<tr>' + ''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in row) + '</tr>'
-
-
-def _latex_row(row: Sequence[str]) -> str:
-    return ' & '.join(''.join(LATEX.get(c, c) for c in cell) for cell in row) + r' \\'

@@ -13,6 +13,7 @@ from parallel_robot.bags.printable_output import as_it_is
 from parallel_robot.studies.sweep import results, summary
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.store import RUNS, Store
+from parallel_robot.studies.sweep.summary import Results
 from parallel_robot.studies.sweep.table import schema, table
 from parallel_robot.studies.sweep.tasks import Task, tasks
 from parallel_robot.studies.sweep.workers import Workers, completed
@@ -22,7 +23,7 @@ MOST_WORKERS = 1024
 FILES = ('summary.txt', 'summary.csv', 'summary.tex', 'summary.html')
 
 
-def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) -> str:
+def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) -> Results:
     """Run what is left of a plan, and summarise it.
 
     Args:
@@ -33,7 +34,7 @@ def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) 
         count: Number of workers, by which the work is divided.
 
     Returns:
-        The summary as text.
+        The results, scenario by scenario.
 
     Raises:
         InputError: the directory holds something else, or workers cannot be reached.
@@ -94,8 +95,8 @@ def default_workers() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def summarise(plan: Plan, directory: Path) -> str:
-    """Write the summary of a finished sweep; returns its text.
+def summarise(plan: Plan, directory: Path) -> Results:
+    """Write the summary of a finished sweep; returns the results.
 
     Raises:
         RunError: it cannot be written.
@@ -104,9 +105,8 @@ def summarise(plan: Plan, directory: Path) -> str:
 
     found = results.evaluate(directory / RUNS, plan)
     pictures = picture.draw(found)
-    text = summary.text(plan, found)
     page = summary.page(plan, found, pictures['png'])
-    contents = (text, summary.table(found), summary.latex(found), page)
+    contents = (summary.text(plan, found), summary.table(found), summary.latex(found), page)
     files = {name: content.encode() for name, content in zip(FILES, contents, strict=True)}
     files |= {f'distributions.{suffix}': content for suffix, content in pictures.items()}
     for name, content in files.items():
@@ -119,4 +119,4 @@ def summarise(plan: Plan, directory: Path) -> str:
                 unfinished.unlink(missing_ok=True)
             path = directory / name
             raise RunError(f'cannot write {path}: {error.strerror}; all rows are kept') from None
-    return text
+    return found

@@ -32,7 +32,9 @@ def library() -> ModuleType:
     Raises:
         InputError: it is not installed.
     """
-    optuna = optional('optuna')
+    with warnings.catch_warnings():  # of tqdm, in a notebook without widgets
+        warnings.simplefilter('ignore')
+        optuna = optional('optuna')
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     return optuna
 

@@ -19,12 +19,14 @@ from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part, Table
 
 REASONS = 3  # most frequent reasons of infeasible trials to report
 
 
 @dataclass(frozen=True, repr=False)
-class Tuned:
+class Tuned(ShownResult):
     """A tuning that has ended.
 
     Attributes:
@@ -58,31 +60,48 @@ class Tuned:
         """All trials as a pandas.DataFrame, as in ``trials.csv``."""
         return pandas().read_csv(self.files['trials.csv'])
 
-    def lines(self) -> list[str]:
+    def as_data(self) -> dict[str, Any]:
+        """What came of it as plain data, figures in SI units."""
+        tuning, result = self.tuning, self.result
+        columns = tuning.error.column, tuning.effort.quantity.column
+        first, chosen = (
+            dict(zip(columns, (each.error, each.effort), strict=True))
+            | {'gains': dict(each.gains)}
+            for each in (result.trials[0], result.chosen)
+        )
+        return {
+            'law': tuning.space.law,
+            'trials': len(result.trials),
+            'infeasible': sum(infeasible(result.trials).values()),
+            'front': len(result.points),
+            'taken': result.chosen.number,
+            'why': result.why,
+            'verdict': f'{result.verdict}',
+            'default': first,
+            'tuned': chosen,
+        }
+
+    def parts(self) -> list[Part]:
         """What came of it."""
         tuning, result = self.tuning, self.result
         trials, chosen = result.trials, result.chosen
         failed = infeasible(trials)
-        lines = [
-            f'{len(trials)} trials, {sum(failed.values())} infeasible, {len(result.points)} on '
-            f'the front; trial {chosen.number} is taken: {result.why}',
-            f'{result.verdict} (best: {tuning.goal})',
-        ]
-        lines += [f'  {count} x {reason}' for reason, count in list(failed.items())[:REASONS]]
-        lines.append(f'default {output.figures(trials[0], tuning)}')
-        lines.append(f'tuned   {output.figures(chosen, tuning)}')
-        width = max(map(len, chosen.gains))
+        rows = []
         for key in chosen.gains:
             among = tuning.space.varied.get(key, 'fixed')
             if key not in tuning.space.varied and key not in tuning.space.fixed:
                 among = 'follows gamma1'
             before, after = (_short(each[key]) for each in (tuning.space.default, chosen.gains))
-            lines.append(f'  {key:<{width}}  {before} -> {after}  ({among})')
-        return lines
-
-    def __repr__(self) -> str:
-        """What came of it, and warnings."""
-        return '\n'.join([*self.lines(), *(f'warning: {text}' for text in self.warnings)])
+            rows.append([key, before, after, f'{among}'])
+        return [
+            f'{len(trials)} trials, {sum(failed.values())} infeasible, {len(result.points)} on '
+            f'the front; trial {chosen.number} is taken: {result.why}',
+            f'{result.verdict} (best: {tuning.goal})',
+            *(f'  {count} x {reason}' for reason, count in list(failed.items())[:REASONS]),
+            f'default {output.figures(trials[0], tuning)}',
+            f'tuned   {output.figures(chosen, tuning)}',
+            Table(['gain', 'default', 'tuned', 'searched'], rows, 'lrrl'),
+        ]
 
 
 def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
