@@ -63,6 +63,7 @@ class Run:
         simulation: All that the simulation has recorded; None for a run from a bag.
         motions: The motions of a run from a bag, of which its metrics are; None for a simulation.
         name: Name of the bag of a run from one, by which tables and pictures call it; else empty.
+        has_efforts: Whether the torques were measured; else `torque` are those commanded.
     """
 
     scenario: str
@@ -88,6 +89,7 @@ class Run:
     simulation: Simulation | None = None
     motions: Motions | None = None
     name: str = ''
+    has_efforts: bool = True
 
     @property
     def error(self) -> Array:
@@ -113,7 +115,7 @@ class Run:
         found = JointColumns(
             self.position,
             self.velocity,
-            self.torque,
+            self.torque if self.has_efforts else np.full_like(self.torque, np.nan),
             self.reference,
             self.reference_velocity,
             self.reference_acceleration,

@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from assembly import simulated as simulate
 from bags import content, streams, write_foreign
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+import parallel_robot as pr
 from parallel_robot.analysis import drill, timing
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.bags import history, recording, simulation_bag
@@ -433,6 +435,9 @@ def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys)
     bag = blind(measured, ('position', 'velocity', *unknown), **unknown)
     whole, log = recording.read(measured).log, recording.read(bag).log
     assert np.array_equal(log.effort, whole.effort) and whole.has_efforts and not log.has_efforts
+    frame = pr.load(bag).to_frame()
+    assert frame.filter(like='effort_nm').isna().all(axis=None)
+    pandas.testing.assert_frame_equal(frame, pr.export(bag))
     assert main(['replay', str(bag)]) == 0
     out, err = capsys.readouterr()
     assert 'identical: 301 commands' in out and 'have no efforts: torques are those comm' in err

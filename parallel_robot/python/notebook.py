@@ -176,6 +176,7 @@ def load(
         (*log.warnings, *filter(None, [part.cut, ended]), *part.remarks, *part.doubts),
         motions=part.motions,
         name=Path(bag).resolve().name.removesuffix('.mcap'),
+        has_efforts=log.has_efforts,
     )
 
 
