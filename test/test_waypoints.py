@@ -9,6 +9,7 @@ from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config, parameter_file, points_table
+from trajectory_gen import joint_path
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.waypoints import Parameters, motion, prepare
@@ -226,6 +227,16 @@ def test_points_in_joints_are_followed_in_joints(of, scenario):
     assert np.abs(followed.position - theirs(grid)).max() < 1e-10
     assert np.abs(followed.velocity - theirs(grid, nu=1)).max() < 1e-8
     assert np.abs(followed.acceleration - theirs(grid, nu=2)).max() < 1e-5
+
+
+def test_a_long_motion_in_joints_takes_no_more_memory(scenario, monkeypatch):
+    monkeypatch.setattr(joint_path, 'MOST', 200)
+    path = scenario.parent / 'points.csv'
+    path.write_text('t,q1,q2\n0,1,1\n1e9,1.1,1.2\n2e9,1.2,1.3\n')
+    changes = {'trajectory.shape': 'waypoints', 'waypoints.file': str(path)}
+    made = trajectory_of(config.resolve('serial_2r_circle', changes))
+    assert len(made.shape.knots) == 201
+    assert made.sample(1e9).position[0] == pytest.approx([1.1, 1.2], abs=1e-9)
 
 
 @pytest.mark.parametrize(
