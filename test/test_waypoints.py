@@ -150,7 +150,7 @@ def test_a_bag_runs_again_without_the_file(scenario, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('content', 'reason'),
     [
-        (b'', 'line 1: the header must be t, x, y, phi'),
+        (b'', 'points.csv is empty'),
         (b'0, 0.5, 0.3, 0\n1, 0.5, 0.4, 0\n', "not '0, 0.5, 0.3, 0'; waypoints.columns says"),
         (b't; x; y; angle\n', "not 't, x, y, angle'"),
         (b't, x, y, phi\n0, 0.5, nan, 0\n', "line 2: 'nan' is not a finite number"),
@@ -159,7 +159,7 @@ def test_a_bag_runs_again_without_the_file(scenario, tmp_path, capsys):
         (b't, x, y\n0, 0.5, left\n', "line 2: 'left' is not a finite number"),
         (b't, x, y\n0, 0.5\n', 'line 2 must hold 3 numbers, not 2'),
         (b't, x, y\n0, 0.5, 0.3\n2, 0.5, 0.3\n1, 0.5, 0.3\n', 'line 4: t = 1 is not after 2'),
-        (b't, x, y\n0, 0.5, 0.3\n0.0, 0.5, 0.3\n', 'line 3: t = 0 is not after 0'),
+        (b't, x, y\n0, 0.5, 0.3\n0.0, 0.6, 0.3\n', 'line 3: t = 0 is not after 0'),
         (b't, x, y\n0, 0.5, 0.3\n', 'must hold at least 2 points, not 1'),
         (b'\x7fELF\x80\xff', 'is not a text in UTF-8'),
         (b't, x, y\n' + b'a' * 200_000, 'field larger than field limit'),
@@ -256,10 +256,14 @@ def test_joints_that_the_robot_cannot_have_cost_one_line(scenario, joints, reaso
     assert not (scenario.parent.parent / 'bag').exists()
 
 
+NUMBERED = ['t=1', 'x=2', 'y=3', 'phi=4']
 TABLES = {
     'semicolons': ('t; x; y; phi\n0; 0.5; 0.37; 1.5\n1; 0.51; 0.38; 1.5\n', {}),
     'decimal commas': ('t;x;y;phi\n0;0,5;0,37;1,5\n1;0,51;0,38;1,5\n', {}),
     'tabs and comments': ('# a log\nt\tx\ty\tphi\n0\t.5\t.37\t1.5\n1\t.51\t.38\t1.5\n', {}),
+    'spaces': ('# by savetxt\n0.0  0.5 0.37 1.5\n1.0 0.51 0.38 1.5\n', {'columns': NUMBERED}),
+    'a separator at the end': ('t,x,y,phi,\n0,0.5,0.37,1.5,\n1,0.51,0.38,1.5,\n', {}),
+    'a line twice': ('t,x,y,phi\n0,0.5,0.37,1.5\n0,0.5,0.37,1.5\n1,0.51,0.38,1.5\n', {}),
     'names': (
         'Time,EE X,EE Y,state,Yaw\n0,0.5,0.37,idle,1.5\n1,0.51,0.38,run,1.5\n',
         {'columns': ['y=EE Y', 't=Time', 'x=EE X', 'phi=Yaw']},
