@@ -14,6 +14,13 @@ from parallel_robot_model.common.errors import BagError
 SQLITE = b'SQLite format 3\0'
 POINTER = b'version https://git-lfs.github.com/spec/'
 ROS1 = b'#ROSBAG V'
+PACKERS = {
+    b'\x1f\x8b': 'gzip',
+    b'BZh': 'bzip2',
+    b'\xfd7zXZ\0': 'xz',
+    b'PK\3\4': 'zip',
+    b"7z\xbc\xaf'\x1c": '7z',
+}
 HEADER = 4096  # bytes that hold its header
 INDEXED = b'index_pos='  # of the header, before the place of the index
 NO_INDEX = INDEXED + bytes(8)
@@ -58,3 +65,8 @@ def check(path: Path, file: File) -> None:
         raise BagError(f'{path} is a bag of ROS 1: {convert} makes one that is read')
     if not begin:
         raise BagError(f'{path} is empty')
+    for first, packer in PACKERS.items():
+        if begin.startswith(first):
+            raise BagError(f'{path} is packed by {packer}: unpack it first')
+    if path.name == 'metadata.yaml':
+        raise BagError(f'{path} says what a bag holds: give its directory, {path.parent}')
