@@ -53,7 +53,7 @@ def files(bag: Path) -> list[Path]:
         found |= {name for name in names if name.endswith(packed) and name[:-5] not in names}
         if found:
             return [bag / name for name in sorted(found, key=_numbers_by_value)]
-    inside = sorted(path.name for path in bag.iterdir() if _holds_files(path))
+    inside = sorted(path.name for path in bag.glob('*') if _holds_files(path))
     if inside:
         several = f'{", ".join(inside[:FEW])}{" ..." if len(inside) > FEW else ""}'
         raise BagError(f'{bag} is not a bag, but holds bags: {several}; give one of them')
