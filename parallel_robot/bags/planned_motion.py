@@ -68,7 +68,7 @@ def cut(parts: Sequence[Samples]) -> tuple[list[Samples], int]:
     motions = sorted(
         (part for part in parts if isinstance(part, Planned)), key=lambda part: int(part.stamps[0])
     )
-    found = [part for part in parts if not isinstance(part, Planned)]
+    found = [part for part in parts if part.numbers and not isinstance(part, Planned)]
     for k, part in enumerate(motions):
         if not part.numbers:
             continue
