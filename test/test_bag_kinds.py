@@ -1,5 +1,6 @@
 """Bags that are not MCAP: sqlite3 of rosbag2 is read, others are called what they are."""
 
+import gzip
 import shutil
 import sqlite3
 
@@ -127,6 +128,11 @@ def test_a_ros_1_bag_is_called_one_with_what_converts_it(tmp_path, capsys):
     assert main(['analyze', str(path)]) == 2
     err = capsys.readouterr().err
     assert err.count('\n') == 1 and f'rosbags-convert --src {path}' in err
+    content = path.read_bytes()
+    place = content.index(b'index_pos=') + len(b'index_pos=')
+    path.write_bytes(content[:place] + bytes(8) + content[place + 8 :])
+    with pytest.raises(BagError, match='without its index: rosbag reindex'):
+        recording.read(path)
 
 
 @pytest.mark.parametrize(
@@ -160,3 +166,24 @@ def test_what_the_player_cannot_play_names_recover(tmp_path):
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(BagError, match='cut off; parallel_robot recover'):
         BagReader(path)
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'told'),
+    [
+        ('run.mcap', b'', 'is empty'),
+        ('run.mcap', gzip.compress(b'x'), 'is packed by gzip: unpack it first'),
+        ('run.db3', b'PK\3\4', 'is packed by zip: unpack it first'),
+        ('metadata.yaml', b'x: 1', 'says what a bag holds: give its directory'),
+    ],
+)
+def test_what_is_no_bag_is_called_what_it_is(tmp_path, name, content, told):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(BagError, match=told):
+        recording.read(tmp_path / name)
+
+
+def test_a_directory_of_bags_names_them(tmp_path):
+    write_sqlite(tmp_path / 'one')
+    with pytest.raises(BagError, match='is not a bag, but holds bags: one; give one of them'):
+        recording.read(tmp_path)

@@ -246,8 +246,8 @@ def test_one_of_several_recordings_in_a_folder(tmp_path, capsys):
         place = tmp_path / f'{len(figures)}.json'
         main(['analyze', *words, '--json', str(place), '--figure', str(place.with_suffix('.png'))])
         figures.append(json.loads(place.read_text())['seen']['steady'])
-    err = capsys.readouterr().err
-    assert 'several recordings' not in err
+    out, err = capsys.readouterr()
+    assert 'several recordings' not in err and out.count('real time: held') == 3
     assert figures[1] == pytest.approx(figures[2])
 
 

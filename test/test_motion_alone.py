@@ -104,3 +104,9 @@ def test_states_and_references_without_commands_are_analysed(tmp_path, capsys):
         and 'effort_controller/commands' not in result['messages']
     )
     assert 'no messages on effort_controller/commands' in capsys.readouterr().err
+
+
+def test_a_motion_of_others_cannot_be_run_again(bags, capsys):
+    assert main(['rerun', str(bags[1])]) == 2
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1 and 'does not say what experiment made it' in error

@@ -7,13 +7,17 @@ import numpy as np
 import pytest
 from vectors import OnVectors, on_vectors
 
-from parallel_robot_model.common.errors import InputError, RobotError
+from parallel_robot.studies.identification import base_parameters
+from parallel_robot_model.common.errors import InputError, KinematicsError, RobotError
+from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import build
 from parallel_robot_model.robots import serial_2r as module
+from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
 from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.poses import poses_of
 
 serial_2r = OnVectors(module)
 ARM = serial_2r.Parameters(
@@ -346,3 +350,18 @@ def test_links_reach_from_the_shoulder_to_the_tip():
     assert np.array_equal(lines['distal'][..., 0, 1, :], tip(q))
     assert np.allclose(np.linalg.norm(elbow, axis=-1), ARM.l1)
     assert np.allclose(np.linalg.norm(tip(q) - elbow, axis=-1), ARM.l2)
+
+
+def test_an_arm_that_swings_through_its_stretched_posture_is_identified():
+    """As a pendulum does: the tip is known there, on both sides."""
+    robot = robot_of(config.resolve('serial_2r_circle'))
+    angles = np.sin(np.linspace(0.0, 9.0, 400)[:, None] * [1.0, 1.7])
+    with pytest.raises(KinematicsError, match='elbow has folded'):
+        poses_of(robot, angles, GUESS)
+    first, second = angles[:, 0], angles.sum(axis=1)
+    tip = [
+        robot.parameters.l1 * f(first) + robot.parameters.l2 * f(second) for f in (np.cos, np.sin)
+    ]
+    assert np.allclose(poses_of(robot, angles, GUESS, any_mode=True), np.transpose(tip))
+    bent = base_parameters.find(robot, np.abs(angles), GUESS)
+    assert base_parameters.find(robot, angles, GUESS).names == bent.names

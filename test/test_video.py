@@ -75,6 +75,8 @@ def test_the_end_effector_is_where_the_bag_has_it(bags, tmp_path):
 def test_slow_motion_has_more_frames(bags, tmp_path):
     frames, rate = made(bags[1:], tmp_path / 'slow.mp4', '--rate', '10', '--speed', '0.25')
     assert len(frames) == 21 and rate == 10.0
+    frames, _ = made(bags[1:], tmp_path / 'part.mp4', '--speed', '0.25', '--from', '0.25')
+    assert len(frames) == 26
 
 
 def test_errors_are_magnified_alike(bags):

@@ -9,6 +9,7 @@ from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config, parameter_file, points_table
+from trajectory_gen import joint_path
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.waypoints import Parameters, motion, prepare
@@ -149,7 +150,7 @@ def test_a_bag_runs_again_without_the_file(scenario, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('content', 'reason'),
     [
-        (b'', 'line 1: the header must be t, x, y, phi'),
+        (b'', 'points.csv is empty'),
         (b'0, 0.5, 0.3, 0\n1, 0.5, 0.4, 0\n', "not '0, 0.5, 0.3, 0'; waypoints.columns says"),
         (b't; x; y; angle\n', "not 't, x, y, angle'"),
         (b't, x, y, phi\n0, 0.5, nan, 0\n', "line 2: 'nan' is not a finite number"),
@@ -158,7 +159,7 @@ def test_a_bag_runs_again_without_the_file(scenario, tmp_path, capsys):
         (b't, x, y\n0, 0.5, left\n', "line 2: 'left' is not a finite number"),
         (b't, x, y\n0, 0.5\n', 'line 2 must hold 3 numbers, not 2'),
         (b't, x, y\n0, 0.5, 0.3\n2, 0.5, 0.3\n1, 0.5, 0.3\n', 'line 4: t = 1 is not after 2'),
-        (b't, x, y\n0, 0.5, 0.3\n0.0, 0.5, 0.3\n', 'line 3: t = 0 is not after 0'),
+        (b't, x, y\n0, 0.5, 0.3\n0.0, 0.6, 0.3\n', 'line 3: t = 0 is not after 0'),
         (b't, x, y\n0, 0.5, 0.3\n', 'must hold at least 2 points, not 1'),
         (b'\x7fELF\x80\xff', 'is not a text in UTF-8'),
         (b't, x, y\n' + b'a' * 200_000, 'field larger than field limit'),
@@ -228,6 +229,16 @@ def test_points_in_joints_are_followed_in_joints(of, scenario):
     assert np.abs(followed.acceleration - theirs(grid, nu=2)).max() < 1e-5
 
 
+def test_a_long_motion_in_joints_takes_no_more_memory(scenario, monkeypatch):
+    monkeypatch.setattr(joint_path, 'MOST', 200)
+    path = scenario.parent / 'points.csv'
+    path.write_text('t,q1,q2\n0,1,1\n1e9,1.1,1.2\n2e9,1.2,1.3\n')
+    changes = {'trajectory.shape': 'waypoints', 'waypoints.file': str(path)}
+    made = trajectory_of(config.resolve('serial_2r_circle', changes))
+    assert len(made.shape.knots) == 201
+    assert made.sample(1e9).position[0] == pytest.approx([1.1, 1.2], abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ('joints', 'reason'),
     [
@@ -245,10 +256,14 @@ def test_joints_that_the_robot_cannot_have_cost_one_line(scenario, joints, reaso
     assert not (scenario.parent.parent / 'bag').exists()
 
 
+NUMBERED = ['t=1', 'x=2', 'y=3', 'phi=4']
 TABLES = {
     'semicolons': ('t; x; y; phi\n0; 0.5; 0.37; 1.5\n1; 0.51; 0.38; 1.5\n', {}),
     'decimal commas': ('t;x;y;phi\n0;0,5;0,37;1,5\n1;0,51;0,38;1,5\n', {}),
     'tabs and comments': ('# a log\nt\tx\ty\tphi\n0\t.5\t.37\t1.5\n1\t.51\t.38\t1.5\n', {}),
+    'spaces': ('# by savetxt\n0.0  0.5 0.37 1.5\n1.0 0.51 0.38 1.5\n', {'columns': NUMBERED}),
+    'a separator at the end': ('t,x,y,phi,\n0,0.5,0.37,1.5,\n1,0.51,0.38,1.5,\n', {}),
+    'a line twice': ('t,x,y,phi\n0,0.5,0.37,1.5\n0,0.5,0.37,1.5\n1,0.51,0.38,1.5\n', {}),
     'names': (
         'Time,EE X,EE Y,state,Yaw\n0,0.5,0.37,idle,1.5\n1,0.51,0.38,run,1.5\n',
         {'columns': ['y=EE Y', 't=Time', 'x=EE X', 'phi=Yaw']},

@@ -15,6 +15,7 @@ from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.waypoints import Spline, motion
 
 STEP = 0.005  # s, of a piece of the path: a sine of 5 Hz is met to 1e-9 of its amplitude
+MOST = 100_000  # pieces, about; those of a longer motion are longer
 POINTS = 'waypoints.points'
 
 
@@ -22,8 +23,8 @@ def in_pose(robot: RobotModel, joints: Spline, near: Sequence[float]) -> Spline:
     """The motion of the pose that a motion of the actuated joints is.
 
     The forward kinematics is followed along the path, so assembly and working mode stay those of
-    the pose `near`. Between places that are at most STEP apart, pose, rate and acceleration at
-    both ends fix a polynomial of degree 5.
+    the pose `near`. Between places that are at most STEP apart, or so many that they are MOST,
+    pose, rate and acceleration at both ends fix a polynomial of degree 5.
 
     Args:
         robot: The robot.
@@ -40,7 +41,8 @@ def in_pose(robot: RobotModel, joints: Spline, near: Sequence[float]) -> Spline:
     if [axis.name for axis in names] == [f'q{k + 1}' for k in range(count)]:
         return joints  # the pose is the joints
     steps = np.diff(joints.knots)
-    parts = np.maximum(1, np.ceil(steps / STEP - 1e-9).astype(int))
+    step = max(STEP, float(steps.sum()) / MOST)
+    parts = np.maximum(1, np.ceil(steps / step - 1e-9).astype(int))
     shares = np.concatenate([np.arange(part) / part for part in parts])
     knots = np.repeat(joints.knots[:-1], parts) + shares * np.repeat(steps, parts)
     knots = np.append(knots, joints.knots[-1])

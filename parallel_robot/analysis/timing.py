@@ -215,6 +215,10 @@ def _acting(
     """
     acting = np.full(len(effort), -1)
     at = -1
+    for earlier in range(newest[0], max(-1, newest[0] - WINDOW), -1):  # of a part of a run
+        if len(effort) > 1 and _same(effort[1], command[earlier]):
+            at = earlier
+            break
     for k in range(1, len(effort)):
         last = newest[k - 1]
         found = -1

@@ -20,6 +20,7 @@ from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import plain_data
 
 SUFFIXES = ('.mcap', '.db3', '.bag')  # which of them are there decides
+FEW = 5  # bags of a directory that are named
 PIECE = 1 << 20  # bytes that are unpacked at once
 
 
@@ -52,6 +53,10 @@ def files(bag: Path) -> list[Path]:
         found |= {name for name in names if name.endswith(packed) and name[:-5] not in names}
         if found:
             return [bag / name for name in sorted(found, key=_numbers_by_value)]
+    inside = sorted(path.name for path in bag.glob('*') if _holds_files(path))
+    if inside:
+        several = f'{", ".join(inside[:FEW])}{" ..." if len(inside) > FEW else ""}'
+        raise BagError(f'{bag} is not a bag, but holds bags: {several}; give one of them')
     raise BagError(f'{bag} is not a bag: no MCAP file there')
 
 
@@ -95,6 +100,16 @@ def custom_data(bag: Path) -> dict[str, str]:
         return {key: str(value) for key, value in facts.items()} if 'config' in facts else {}
     except Exception:  # a broken file can hold anything
         return {}
+
+
+def _holds_files(path: Path) -> bool:
+    """Whether it is a directory with files of a bag."""
+    try:
+        return path.is_dir() and any(
+            file.name.removesuffix('.zstd').endswith(SUFFIXES) for file in path.iterdir()
+        )
+    except OSError:
+        return False
 
 
 def _regular(path: Path) -> IO[bytes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
@@ -13,6 +14,16 @@ from parallel_robot_model.common.errors import BagError
 SQLITE = b'SQLite format 3\0'
 POINTER = b'version https://git-lfs.github.com/spec/'
 ROS1 = b'#ROSBAG V'
+PACKERS = {
+    b'\x1f\x8b': 'gzip',
+    b'BZh': 'bzip2',
+    b'\xfd7zXZ\0': 'xz',
+    b'PK\3\4': 'zip',
+    b"7z\xbc\xaf'\x1c": '7z',
+}
+HEADER = 4096  # bytes that hold its header
+INDEXED = b'index_pos='  # of the header, before the place of the index
+NO_INDEX = INDEXED + bytes(8)
 
 
 def records(path: Path, file: File, skipped: Collection[int] = ()) -> Iterator[Record]:
@@ -46,6 +57,16 @@ def check(path: Path, file: File) -> None:
         what = 'is a pointer of Git LFS in place of the bag'
         raise BagError(f'{path} {what}: git lfs pull, in its repository, gets the bag')
     if begin.startswith(ROS1):
-        new = path.with_suffix('').name
-        convert = f'rosbags-convert --src {path} --dst {new}_ros2 --dst-storage mcap'
+        if INDEXED not in bytes(file.data[:HEADER]) or NO_INDEX in bytes(file.data[:HEADER]):
+            what = 'is a bag of ROS 1 without its index'
+            raise BagError(f'{path} {what}: rosbag reindex, of ROS 1, first makes it')
+        source, new = shlex.quote(str(path)), shlex.quote(f'{path.with_suffix("").name}_ros2')
+        convert = f'rosbags-convert --src {source} --dst {new} --dst-storage mcap'
         raise BagError(f'{path} is a bag of ROS 1: {convert} makes one that is read')
+    if not begin:
+        raise BagError(f'{path} is empty')
+    for first, packer in PACKERS.items():
+        if begin.startswith(first):
+            raise BagError(f'{path} is packed by {packer}: unpack it first')
+    if path.name == 'metadata.yaml':
+        raise BagError(f'{path} says what a bag holds: give its directory, {path.parent}')

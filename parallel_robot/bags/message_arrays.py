@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from parallel_robot.bags import planned_motion
 from parallel_robot.bags.limits import KINDS, MESSAGE, is_name
+from parallel_robot.bags.message_encoding import little_endian
 from parallel_robot.bags.message_parts import Messages
 from parallel_robot.bags.message_parts import Samples as Samples
 from parallel_robot_model.common.errors import BagError
@@ -30,10 +32,26 @@ ARRAYS: dict[str, Callable[[int], cdr.Layout]] = {  # both have numbers of eight
     'std_msgs/msg/Float64MultiArray': layouts.float64_multi_array,
     'std_msgs/msg/Int64MultiArray': layouts.int64_multi_array,
 }
+SHARED = (topics.JOINT_STATES, topics.REFERENCE)  # by robots, grippers and their publishers
 LOG = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS, topics.ANSWERED)
 
 
-def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages], list[Samples]]:
+class Unstamped(Samples):
+    """Samples whose headers have no stamp: when they were recorded stands in its place."""
+
+    __slots__ = ()
+
+
+class Broken(NamedTuple):
+    """Messages that are not those of their topic, beside others that are: how many, and why."""
+
+    number: int
+    reason: str
+
+
+def decoder(
+    bag: Path, chosen: Collection[Topic], broken: dict[Topic, Broken] | None = None
+) -> Callable[[Topic, Messages], list[Samples]]:
     """Function that decodes messages of a topic, by kind of message.
 
     It raises BagError when messages are not those of their topic.
@@ -41,10 +59,13 @@ def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages],
     Args:
         bag: The bag, for error messages.
         chosen: Topics with numbers that are wanted; of others, it decodes the stamps.
+        broken: Receives what it leaves out of topics that are SHARED, after or beside messages
+            that it understood.
     """
     kinds: dict[Topic, list[Kind]] = {}  # known so far, the last used first
 
     def decode(topic: Topic, messages: Messages) -> list[Samples]:
+        messages = little_endian(topic, messages)
         if topic not in chosen:
             return [Samples((), messages.log_times, _header_stamps(topic, messages.payloads), {})]
         decoded: list[Samples] = []
@@ -55,8 +76,17 @@ def decoder(bag: Path, chosen: Collection[Topic]) -> Callable[[Topic, Messages],
                 if same.any():
                     break
             else:
-                first = messages.payloads[0, : MESSAGE + 1].tobytes()
-                kind = _kind(bag, topic, first)
+                skipped, understood, reason = _next_kind(topic, messages.payloads)
+                if skipped:
+                    before = bool(known or decoded)
+                    if broken is None or topic not in SHARED or not (understood or before):
+                        raise BagError(f'{bag}: {topic.name} is not understood: {reason}')
+                    left = broken[topic].number if topic in broken else 0
+                    broken[topic] = Broken(left + skipped, reason)
+                    messages = Messages(*(each[skipped:] for each in messages))
+                if understood is None:
+                    break
+                kind = understood
                 same = _has_layout(messages.payloads, kind[0])
                 known.append(kind)
             if not same.any() and topic == topics.REFERENCE:
@@ -92,6 +122,7 @@ def ours(
         joints, all of them are left.
     """
     remarks = []
+    unstamped = sum(len(part.stamps) for part in parts if isinstance(part, Unstamped))
     having = [part for part in parts if not part.joints or {*joints} & {*part.joints}]
     strange = sum(len(part.stamps) for part in parts) - sum(len(part.stamps) for part in having)
     if having and strange:
@@ -100,6 +131,11 @@ def ours(
         remarks.append(f'{strange} messages on {topic.name} are of other joints ({names})')
         parts = having
     total = sum(len(part.stamps) for part in parts)
+    having = [part for part in parts if 'position' in part.numbers]
+    if having and len(having) < len(parts) and topic == topics.JOINT_STATES:
+        lacking = total - sum(len(part.stamps) for part in having)
+        remarks.append(f'{lacking} of {total} messages on {topic.name} have no position')
+        parts, total = having, total - lacking
     for field in MAY_LACK.get(topic, ()):
         having = [part for part in parts if _measured(part, field, joints)]
         lacking = total - sum(len(part.stamps) for part in having)
@@ -108,7 +144,11 @@ def ours(
                 f'{lacking} of {total} messages on {topic.name} have no {field}: another publisher'
             )
             parts = having
-    return parts, [f'{remark}; they are left out' for remark in remarks]
+    told = [f'{remark}; they are left out' for remark in remarks]
+    if unstamped:
+        what = f'{unstamped} messages on {topic.name} have no stamp'
+        told.append(f'{what}: when they were recorded counts')
+    return parts, told
 
 
 def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]) -> Samples:
@@ -167,21 +207,50 @@ def physical(samples: Samples) -> np.ndarray:
     return kept
 
 
-def _kind(bag: Path, topic: Topic, message: bytes) -> Kind:
-    """Layout of messages like this one, and its joints."""
-    try:
-        if len(message) > MESSAGE:
-            raise ValueError(f'a message of more than {MESSAGE} bytes')
-        if topic.type == topics.POSE.type:
-            return layouts.pose_stamped(topics.FRAME), ()
-        if topic.type not in OWN:
-            return ARRAYS[topic.type](len(Reader(message).array())), ()  # in the order of joints
-        joints, _, layout = joint_message(topic.type, message)
-        if not all(map(is_name, joints)):
-            raise ValueError('the name of a joint is too long or cannot be printed')
-    except ValueError as error:
-        raise BagError(f'{bag}: {topic.name} is not understood: {error}') from None
+def _next_kind(topic: Topic, payloads: np.ndarray) -> tuple[int, Kind | None, str]:
+    """The first kind that is understood: number of messages before it, it, and why not they."""
+    reason = ''
+    for k, row in enumerate(payloads):
+        message = row[: MESSAGE + 1].tobytes()
+        try:
+            kind = _kind(topic, message)
+            if topic == topics.JOINT_STATES and not _has_layout(row[np.newaxis], kind[0]).any():
+                raise ValueError(_uneven(message))
+        except ValueError as error:
+            reason = reason or str(error)
+        else:
+            return k, kind, reason
+    return len(payloads), None, reason
+
+
+def _kind(topic: Topic, message: bytes) -> Kind:
+    """Layout of messages like this one, and its joints.
+
+    Raises:
+        ValueError: it is not one of the topic.
+    """
+    if len(message) > MESSAGE:
+        raise ValueError(f'a message of more than {MESSAGE} bytes')
+    if topic.type == topics.POSE.type:
+        return layouts.pose_stamped(topics.FRAME), ()
+    if topic.type not in OWN:
+        return ARRAYS[topic.type](len(Reader(message).array())), ()  # in the order of joints
+    joints, _, layout = joint_message(topic.type, message)
+    if not all(map(is_name, joints)):
+        raise ValueError('the name of a joint is too long or cannot be printed')
+    if topic == topics.JOINT_STATES and not joints:
+        raise ValueError('it names no joints')
     return layout(), joints
+
+
+def _uneven(message: bytes) -> str:
+    """What is wrong with joint states whose fields are not of one length."""
+    reader = Reader(message)
+    reader.header()
+    names = len(reader.texts())
+    counts = [f'{len(reader.numbers())} {plural}' for plural in ('positions', 'velocities')]
+    told = f'{", ".join(counts)} and {len(reader.numbers())} efforts'
+    return f'it has {told} for {names} joints; each must be as many, or none'
 
 
 def _has_layout(payloads: np.ndarray, layout: cdr.Layout) -> np.ndarray:
@@ -203,13 +272,17 @@ def _samples(messages: Messages, layout: cdr.Layout, joints: tuple[str, ...]) ->
     stamps = cdr.stamps_of(records) if layout.stamped else np.zeros(len(records), np.int64)
     names = [name for name in layout.dtype.names or () if name not in ('sec', 'nanosec')]
     numbers = {name: np.ascontiguousarray(records[name]) for name in names}
+    if layout.stamped and joints and not stamps.any():
+        return Unstamped(joints, messages.log_times, messages.log_times, numbers)
     return Samples(joints, messages.log_times, stamps, numbers)
 
 
 def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, ...]) -> list[int]:
     """Index of each joint in the messages of a topic."""
     for joint in joints:
-        if names.count(joint) != 1:
+        if names.count(joint) > 1:
+            raise BagError(f'{bag}: {topic.name} names {joint} twice: {", ".join(names)}')
+        if joint not in names:
             there = f'{topic.name} has no {joint}, only {", ".join(names)}'
             raise BagError(f'{bag}: {there}; --joints names them, --scenario the robot')
     return [names.index(joint) for joint in joints]

@@ -48,6 +48,19 @@ def deserialize(message: bytes, name: str) -> Any:
     return _store(name).deserialize_cdr(message, name)
 
 
+def reserialize(message: bytes, name: str) -> bytes:
+    """A message of a type of the suite in little-endian CDR.
+
+    Args:
+        message: CDR of any order of bytes, with its encapsulation.
+        name: ROS type.
+
+    Raises:
+        Exception: the bytes are broken; any length or string in them can be wrong.
+    """
+    return bytes(_store(name).serialize_cdr(deserialize(message, name), name))
+
+
 def from_rosbags() -> dict[str, MessageType]:
     """What message_types.json must hold, by name: all types of topics of the suite."""
     from rosbags.typesys import Stores, get_typestore  # slow to import

@@ -37,7 +37,10 @@ class Held(Samples):
 
 
 class Planned(Samples):
-    """Samples of one motion, which ends where the next one begins."""
+    """Samples of one motion, which ends where the next one begins.
+
+    Without numbers, it is none: a trajectory without points stops the one before.
+    """
 
     __slots__ = ()
 
@@ -65,8 +68,10 @@ def cut(parts: Sequence[Samples]) -> tuple[list[Samples], int]:
     motions = sorted(
         (part for part in parts if isinstance(part, Planned)), key=lambda part: int(part.stamps[0])
     )
-    found = [part for part in parts if not isinstance(part, Planned)]
+    found = [part for part in parts if part.numbers and not isinstance(part, Planned)]
     for k, part in enumerate(motions):
+        if not part.numbers:
+            continue
         end = int(motions[k + 1].stamps[0]) if k + 1 < len(motions) else None
         rows = slice(None) if end is None else part.stamps < end
         numbers = {name: values[rows] for name, values in part.numbers.items()}
@@ -80,8 +85,10 @@ def _motion(log_time: int, trajectory: Any) -> Samples:
     joints = tuple(trajectory.joint_names)
     points, stamp = trajectory.points, trajectory.header.stamp
     start = stamp.sec * NANOSECONDS + stamp.nanosec or log_time  # zero: at once
-    if not points or not joints or not all(map(is_name, joints)):
-        raise ValueError('a trajectory without points, or without names of joints')
+    if not points:
+        return Planned((), np.array([log_time]), np.array([start]), {})
+    if not joints or not all(map(is_name, joints)):
+        raise ValueError('a trajectory without names of joints')
     times = np.array(
         [p.time_from_start.sec * NANOSECONDS + p.time_from_start.nanosec for p in points]
     )

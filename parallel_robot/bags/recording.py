@@ -24,7 +24,7 @@ from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.message_arrays import LOG, Samples, whole
+from parallel_robot.bags.message_arrays import LOG, Broken, Samples, whole
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.span import FIRST, LAST, WHOLE, Span
 from parallel_robot.bags.statuses import ControllerStatus
@@ -134,7 +134,8 @@ class _Source:
     ) -> None:
         self._bag, self._topics, self._memory = bag, topics, memory
         self._motion_only, self._view = motion_only, view
-        self._decode = message_arrays.decoder(bag, {*LOG, *topics})
+        self._broken: dict[Topic, Broken] = {}
+        self._decode = message_arrays.decoder(bag, {*LOG, *topics}, self._broken)
         self._others = message_arrays.decoder(bag, ())
         self._status = statuses.decoder(bag)
         self._told: list[tuple[int, ControllerStatus]] = []
@@ -164,7 +165,13 @@ class _Source:
             f'{self._bag} has no messages on {run_log.wanted(topic, there, self.found)}'
             for topic in absent
         ]
-        log = log._replace(warnings=(*log.warnings, *lacking))
+        left = [
+            f'{self._bag}: {each.number} messages on {topic.name} are not understood: '
+            f'{each.reason}; they are left out'
+            for topic, each in self._broken.items()
+        ]
+        self._broken.clear()
+        log = log._replace(warnings=(*log.warnings, *left, *lacking))
         if self._reader and self._reader.damage:
             damage = bag_reader.warning(self._bag, self._reader.damage)
             log = log._replace(warnings=(damage, *log.warnings))
@@ -243,6 +250,8 @@ class _Source:
         known, _ = self._known(streams)
         log = run_log.of(self._bag, self.found, known, self._settings, self._view)
         self._settings = (*self._settings[:2], log.start_stamp)
+        if self._reader:
+            self._broken.clear()  # they come again
         return log.start_stamp, int((log.heard - log.stamps).min())
 
     def _meet(self, streams: dict[str, list[list[Samples]]]) -> bool:

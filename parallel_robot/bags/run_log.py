@@ -16,7 +16,7 @@ from parallel_robot.bags.command_states import Answers, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
 from parallel_robot.bags.span import WHOLE, Span
-from parallel_robot.bags.state_doubts import doubts
+from parallel_robot.bags.state_doubts import LEAP, doubts, leaping
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.state_rhythm import StateRhythm
@@ -29,6 +29,7 @@ from parallel_robot_model.messages.topics import RECORDED, Topic
 from parallel_robot_sim.imperfections import reported_age
 
 FEW = 5  # topics of a bag that are named
+FEW_LEAPS = 0.2  # of the states, which may be of another publisher
 EMPTY = np.zeros((0, 0))
 NEEDED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
@@ -124,6 +125,10 @@ def of(
         streams[topic], remarks = ours(topic, streams[topic], loop.joints)
         warnings += [f'{bag}: {remark}' for remark in remarks]
     streams[topics.REFERENCE], held = planned_motion.cut(streams[topics.REFERENCE])
+    if not streams[topics.REFERENCE]:
+        raise BagError(
+            f'{bag}: {topics.REFERENCE.name} is not understood: no trajectory has points'
+        )
     if held:
         what = f'{held} messages on {topics.REFERENCE.name} have no velocities'
         warnings.append(f'{bag}: {what}: each counts as it is until the next')
@@ -135,6 +140,8 @@ def of(
     references = _physical(bag, topics.REFERENCE, references, warnings)
     states = _ordered(bag, topics.JOINT_STATES, states, warnings)
     references = _ordered(bag, topics.REFERENCE, references, warnings)
+    if not found.metadata:
+        states = _alone(bag, states, warnings)
     if 'velocity' not in states.numbers:
         states.numbers['velocity'] = np.full_like(states.numbers['position'], np.nan)
         warnings.append(f'{bag}: the messages on {topics.JOINT_STATES.name} have no velocities')
@@ -226,7 +233,11 @@ def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
     what = f'{topic.name} ({topic.type})'
     if not others:
         names = ', '.join(printable(name, 60) for name in [*channels][:FEW])
-        return f'{what}, nor on another topic of that type; it has {names or "no topics"}'
+        names += f' and {len(channels) - FEW} others' if len(channels) > FEW else ''
+        needless = '; analyze, export and identify need none' if topic == topics.REFERENCE else ''
+        return (
+            f'{what}, nor on another topic of that type; it has {names or "no topics"}{needless}'
+        )
     shown = ', '.join(
         f'{printable(name, 60)} ({printable(other, 60)})'
         if name not in found.encodings
@@ -327,6 +338,17 @@ def _ordered(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> 
         warnings.append(f'{bag}: {what}; they are put in the order of their stamps')
     order = np.argsort(samples.stamps, kind='stable')
     return samples.rows(order)
+
+
+def _alone(bag: Path, states: Samples, warnings: list[str]) -> Samples:
+    """Leave out states of another publisher, with a line in `warnings`, where they are few."""
+    leaps = leaping(states.numbers['position'])
+    count = int(leaps.sum())
+    if not 0 < count < FEW_LEAPS * len(leaps):
+        return states
+    what = f'{count} of {len(leaps)} states leap by more than {LEAP:g} rad and back'
+    warnings.append(f'{bag}: {what}: of another publisher? they are left out')
+    return states.rows(~leaps)
 
 
 def _reference_timeout(values: dict[str, Any], stamps: np.ndarray) -> int:

@@ -33,7 +33,7 @@ def doubts(bag: Path, stamps: np.ndarray, position: np.ndarray) -> list[str]:
             what += f': several recordings, in {", ".join(names)}? figures are of all together; '
             what += 'give one file for its own, or a part of them by --from and --to'
         found.append(what)
-    leaps = _leaps(position)
+    leaps = int(leaping(position).sum())
     if leaps:
         what = f'{leaps} states leap by more than {LEAP:g} rad and back'
         found.append(f'{what}: two publishers that contradict each other?')
@@ -44,14 +44,21 @@ def doubts(bag: Path, stamps: np.ndarray, position: np.ndarray) -> list[str]:
     return found
 
 
-def _leaps(position: np.ndarray) -> int:
-    """How many states lie far beside both their neighbours, which agree.
+def leaping(position: np.ndarray) -> np.ndarray:
+    """Which states lie far beside both their neighbours, which agree, shape (N,).
 
-    None where the motion is so fast, or so coarse, that its steps are near to leaps.
+    None where the motion is so fast, or so coarse, that its steps are near to leaps. The first and
+    the last state have one neighbour; they are told by it where there are others.
     """
+    found = np.zeros(len(position), bool)
     steps = np.abs(np.diff(position, axis=0))
     if len(steps) < 2 or np.median(steps) > BACK * LEAP:
-        return 0
+        return found
     least = np.minimum(steps[:-1], steps[1:])
     leap = (least > LEAP) & (np.abs(position[2:] - position[:-2]) < BACK * least)
-    return int(leap.any(axis=1).sum())
+    found[1:-1] = leap.any(axis=1)
+    if found.any():
+        for end, near, inner in ((0, 0, 1), (-1, -1, -2)):
+            alone = (steps[near] > LEAP) & (steps[inner] < BACK * LEAP)
+            found[end] = alone.any()
+    return found

@@ -22,6 +22,7 @@ HEADER = 't, x, y, phi; t, x, y; or t, q1, q2 and so on'
 COLUMNS = 'waypoints.columns'
 UNITS = 'waypoints.units'
 SEPARATORS = ',;\t'
+SHOWN = 200  # characters of a header
 TIME = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9, 'min': 60.0}
 LENGTH = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6, 'in': 0.0254}
 ANGLE = {'rad': 1.0, 'mrad': 1e-3, 'deg': math.pi / 180.0, 'turn': 2.0 * math.pi}
@@ -59,7 +60,9 @@ class _Lines(NamedTuple):
 
 
 def read(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> Table:
-    """Read a table. Commas, semicolons or tabs separate its columns; lines with # are left out.
+    """Read a table. Commas, semicolons, tabs or spaces separate its columns.
+
+    Lines with # are left out, and so are lines that repeat the line before.
 
     Args:
         path: The file. Its first line says what its columns are, see HEADER.
@@ -82,6 +85,8 @@ def read(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> 
             if len(row) != count:
                 raise InputError(f'{where} must hold {count} numbers, not {len(row)}')
             values = [_number(where, row[k], lines.comma) for k in places]
+            if table and values == table[-1]:
+                continue
             if table and values[0] <= table[-1][0]:
                 what = f't = {values[0]:.10g} is not after {table[-1][0]:.10g}'
                 raise InputError(f'{where}: {what}; times must increase')
@@ -99,11 +104,17 @@ def _lines(path: Path) -> _Lines:
     numbered = ((k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip())
     used = ((k, line) for k, line in numbered if not line.lstrip().startswith('#'))
     number, first = next(used, (1, ''))
+    if not first:
+        raise InputError(f'{path} is empty')
     separator = max(SEPARATORS, key=lambda mark: (first.count(mark) > 0, mark != ','))
+    spaced = separator not in first
     comma = separator != ',' and ',' in text
 
     def cells(line: str) -> list[str]:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        if spaced:
+            return line.split()
+        found = [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        return found[:-1] if found[-1:] == [''] else found  # some end with a separator
 
     header = cells(first)
     rows: Iterator[tuple[int, list[str]]] = ((k, cells(line)) for k, line in used)
@@ -117,7 +128,7 @@ def _chosen(
 ) -> tuple[tuple[str, ...], list[int]]:
     """Names of time and coordinates, and where in a line they stand."""
     header = lines.header
-    shown = printable(', '.join(header), yaml_file.STRING)
+    shown = printable(', '.join(header), SHOWN)
     if not columns:
         names = [name.lower() for name in header]
         if not _are_names(names):

@@ -25,7 +25,8 @@ class Reader:
             ValueError: it is not CDR, little endian.
         """
         if data[:2] != ENCAPSULATION[:2]:
-            raise ValueError('not CDR, little endian')
+            found = data[:2].hex() or 'empty'
+            raise ValueError(f'its encapsulation is {found}, not that of CDR, little endian, 0001')
         self._data = memoryview(data)[len(ENCAPSULATION) :]
         self._at = 0
 

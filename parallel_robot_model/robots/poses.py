@@ -13,13 +13,15 @@ from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
 
 
-def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
+def poses_of(robot: RobotModel, position: Array, guess: Array, any_mode: bool = False) -> Array:
     """Forward kinematics of a series of samples, each with the previous pose as its guess.
 
     Args:
         robot: The robot.
         position: Actuated joints [rad], shape (N, n).
         guess: A pose near the first one, shape (m,).
+        any_mode: Whether a robot whose joints have one pose, as its NO_POSE says, may be in any
+            fault.
 
     Returns:
         Poses, shape (N, m).
@@ -30,6 +32,9 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
     joints = np.ascontiguousarray(position, dtype=np.float64)
     row, start = vector(np.zeros(joints.shape[1])), vector(guess)
     locate = robot.kernel('locate', row, start)
+    faults = getattr(robot.module, 'NO_POSE', None) if any_mode else None
+    if faults == ():
+        return _all_poses(locate, robot.constants, joints, row, start)
     poses, failed, fault = _poses(locate, robot.constants, joints, row, start)
     if fault != FOUND:
         raise KinematicsError(
@@ -66,3 +71,12 @@ def _poses(
         write_row(poses, k, location.pose)
         guess = location.pose
     return poses, -1, FOUND
+
+
+@kernel
+def _all_poses(locate: Any, robot: Any, position: Array, row: Array, guess: Array) -> Array:
+    """Poses of a robot whose joints have one pose, whatever the fault."""
+    poses = np.empty((len(position), len(guess)))
+    for k in range(len(position)):
+        write_row(poses, k, locate(robot, read_row(position, k, row), guess).pose)
+    return poses

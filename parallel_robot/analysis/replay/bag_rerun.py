@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import arithmetic, bag_difference, held_code, recording
+from parallel_robot.bags import arithmetic, bag_difference, bag_reader, held_code, recording
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
@@ -32,6 +32,10 @@ LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so m
 BASE = 'paper_circle'  # of a scenario that is not shipped
 MODULES = ('robot_model', *sorted(config.CUSTOM))  # keys that decide which other keys there are
 MADE_BY = ('version', 'revision')  # facts that say which code made a bag
+NO_EXPERIMENT = (
+    '{} does not say what experiment made it, so there is none to repeat; '
+    'parallel_robot replay --law computes the torques of a law on its motion'
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,12 +157,14 @@ def prepared(
         InputError: a value is wrong.
     """
     bag = Path(os.path.realpath(bag))
-    log, past, _ = recording.read(bag, memory=memory)
+    try:
+        log, past, _ = recording.read(bag, memory=memory)
+    except BagError:
+        if not bag_reader.read(bag, (), lambda *_: None, memory).metadata:
+            raise BagError(NO_EXPERIMENT.format(bag)) from None
+        raise
     if not past.facts:
-        raise BagError(
-            f'{bag} does not say what experiment made it, so there is none to repeat; '
-            'parallel_robot replay --law computes the torques of a law on its motion'
-        )
+        raise BagError(NO_EXPERIMENT.format(bag))
     planned = loop_of(log.config).last_index or 0
     if simulated(past) and duration is None and planned > max(LONGER * len(log.time), SHORT):
         raise BagError(

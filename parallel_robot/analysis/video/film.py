@@ -79,8 +79,7 @@ def _films(
         rows = figure.subplots(4, len(scenes), sharey='row', height_ratios=ratios, squeeze=False)
         panels = list(rows.T)
     films = [
-        _Film(axes, scene, times[-1], magnified)
-        for axes, scene in zip(panels, scenes, strict=True)
+        _Film(axes, scene, times, magnified) for axes, scene in zip(panels, scenes, strict=True)
     ]
     whole = [scene.parts[part].reshape(-1, 2) for scene in scenes for part in scene.parts]
     paths = np.concatenate([scene.reference for scene in scenes])
@@ -98,7 +97,9 @@ def _films(
 class _Film:
     """The panels of one run, and what moves in them."""
 
-    def __init__(self, panels: Sequence[Any], scene: Scene, end: float, magnified: float) -> None:
+    def __init__(
+        self, panels: Sequence[Any], scene: Scene, times: np.ndarray, magnified: float
+    ) -> None:
         robot, path, error, torque = panels
         run = scene.run
         name = without_mathematics(run.label)
@@ -111,7 +112,9 @@ class _Film:
         path.set_title(f'path, errors times {magnified:g}' if magnified != 1.0 else 'path')
         error.set_yscale('log')
         for axes in (error, torque):
-            axes.set(xlim=(0.0, end), xlabel='t [s]')
+            if len(times) > 1:
+                axes.set_xlim(times[0], times[-1])
+            axes.set_xlabel('t [s]')
         self._scene = scene
         self._curves: list[tuple[Any, Any, Any, np.ndarray]] = []
         self._add(path, scene.path.T, {'color': style})

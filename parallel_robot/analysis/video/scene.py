@@ -39,7 +39,7 @@ class Scene(NamedTuple):
 
 
 def frame_times(runs: Sequence[Run], rate: float, speed: float, most: int) -> np.ndarray:
-    """Times of the frames, up to the end of the longest run [s], shape (F,).
+    """Times of the frames, from the first run's begin to the last one's end [s], shape (F,).
 
     Args:
         runs: The runs.
@@ -50,14 +50,15 @@ def frame_times(runs: Sequence[Run], rate: float, speed: float, most: int) -> np
     Raises:
         InputError: they are more.
     """
+    begin = max(0.0, min(float(run.motion.time[0]) for run in runs))
     end = max(float(run.motion.time[-1]) for run in runs)
-    count = int(end * rate / speed) + 1
+    count = int((end - begin) * rate / speed) + 1
     if count > most:
         raise InputError(
-            f'{end:g} s of motion are {count} frames, more than {most} of such a file; '
+            f'{end - begin:g} s of motion are {count} frames, more than {most} of such a file; '
             'raise --speed or lower --rate'
         )
-    return np.minimum(np.arange(count) * speed / rate, end)
+    return np.minimum(begin + np.arange(count) * speed / rate, end)
 
 
 def magnification(runs: Sequence[Run]) -> float:

@@ -64,7 +64,7 @@ def find(robot: RobotModel, position: Array, guess: Array) -> BaseParameters:
     """
     model = linear_model(robot)
     rows = np.linspace(0, len(position) - 1, STATES).astype(int)
-    pose = poses_of(robot, position, guess)[rows]
+    pose = poses_of(robot, position, guess, any_mode=True)[rows]
     rng = np.random.default_rng(1)
     velocity, acceleration = rng.normal(size=(2, STATES, position.shape[1]))
     Y = model.regressor(robot.parameters, pose, position[rows], velocity, acceleration)

@@ -103,7 +103,7 @@ def rows(
     for part in stretches(motion, 2 * (window + taps)):
         try:
             smooth = _smoothed(motion, part, period, window, late)
-            pose = poses_of(robot, smooth.position, guess)
+            pose = poses_of(robot, smooth.position, guess, any_mode=True)
         except KinematicsError as error:
             raise BagError(str(error)) from None
         guess = pose[-1]
