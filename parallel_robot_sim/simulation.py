@@ -233,8 +233,8 @@ def samples_of(configuration: Configuration) -> int:
     loop = configuration.loop
     if (loop.last_index or 0) > MAX_SAMPLES:
         raise InputError(
-            f'duration must be at most {MAX_SAMPLES * loop.period:g} s in a simulation, '
-            f'not {loop.duration:g}',
+            f'duration must be at most {MAX_SAMPLES * loop.period:g} s where all samples are kept '
+            f'in memory, not {loop.duration:g}; the command simulate writes longer runs',
             'duration',
         )
     return _samples(configuration)
@@ -279,14 +279,14 @@ def attempt(configuration: Configuration) -> Simulation:
     return next(parts(configuration, samples))
 
 
-def parts(configuration: Configuration, size: int = AT_ONCE) -> Iterator[Simulation]:
+def parts(configuration: Configuration, size: int | None = None) -> Iterator[Simulation]:
     """Run the closed loop as :func:`attempt` does, in parts that follow one another.
 
     A part is as long as `size`; the first one has all that hazards do.
 
     Args:
         configuration: The configuration.
-        size: Number of samples of a part.
+        size: Number of samples of a part; default: AT_ONCE.
 
     Raises:
         InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
@@ -301,7 +301,7 @@ def parts(configuration: Configuration, size: int = AT_ONCE) -> Iterator[Simulat
     state = begin(control, plant)
     first, first_fault = 0, None
     while first < samples:
-        stop = min(samples, max(first + size, calm(plant, period)))
+        stop = min(samples, max(first + (size or AT_ONCE), calm(plant, period)))
         reference = trajectory.sample(np.arange(first, stop) * period)
         begun = time.perf_counter()
         course = undisturbed if first else partial(course_of, plant)
