@@ -31,6 +31,7 @@ PACKAGES = ('numpy', 'numba', 'llvmlite', 'mujoco', 'mcap', 'rosbags', 'ros-jazz
 BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those of --quick
     'kernels': (['31', '3600'], ['3', '36']),
     'reading': (['7'], ['1']),
+    'length': (['3600'], ['60']),
     'sweep': (['1000', '3'], ['8', '1']),
     'laws': (['5000'], ['200']),
     'estimators': (['31'], ['1']),

@@ -36,6 +36,12 @@ the hour runs second by second, and its record is dropped.""",
 From a bag on disk to aligned arrays. The peer is `AnyReader` of rosbags with `deserialize()` of
 each message of the same topics, without keeping them. A ratio below 1 is faster.""",
     ),
+    'length': (
+        'Long runs',
+        """\
+Processor time and largest resident memory of commands on an hour of motion at 1 kHz, each a
+process of its own, its start included.""",
+    ),
     'sweep': (
         'Sweeps',
         """\

@@ -61,7 +61,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / 'bag'
         values = config.resolve('paper_circle', {'duration': DURATION, 'time_mode': 'lockstep'})
-        simulation_bag.write(bag, values, simulate(configure(values)))
+        simulation_bag.write(bag, values, [simulate(configure(values))])
         count = 3 * len(recording.read(bag).log.time)  # also loads the kernels
         size = sum(file.stat().st_size for file in bag.iterdir())
         pairs = [(seconds(ours, bag, count), seconds(peer, bag, count)) for _ in range(runs)]

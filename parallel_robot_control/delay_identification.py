@@ -135,20 +135,24 @@ def result(lock_in: LockIn) -> Result:
     return Result(phase, float(rows[DELAY, 0]), rows[OF_JOINTS].copy(), end)
 
 
-def phases(lock_in: LockIn, fault: NDArray[np.int64]) -> NDArray[np.int64]:
-    """What a lock-in was doing after each sample of a run that has ended, shape (N,).
+def phases(
+    lock_in: LockIn, samples: NDArray[np.int64], first_fault: int | None
+) -> NDArray[np.int64]:
+    """What a lock-in was doing after samples of a run that it has seen, shape (N,).
 
     Args:
         lock_in: The lock-in.
-        fault: Fault of the controller at each sample, shape (N,), 0 for none; it stays.
+        samples: The samples, shape (N,).
+        first_fault: The first sample of a fault of the controller, which stays; None without one.
     """
-    outcome, rows = result(lock_in), np.arange(len(fault))
     if not lock_in.on:
-        return np.full(len(fault), OFF)
-    last = np.argmax(fault != 0) if np.any(fault) else len(fault)  # the first sample of a fault
-    under_way = (rows >= lock_in.start) & (rows <= last)
+        return np.full(len(samples), OFF)
+    outcome = result(lock_in)
+    under_way = samples >= lock_in.start
+    if first_fault is not None:
+        under_way &= samples <= first_fault
     doing = np.where(under_way, UNDER_WAY, WAITING)
-    return np.where(rows >= outcome.end - 1, outcome.phase, doing) if outcome.end else doing
+    return np.where(samples >= outcome.end - 1, outcome.phase, doing) if outcome.end else doing
 
 
 def text(lock_in: LockIn, outcome: Result, assumed: float, phase: int) -> str:

@@ -58,7 +58,11 @@ class Status(NamedTuple):
 
 
 def reported_limits(
-    acted: np.ndarray, stamps: np.ndarray, answered: np.ndarray, begins: Collection[int]
+    acted: np.ndarray,
+    stamps: np.ndarray,
+    answered: np.ndarray,
+    begins: Collection[int],
+    before: tuple[int, int] = (0, 0),
 ) -> np.ndarray:
     """Bits of the limits in the status after each state, shape (N,).
 
@@ -67,11 +71,12 @@ def reported_limits(
         stamps: Of the states [ns], shape (N,).
         answered: Whether the state was answered, shape (N,).
         begins: Rows at which a controller begins that knows of none before.
+        before: Bits in the status before, and the stamp of the last state at which one acted [ns].
     """
     told = np.zeros_like(acted)
-    if not acted.any():
+    shown, last = before
+    if not acted.any() and not shown:
         return told
-    shown, last = 0, 0
     for k in np.flatnonzero(answered).tolist():
         shown = 0 if k in begins else shown
         if acted[k]:

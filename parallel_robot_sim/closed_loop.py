@@ -17,7 +17,7 @@ from parallel_robot_control.safety import REFERENCE
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import FirstClass, kernel, read_row, write_row
 from parallel_robot_sim.assembly import Plant
-from parallel_robot_sim.course import Heard, course_of
+from parallel_robot_sim.course import Course, Heard, course_of
 from parallel_robot_sim.hazards import commanded, told
 from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
@@ -101,11 +101,43 @@ def run(
             positions, efforts, faults and limits.
         anew: Whether the law begins with an empty memory; else it has that of its last cycle.
     """
+    course = course_of(plant, reference, period)
+    return run_part(control, plant, course, begin(control, plant, anew), period, 0, complete)
+
+
+def begin(control: Control, plant: Plant, anew: bool = True) -> LoopState:
+    """State of a loop before its first sample; arguments as of :func:`run`."""
     if anew:
         control.law.memory.begin()
     waiting = not_waiting(len(control.state.held))
-    state = LoopState(plant.state, control.state, waiting, waiting.command, faults.NONE)
-    course = course_of(plant, reference, period)
+    return LoopState(plant.state, control.state, waiting, waiting.command, faults.NONE)
+
+
+def end(run: ClosedLoopRun) -> LoopState:
+    """State of a loop after the last sample of a part of its run."""
+    return LoopState(run.plant, run.cycle, run.waiting, run.sent, run.cause)
+
+
+def run_part(
+    control: Control,
+    plant: Plant,
+    course: Course,
+    state: LoopState,
+    period: float,
+    first: int = 0,
+    complete: bool = True,
+) -> ClosedLoopRun:
+    """Run the loop over samples that follow one another: all, or those after another part.
+
+    Args:
+        control: The controller; its law has the memory of the samples before.
+        plant: The plant.
+        course: The course of these samples.
+        state: State before them, of :func:`begin` or :func:`end`.
+        period: Time between samples [s].
+        first: Index of the first of them.
+        complete: As of :func:`run`.
+    """
     loop = partial(
         compiled_loop,
         cycle_of(control.setup, state.cycle),
@@ -116,13 +148,13 @@ def run(
         course.heard,
     )
     parts: list[ClosedLoopRun] = []
-    for first, stop in itertools.pairwise([*course.cuts, len(reference.position)]):
-        cycle = course.befall(first, control, state.cycle, state.plant.torque, state.cause)
+    for row, stop in itertools.pairwise([*course.cuts, len(course.known)]):
+        cycle = course.befall(row, control, state.cycle, state.plant.torque, state.cause)
         state = state._replace(cycle=cycle)
-        part: ClosedLoopRun = loop(state, complete, period, first, stop)
+        part: ClosedLoopRun = loop(state, complete, period, first, row, stop)
         parts.append(part)
-        state = LoopState(part.plant, part.cycle, part.waiting, part.sent, part.cause)
-        if part.steps < stop - first:
+        state = end(part)
+        if part.steps < stop - row:
             break
     record = parts[0] if len(parts) == 1 else _joined(parts)
     record.acted[course.overdue[: len(record.acted)]] |= REFERENCE
@@ -153,10 +185,14 @@ def compiled_loop(
     begin: LoopState,
     complete: bool,
     period: float,
+    origin: int,
     begun: int,
     stop: int,
 ) -> ClosedLoopRun:
-    """The loop of :func:`run` over some samples, with the kernels that it calls as FirstClass."""
+    """The loop of :func:`run_part` over some rows, with the kernels that it calls as FirstClass.
+
+    Row 0 of reference and `heard` is the sample `origin`.
+    """
     state, cycle_state, waiting, torque, cause = begin
     row = state.torque
     hazards = plant.hazards
@@ -179,7 +215,8 @@ def compiled_loop(
     nothing = np.zeros_like(row) + np.nan
     steps = count
     for k in range(count):
-        sample = begun + k
+        place = begun + k
+        sample = origin + place
         # 2. Measurement of the state; a robot that has left its workspace ends there.
         true = plant.measure(plant.robot, state.coordinates, state.rate)
         if not is_finite(true.velocity):
@@ -192,9 +229,10 @@ def compiled_loop(
         answered, late, dt = True, 0, period
         if hazards.on:
             said = told(hazards, sample, angles, rates, effort)
-            if heard.told[sample]:
+            if heard.told[place]:
                 angles, rates, effort = said
-            answered, late, dt = heard.answered[sample], heard.late[sample], heard.dt[sample]
+            answered, late = heard.answered[place], heard.late[place]
+            dt = heard.dt[place]
         write_row(joints, k, true.position)
         write_row(position, k, angles)
         write_row(efforts, k, state.torque)
@@ -206,9 +244,9 @@ def compiled_loop(
         # 3. The torque computed from it.
         if answered:
             desired = JointReference(
-                read_row(reference.position, sample - late, row),
-                read_row(reference.velocity, sample - late, row),
-                read_row(reference.acceleration, sample - late, row),
+                read_row(reference.position, place - late, row),
+                read_row(reference.velocity, place - late, row),
+                read_row(reference.acceleration, place - late, row),
             )
             when = When(sample - late, plant.imperfections.age, dt)
             cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, when)

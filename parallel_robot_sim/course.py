@@ -17,9 +17,11 @@ from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.hazard_times import HazardTimes
+from parallel_robot_model.configuration.hazard_times import SIGNS, HazardTimes
 from parallel_robot_sim.assembly import Plant
 from trajectory_gen.trajectory import Reference
+
+AROUND = 2  # samples without a hazard, after which none is looked back at
 
 
 class Heard(NamedTuple):
@@ -139,9 +141,7 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     count, tick = len(reference.position), round(period * NANOSECONDS)
     samples, dt = np.arange(count), np.full(count, period)
     if not plant.hazards:
-        all_, none = np.ones(count, bool), np.zeros(count, np.int64)
-        never = none.astype(bool)
-        return Course(Heard(all_, all_, none, dt), reference, samples, all_, never, never)
+        return undisturbed(reference, period)
     times = HazardTimes(plant.hazards, period, plant.safety.state_age)
     told, answered, late, known, shown = (
         np.array([find(k) for k in range(count)])
@@ -180,6 +180,30 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
         frozenset(renewed - {0}),
         frozenset(k for k in range(count) if times.refusal(k) == 'states_invalid'),
     )
+
+
+def undisturbed(reference: Reference, period: float) -> Course:
+    """The course of a run, or of a part of one, in which no hazard happens.
+
+    Arguments as of :func:`course_of`.
+    """
+    count = len(reference.position)
+    all_, none = np.ones(count, bool), np.zeros(count, np.int64)
+    never = none.astype(bool)
+    heard = Heard(all_, all_, none, np.full(count, period))
+    return Course(heard, reference, np.arange(count), all_, never, never)
+
+
+def calm(plant: Plant, period: float) -> int:
+    """First sample from which on no hazard makes anything of the course of a run.
+
+    The samples around it are those of a run without hazards, as are their stamps.
+    """
+    ends = [
+        each.samples(period)[1] + (round(abs(each.size) / period) if each.what in SIGNS else 0)
+        for each in plant.hazards
+    ]
+    return max(ends, default=-AROUND) + AROUND
 
 
 def _first(rows: NDArray[np.int64], samples: list[int]) -> list[int]:

@@ -14,12 +14,14 @@ from parallel_robot_model.compiler import Boxed, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import PerJoint
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 from parallel_robot_sim.actuators import held_disturbance
+from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
-from parallel_robot_sim.performed_motion import performed, smooth
+from parallel_robot_sim.performed_motion import performed, points_of, smooth
 from parallel_robot_sim.plant import PlantSetup
 from trajectory_gen.trajectory import Trajectory
 
 KEPT = 96  # ideal torques: those of the samples that the laws of a study share
+BESIDE = 48  # points beside a part, of which the farthest change the spline by less than rounding
 
 
 def torque_of(configuration: Configuration) -> Array:
@@ -46,37 +48,68 @@ def along(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
 
 @functools.lru_cache(maxsize=KEPT)
 def _torque(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
-    from scipy.interpolate import make_interp_spline  # slow to import
+    return IdealTorque(trajectory, plant).between(0, (plant.loop.last_index or 0) + 1)
 
-    count, period = plant.loop.last_index or 0, plant.loop.period
-    # 1. What moves the robot against viscous friction is smooth: few points of it will do.
-    motion = performed(trajectory, smooth(plant))
-    degree = min(3, len(motion.times) - 1)
-    middles, velocity = _middles(trajectory, period, count)
-    spline = make_interp_spline(motion.times + 0.5 * period, motion.torque, degree)
-    torque = np.ascontiguousarray(spline(middles))
-    # 2. Dry friction and disturbances are not.
-    friction, disturbance = plant.load
-    still = PerJoint((0.0,) * len(plant.loop.joints))
-    rest = JointLoad(friction._replace(viscous=still), disturbance)
-    state = motion.plant.state
-    setup = motion.plant.setup._replace(
-        imperfections=Boxed(plant.imperfections.with_memory(state.torque))
-    )
-    ideal: Array = _with_loads(setup, rest, state.torque, torque, velocity, period)
-    return ideal
+
+class IdealTorque:
+    """The ideal torque of a plant along a desired motion, part by part, see :func:`torque_of`."""
+
+    def __init__(self, trajectory: Trajectory, plant: PlantConfiguration) -> None:
+        """Prepare.
+
+        Raises:
+            InputError: the plant cannot be put together.
+        """
+        self._trajectory, self._plant = trajectory, plant
+        self._smooth = smooth(plant)
+        self._assembled = assemble_plant(self._smooth)
+        self._points = points_of(plant.loop.duration)
+        self._imperfections = Boxed(plant.imperfections.with_memory(self._assembled.state.torque))
+
+    def between(self, first: int, stop: int) -> Array:
+        """The torques of samples that follow those asked for before [N m], shape (N, n).
+
+        Raises:
+            InputError: the robot does not reach the motion.
+        """
+        from scipy.interpolate import make_interp_spline  # slow to import
+
+        period = self._plant.loop.period
+        # 1. What moves the robot against viscous friction is smooth: few points of it will do.
+        middles, velocity = _middles(self._trajectory, period, first, stop)
+        begin, end = np.searchsorted(self._points, middles[[0, -1]])
+        times = self._points[max(begin - BESIDE, 0) : end + BESIDE]
+        motion = performed(self._trajectory, self._smooth, times, self._assembled)
+        degree = min(3, len(motion.times) - 1)
+        spline = make_interp_spline(motion.times + 0.5 * period, motion.torque, degree)
+        torque = np.ascontiguousarray(spline(middles))
+        # 2. Dry friction and disturbances are not.
+        friction, disturbance = self._plant.load
+        still = PerJoint((0.0,) * len(self._plant.loop.joints))
+        rest = JointLoad(friction._replace(viscous=still), disturbance)
+        setup = motion.plant.setup._replace(imperfections=self._imperfections)
+        ideal: Array = _with_loads(
+            setup, rest, motion.plant.state.torque, torque, velocity, period, first
+        )
+        return ideal
 
 
 @functools.lru_cache(maxsize=2)
-def _middles(trajectory: Trajectory, period: float, count: int) -> tuple[Array, Array]:
-    """The middle of the step before each sample [s], and the rates of the joints [rad/s]."""
-    middles = np.maximum(np.arange(count + 1) - 0.5, 0.0) * period
+def _middles(trajectory: Trajectory, period: float, first: int, stop: int) -> tuple[Array, Array]:
+    """The middle of the step before samples [s], and the rates of the joints [rad/s]."""
+    middles = np.maximum(np.arange(first, stop) - 0.5, 0.0) * period
     return middles, trajectory.sample(middles).velocity
 
 
 @kernel
 def _with_loads(
-    setup: PlantSetup, load: JointLoad, like: Array, torque: Array, velocity: Array, period: float
+    setup: PlantSetup,
+    load: JointLoad,
+    like: Array,
+    torque: Array,
+    velocity: Array,
+    period: float,
+    first: int,
 ) -> Array:
     """Torques with what the loads of each step take.
 
@@ -87,10 +120,11 @@ def _with_loads(
         torque: Torques of the step before each sample [N m], shape (N, n).
         velocity: Rates of the joints in the middle of it [rad/s], shape (N, n).
         period: Of the samples [s].
+        first: Sample of the first row; no step ends at sample 0.
     """
     ideal = torque.copy()
-    for k in range(1, len(torque)):
-        begin = (k - 1) * period
+    for k in range(0 if first else 1, len(torque)):
+        begin = (first + k - 1) * period
         rate = read_row(velocity, k, like)
         # net_torque(t) = t - loads, so -net_torque(-t) = t + loads.
         needed = -net_torque(load, -read_row(torque, k, like), rate, begin + 0.5 * period)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parallel_robot_model.messages import cdr, layouts
 from parallel_robot_model.messages.joint_layouts import passive_names
@@ -24,8 +23,7 @@ def state_messages(
     layout: cdr.Layout,
     stamps: Any,
     run: ClosedLoopRun,
-    late: int = 0,
-    further: NDArray[np.int64] | int = 0,
+    effort: np.ndarray,
 ) -> np.ndarray:
     """Fill the layout of :func:`state_layout` with a run; passive joints have no effort.
 
@@ -33,30 +31,36 @@ def state_messages(
         layout: The layout.
         stamps: Of the states [ns], shape (N,).
         run: The run.
-        late: Samples from the measurement of a state to its row in the run.
-        further: Samples by which it comes later still, shape (N,); negative if only its stamp is
-            ahead.
+        effort: What its states tell of the efforts [N m], shape (N, n).
     """
     records = layout.records(run.steps, stamps)
     rows, n = slice(run.steps), run.position.shape[1]
     records['position'][:, :n] = run.position[rows]
     records['velocity'][:, :n] = run.velocity[rows]
-    records['effort'][:, :n] = reported_effort(run.effort[rows], late)[
-        np.arange(run.steps) - np.maximum(further, 0)
-    ]
+    records['effort'][:, :n] = effort
     if records['position'].shape[1] > n:
         records['position'][:, n:] = run.passive_position[rows]
         records['velocity'][:, n:] = run.passive_velocity[rows]
     return records
 
 
-def reported_effort(effort: np.ndarray, late: int) -> np.ndarray:
-    """Efforts in the rows of states that tell of an earlier time; zero before the first one.
+class ReportedEffort:
+    """Efforts in the rows of states that tell of an earlier time; zero before the first one."""
 
-    Args:
-        effort: Torque applied during the step that ended at each sample [N m], shape (N, n).
-        late: Samples from the measurement of a state to its row.
-    """
-    told = np.zeros_like(effort)
-    told[late:] = effort[: max(len(effort) - late, 0)]
-    return told
+    def __init__(self, late: int) -> None:
+        """Prepare; `late`: samples from the measurement of a state to its row."""
+        self._late = late
+        self._before: np.ndarray | None = None  # the last efforts
+
+    def of(self, effort: np.ndarray) -> np.ndarray:
+        """What the next states of a run tell.
+
+        Args:
+            effort: Torque applied during the step that ended at each sample [N m], shape (N, n).
+        """
+        before = effort[:0] if self._before is None else self._before
+        known = np.vstack([before, effort])
+        self._before = known[max(len(known) - self._late, 0) :]
+        told = np.zeros_like(known)
+        told[self._late :] = known[: max(len(known) - self._late, 0)]
+        return told[len(before) :]

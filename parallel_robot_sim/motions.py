@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
@@ -15,9 +17,12 @@ from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.course import Course
 from parallel_robot_sim.ideal_torque import torque_of
-from parallel_robot_sim.messages import reported_effort
+from parallel_robot_sim.messages import ReportedEffort
 from parallel_robot_sim.simulation import Simulation
+from trajectory_gen.trajectory import Reference
 
 # Parameters by which the joints that are told are not the true ones, see docs/noise.md.
 UNTRUE = (
@@ -131,10 +136,14 @@ def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
     limit = np.asarray(values['plant.torque_limit'], np.float64)
     if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
         return []
-    share = float(np.mean((np.abs(effort) >= limit).any(axis=1)))
+    return saturated(values, float(np.mean((np.abs(effort) >= limit).any(axis=1))))
+
+
+def saturated(values: Mapping[str, Any], share: float) -> list[str]:
+    """The same from the share of the samples at which a motor gave all it can."""
     if not share:
         return []
-    told = ', '.join(f'{each:g}' for each in np.unique(limit))
+    told = ', '.join(f'{each:g}' for each in np.unique(values['plant.torque_limit']))
     return [SATURATED.format(told, f'{100.0 * share:.3g}')]
 
 
@@ -159,8 +168,7 @@ def poses_of(
     Raises:
         KinematicsError: a sample has no pose in the assembly mode of the guess.
     """
-    wanted = forward.poses_of(desired, reference, guess)
-    return Poses(forward.poses_of(actual, position, wanted[0]), wanted, desired.module.PLANAR)
+    return Located(desired, actual, guess).poses(reference, position)
 
 
 def of_simulation(made: Simulation) -> Motions:
@@ -170,53 +178,135 @@ def of_simulation(made: Simulation) -> Motions:
         InputError: the robot does not reach the motion.
         KinematicsError: a sample of the true motion has no pose.
     """
-    nominal, true = made.configuration.control.robot, made.configuration.plant.robot
-    guess = np.array(made.configuration.control.guess)
-    run, rows = made.run, slice(made.run.steps)
-    joints, wanted = run.joints[rows], made.reference.position[rows]
-    time = made.experiment.loop.period_ns * np.arange(run.steps) / NANOSECONDS  # as stamps tell
-    poses = poses_of(nominal, true, guess, wanted, joints)
-    moved = Motion(time, joints, wanted, run.effort[rows], poses)
-    ideal = torque_of(made.configuration)[: run.steps]
-    exact = not untrue(made.configuration.values)
-    if exact and nominal.parameters == true.parameters:
-        return Motions(moved, None, ideal)
-    told = moved if exact else _told(made)
-    try:
-        poses = poses_of(nominal, nominal, guess, told.reference_position, told.position)
-    except KinematicsError:
-        return Motions(moved, None, ideal)
-    return Motions(moved, told._replace(poses=poses), ideal)
+    return SimulatedMotions(made.configuration).of(made, torque_of(made.configuration))
 
 
-def _told(made: Simulation) -> Motion:
-    """The joints of a simulation as their messages tell them, without their poses.
+class SimulatedMotions:
+    """The motions of a simulation, part by part: what a part hands on to the next.
+
+    Attributes:
+        told: What its messages tell of the joints; None where that is the true motion.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        nominal, true = configuration.control.robot, configuration.plant.robot
+        exact = not untrue(configuration.values)
+        guess = np.array(configuration.control.guess)
+        self.told = None if exact else Told(configuration)
+        self._true = Located(nominal, true, guess)
+        self._seen: Located | None = Located(nominal, nominal, guess)
+        if exact and nominal.parameters == true.parameters:
+            self._seen = None
+
+    def of(self, part: Simulation, ideal: Array) -> Motions:
+        """The motions of the next part.
+
+        Args:
+            part: The part.
+            ideal: Ideal torque of its samples, or of more [N m], shape (N, n).
+
+        Raises:
+            KinematicsError: a sample of the true motion has no pose.
+        """
+        run, rows = part.run, slice(part.run.steps)
+        loop = part.experiment.loop
+        time = loop.period_ns * (part.first + np.arange(run.steps)) / NANOSECONDS  # as stamps tell
+        joints, wanted = run.joints[rows], part.reference.position[rows]
+        moved = Motion(time, joints, wanted, run.effort[rows], self._true.poses(wanted, joints))
+        told = moved if self.told is None else self.told.of(part)
+        if self._seen is not None:
+            try:
+                poses = self._seen.poses(told.reference_position, told.position)
+                return Motions(moved, told._replace(poses=poses), ideal[rows])
+            except KinematicsError:
+                self._seen = None
+        return Motions(moved, None, ideal[rows])
+
+
+class Located:
+    """Poses of a motion, part by part, see :func:`poses_of`."""
+
+    def __init__(self, desired: RobotModel, actual: RobotModel, guess: Array) -> None:
+        self._desired, self._actual = desired, actual
+        self._guesses: tuple[Array, Array | None] = guess, None
+        self._first = 0  # sample
+
+    def poses(self, reference: Array, position: Array) -> Poses:
+        """Poses of the next part of the motion.
+
+        Raises:
+            KinematicsError: a sample has no pose in the assembly mode of the guess.
+        """
+        guess, near = self._guesses
+        wanted = forward.poses_of(self._desired, reference, guess, self._first)
+        near = wanted[0] if near is None else near
+        actual = forward.poses_of(self._actual, position, near, self._first)
+        self._guesses, self._first = (wanted[-1], actual[-1]), self._first + len(position)
+        return Poses(actual, wanted, self._desired.module.PLANAR)
+
+
+class Told:
+    """The joints of a simulation as their messages tell them, part by part, without their poses.
 
     As of a bag: those of valid states that have a reference, in the order of their stamps.
     """
-    run, tick, desired = made.run, made.experiment.loop.period_ns, made.reference
-    course = made.course
-    heard = course.heard.head(run.steps)
-    late, last = round(made.age * NANOSECONDS / tick), len(desired.position) - 1
-    timeout = made.experiment.plant.safety.reference_timeout * NANOSECONDS
-    oldest = round(max(timeout, 2.0 * tick)) // tick
-    rows = np.array([k for k in np.flatnonzero(heard.told) if k not in course.invalid], np.int64)
-    measured = rows - heard.late[rows]
-    kept = (measured >= 0) & (measured <= last + oldest)
-    rows, measured = rows[kept], measured[kept]
-    back = tick * (np.maximum.accumulate(measured) - measured)
-    if len(rows) and back.max() <= SWAPPED:
-        order = np.argsort(measured, kind='stable')
-        rows, measured = rows[order], measured[order]
-    known = np.clip(measured - late, 0, last)  # the newest reference at the stamp, or the first
-    reference = extrapolate_rows(
-        tick * (measured - late - known),
-        *(getattr(desired, name)[known] for name in ('position', 'velocity', 'acceleration')),
-    )
-    return Motion(
-        tick * (measured - late) / NANOSECONDS,
-        corrected(made.configuration.values, run.position[rows]),
-        reference.position,
-        reported_effort(run.effort[: run.steps], late)[rows - np.maximum(heard.late[rows], 0)],
-        Poses(run.pose[:0], run.pose[:0]),
-    )
+
+    def __init__(self, configuration: Configuration) -> None:
+        plant, self._values = configuration.plant, configuration.values
+        self._tick: int = configuration.loop.period_ns
+        self._late = round(plant.imperfections.age * NANOSECONDS / self._tick)
+        timeout = plant.safety.reference_timeout * NANOSECONDS
+        self._oldest = round(max(timeout, 2.0 * self._tick)) // self._tick
+        self._effort = ReportedEffort(self._late)
+        self._before: JointReference  # the last rows of the part before
+
+    def of(self, part: Simulation) -> Motion:
+        """The motion of the next part."""
+        run, late = part.run, part.course.heard.late
+        rows, time, reference = self.reference(part.course, part.reference, part.first, run.steps)
+        return Motion(
+            time,
+            corrected(self._values, run.position[rows]),
+            reference,
+            self._effort.of(run.effort[: run.steps])[rows - np.maximum(late[rows], 0)],
+            Poses(run.pose[:0], run.pose[:0]),
+        )
+
+    def reference(
+        self, course: Course, desired: Reference, first: int, steps: int
+    ) -> tuple[NDArray[np.int64], Array, Array]:
+        """What the states of the next part are to be.
+
+        Args:
+            course: The course of the part.
+            desired: Its desired motion.
+            first: Sample of its first row.
+            steps: How many rows of it there are.
+
+        Returns:
+            Rows of the part, their times [s], and desired positions then [rad], shape (K, n).
+        """
+        tick, late = self._tick, self._late
+        motion = JointReference(desired.position, desired.velocity, desired.acceleration)
+        if first:
+            motion = JointReference(*map(np.vstack, zip(self._before, motion, strict=True)))
+        begin = first + len(desired.position) - len(motion.position)  # sample of its first row
+        self._before = JointReference(*(each[max(len(each) - late, 0) :] for each in motion))
+        last = first + len(desired.position) - 1
+        heard = course.heard.head(steps)
+        rows = np.flatnonzero(heard.told)
+        rows = rows[~np.isin(rows, [*course.invalid])]
+        measured = first + rows - heard.late[rows]
+        kept = (measured >= 0) & (measured <= last + self._oldest)
+        rows, measured = rows[kept], measured[kept]
+        back = tick * (np.maximum.accumulate(measured) - measured)
+        if len(rows) and back.max() <= SWAPPED:
+            order = np.argsort(measured, kind='stable')
+            rows, measured = rows[order], measured[order]
+        known = np.clip(
+            measured - late, 0, last
+        )  # the newest reference at the stamp, or the first
+        reference = extrapolate_rows(
+            tick * (measured - late - known), *(each[known - begin] for each in motion)
+        )
+        return rows, tick * (measured - late) / NANOSECONDS, reference.position

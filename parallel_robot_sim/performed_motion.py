@@ -39,16 +39,28 @@ class PerformedMotion(NamedTuple):
     advance: FirstClass
 
 
-def performed(trajectory: Trajectory, plant: PlantConfiguration) -> PerformedMotion:
+def performed(
+    trajectory: Trajectory,
+    plant: PlantConfiguration,
+    times: Array | None = None,
+    assembled: Plant | None = None,
+) -> PerformedMotion:
     """A desired motion, performed by a plant without imperfections.
+
+    Args:
+        trajectory: The motion.
+        plant: The plant.
+        times: Times of the points [s], shape (K,); default: those of the whole motion.
+        assembled: The plant put together, where that is done.
 
     Raises:
         InputError: the robot does not reach the motion.
     """
     period = plant.loop.period
-    made = assemble_plant(plant)
+    made = assembled or assemble_plant(plant)
     advance = FirstClass(step, made.setup, made.state, made.state.torque, period)
-    times = points_of(plant.loop.duration)
+    if times is None:
+        times = points_of(plant.loop.duration)
     around = (times[:, np.newaxis] + period * np.array([-1.0, 0.0, 1.0, 2.0])).ravel()
     coordinates = coordinates_of(plant.robot, made, trajectory.sample(around).pose)
     before, now, after, later = (coordinates[k::4] for k in range(4))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,16 +16,18 @@ from parallel_robot_control.cycle import at_measurement
 from parallel_robot_control.delay_identification import phases, result
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_model.common.printable import apart
+from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.robots.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
-from parallel_robot_sim.closed_loop import ClosedLoopRun, head, run
+from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run, run_part
 from parallel_robot_sim.configuration import Configuration
-from parallel_robot_sim.course import Course, course_of
+from parallel_robot_sim.course import Course, calm, course_of, undisturbed
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
-MAX_SAMPLES = 5_000_000  # samples of a simulation, which keeps all of them in memory
+MAX_SAMPLES = 5_000_000  # samples of a simulation that keeps all of them in memory
+AT_ONCE = 20_000  # samples of a part of one that does not
 ENDLESS = 'duration must be positive: a run needs an end'
 NODES_ALONE = (
     'plant.engine must be analytic in a compiled loop, not mujoco: that is for the nodes, '
@@ -32,7 +36,7 @@ NODES_ALONE = (
 
 
 class Simulation(NamedTuple):
-    """A run with its experiment.
+    """A run with its experiment, or a part of one.
 
     Attributes:
         configuration: Its configuration.
@@ -40,6 +44,8 @@ class Simulation(NamedTuple):
         reference: Desired motion, one row per state.
         run: Record of the run.
         loop_time: Time spent in the loop [s].
+        first: Sample of the first row.
+        first_fault: Sample of the first fault until the last row; None without one.
     """
 
     configuration: Configuration
@@ -47,6 +53,8 @@ class Simulation(NamedTuple):
     reference: Reference
     run: ClosedLoopRun
     loop_time: float
+    first: int = 0
+    first_fault: int | None = None
 
     @property
     def age(self) -> float:
@@ -57,7 +65,10 @@ class Simulation(NamedTuple):
     @property
     def course(self) -> Course:
         """What hazards made of the course of the run."""
-        return course_of(self.experiment.plant, self.reference, self.experiment.loop.period)
+        plant, period = self.experiment.plant, self.experiment.loop.period
+        if self.first:
+            return undisturbed(self.reference, period)
+        return course_of(plant, self.reference, period)
 
     @property
     def desired(self) -> JointReference:
@@ -72,7 +83,8 @@ class Simulation(NamedTuple):
     @property
     def phases(self) -> NDArray[np.int64]:
         """What the identification of the delay is doing after each row, shape (N,)."""
-        return phases(self.experiment.control.setup.estimator.lock_in, self.run.fault)
+        samples = self.first + np.arange(len(self.run.fault))
+        return phases(self.experiment.control.setup.estimator.lock_in, samples, self.first_fault)
 
     @property
     def delay(self) -> NDArray[np.float64]:
@@ -84,25 +96,25 @@ class Simulation(NamedTuple):
         outcome = result(estimator.lock_in)
         delay = np.full((len(self.run.fault), 1), estimator.delay)
         if outcome.end:
-            delay[outcome.end :] = outcome.delay
+            delay[max(outcome.end - self.first, 0) :] = outcome.delay
         return delay
+
+    @property
+    def summary(self) -> RunSummary:
+        """What is told of it as a whole."""
+        summary = RunSummary()
+        summary.add(self)
+        return summary
 
     @property
     def driven_out(self) -> bool:
         """Whether the robot left its workspace before the run was over."""
-        return self.run.steps <= (self.experiment.loop.last_index or 0)
+        return self.first + self.run.steps <= (self.experiment.loop.last_index or 0)
 
     @property
     def failure(self) -> str:
         """Why the run has no figures: law, time and cause; empty if it has them."""
-        loop, run = self.experiment.loop, self.run
-        if self.driven_out:
-            last = (run.steps - 1) * loop.period
-            most, fault = np.abs(run.effort).max(), self.fault_text
-            cause = f'fault before: {fault}' if fault else f'under up to {most:.3g} N m'
-            return f'{loop.law}: {DRIVEN_OUT} after t = {last:.3f} s, {cause}'
-        reason = faults.failure(self.faults, (run.steps - 1) * loop.period)
-        return reason and f'{loop.law}: {reason}'
+        return self.summary.failure
 
     @property
     def fault(self) -> tuple[float, Fault] | None:
@@ -117,16 +129,14 @@ class Simulation(NamedTuple):
     @property
     def fault_text(self) -> str:
         """The first fault for people."""
-        return next((text for _, text in self.faults), '')
+        return self.summary.fault_text
 
     @property
     def faults(self) -> list[tuple[float, str]]:
         """When the controller entered a fault [s], and which; empty where it was cleared."""
-        fault, period = self.run.fault, self.experiment.loop.period
-        changes = np.flatnonzero(np.diff(fault, prepend=faults.NONE))
-        return [(float(k * period), self._fault_at(int(k))) for k in changes]
+        return self.summary.faults
 
-    def _fault_at(self, k: int) -> str:
+    def fault_at(self, k: int) -> str:
         """The fault at a row for people, with joint, value and limit where a joint is too fast."""
         number = int(self.run.fault[k])
         if number == faults.NONE:
@@ -141,21 +151,104 @@ class Simulation(NamedTuple):
         return f'{loop.joints[joint]} at {value} rad/s is above safety.speed_limit, {limit} rad/s'
 
 
+class RunSummary:
+    """What is told of a run as a whole, from its parts.
+
+    Attributes:
+        steps: Number of its rows.
+        faults: When the controller entered a fault [s], and which; empty where it was cleared.
+        acted: Bits of all limits that acted.
+        phase: What the identification of the delay was doing at the end.
+        loop_time: Time spent in the loop [s].
+    """
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self.faults: list[tuple[float, str]] = []
+        self.acted = 0
+        self.phase = 0
+        self.loop_time = 0.0
+        self._loop: LoopParameters | None = None
+        self._fault = faults.NONE  # at the last row
+        self._most = 0.0  # N m, of the motors
+        self._saturated = 0  # rows at which a motor gave all it can
+
+    def add(self, part: Simulation) -> None:
+        """Take the next part."""
+        run, loop = part.run, part.experiment.loop
+        changes = np.flatnonzero(np.diff(run.fault, prepend=self._fault))
+        self.faults += [
+            (float((part.first + k) * loop.period), part.fault_at(int(k))) for k in changes
+        ]
+        effort = np.abs(run.effort)
+        limit = np.asarray(part.configuration.values['plant.torque_limit'], np.float64)
+        self._saturated += int((effort >= limit).any(axis=1).sum())
+        self._most = max(self._most, float(effort.max()))
+        self._loop, self._fault = loop, int(run.fault[-1])
+        self.acted |= int(np.bitwise_or.reduce(run.acted))
+        self.phase = int(part.phases[-1])
+        self.loop_time += part.loop_time
+        self.steps += run.steps
+
+    def taken(self, parts: Iterable[Simulation]) -> Iterator[Simulation]:
+        """Pass parts on, each when it is taken."""
+        for part in parts:
+            self.add(part)
+            yield part
+
+    @property
+    def duration(self) -> float:
+        """Time of the last row [s]."""
+        return (self.steps - 1) * (self._loop.period if self._loop else 0.0)
+
+    @property
+    def saturated(self) -> float:
+        """Share of the rows at which a motor gave all it can."""
+        return self._saturated / self.steps
+
+    @property
+    def fault_text(self) -> str:
+        """The first fault for people."""
+        return next((text for _, text in self.faults), '')
+
+    @property
+    def failure(self) -> str:
+        """Why the run has no figures: law, time and cause; empty if it has them."""
+        loop = self._loop
+        assert loop is not None
+        if self.steps <= (loop.last_index or 0):
+            fault = self.fault_text
+            cause = f'fault before: {fault}' if fault else f'under up to {self._most:.3g} N m'
+            return f'{loop.law}: {DRIVEN_OUT} after t = {self.duration:.3f} s, {cause}'
+        reason = faults.failure(self.faults, self.duration)
+        return reason and f'{loop.law}: {reason}'
+
+
 def samples_of(configuration: Configuration) -> int:
-    """Number of samples of a run in a compiled loop.
+    """Number of samples of a run in a compiled loop that keeps all of them.
 
     Raises:
         InputError: it has no end or too many, or only nodes can run it.
     """
     loop = configuration.loop
-    if loop.last_index is None:
-        raise InputError(ENDLESS, 'duration')
-    if loop.last_index > MAX_SAMPLES:
+    if (loop.last_index or 0) > MAX_SAMPLES:
         raise InputError(
-            f'duration must be at most {MAX_SAMPLES * loop.period:g} s in a simulation, '
-            f'not {loop.duration:g}',
+            f'duration must be at most {MAX_SAMPLES * loop.period:g} s where all samples are kept '
+            f'in memory, not {loop.duration:g}; the command simulate writes longer runs',
             'duration',
         )
+    return _samples(configuration)
+
+
+def _samples(configuration: Configuration) -> int:
+    """Number of samples of a run in a compiled loop.
+
+    Raises:
+        InputError: it has no end, or only nodes can run it.
+    """
+    loop = configuration.loop
+    if loop.last_index is None:
+        raise InputError(ENDLESS, 'duration')
     if configuration.plant.parameters.engine == MUJOCO:
         raise InputError(NODES_ALONE, 'plant.engine')
     return loop.last_index + 1
@@ -181,19 +274,52 @@ def attempt(configuration: Configuration) -> Simulation:
         InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
         RunError: the robot is outside its workspace from the start.
     """
-    loop = configuration.loop
     with locating(configuration.values):
         samples = samples_of(configuration)
+    return next(parts(configuration, samples))
+
+
+def parts(configuration: Configuration, size: int | None = None) -> Iterator[Simulation]:
+    """Run the closed loop as :func:`attempt` does, in parts that follow one another.
+
+    A part is as long as `size`; the first one has all that hazards do.
+
+    Args:
+        configuration: The configuration.
+        size: Number of samples of a part; default: AT_ONCE.
+
+    Raises:
+        InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
+        RunError: the robot is outside its workspace from the start.
+    """
+    loop, period = configuration.loop, configuration.loop.period
+    with locating(configuration.values):
+        samples = _samples(configuration)
         experiment = assemble(configuration)
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
-    reference = trajectory.sample(np.arange(samples) * loop.period)
-    run(control, plant, trajectory.sample(0.0), loop.period)  # compiles the loop, or loads it
-    begun = time.perf_counter()
-    result = run(control, plant, reference, loop.period)
-    loop_time = time.perf_counter() - begun
-    if not result.steps:
-        raise RunError(f'{loop.law}: {DRIVEN_OUT} from the start')
-    if result.steps < samples:
-        reference = trajectory.sample(np.arange(result.steps) * loop.period)
-        result = head(result)
-    return Simulation(configuration, experiment, reference, result, loop_time)
+    run(control, plant, trajectory.sample(0.0), period)  # compiles the loop, or loads it
+    state = begin(control, plant)
+    first, first_fault = 0, None
+    while first < samples:
+        stop = min(samples, max(first + (size or AT_ONCE), calm(plant, period)))
+        reference = trajectory.sample(np.arange(first, stop) * period)
+        begun = time.perf_counter()
+        course = undisturbed if first else partial(course_of, plant)
+        made = run_part(control, plant, course(reference, period), state, period, first)
+        loop_time = time.perf_counter() - begun
+        if not first + made.steps:
+            raise RunError(f'{loop.law}: {DRIVEN_OUT} from the start')
+        driven_out = made.steps < stop - first
+        if driven_out:
+            reference = trajectory.sample(np.arange(first, first + made.steps) * period)
+            made = head(made)
+        faulty = np.flatnonzero(made.fault)
+        if first_fault is None and faulty.size:
+            first_fault = first + int(faulty[0])
+        if made.steps:
+            yield Simulation(
+                configuration, experiment, reference, made, loop_time, first, first_fault
+            )
+        if driven_out:
+            break
+        state, first = end(made), stop

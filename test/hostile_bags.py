@@ -43,7 +43,7 @@ def make(bag: Path) -> Good:
     values = config.resolve('paper_circle', {'duration': 0.06, 'time_mode': 'lockstep'})
     size, bag_writer.CHUNK_SIZE = bag_writer.CHUNK_SIZE, 8000
     try:
-        simulation_bag.write(bag, values, simulated(values))
+        simulation_bag.write(bag, values, [simulated(values)])
     finally:
         bag_writer.CHUNK_SIZE = size
     return read(bag)

@@ -14,10 +14,12 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
+from parallel_robot.bags import bag_writer
 from parallel_robot.bags.bag_files import open_file
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.mcap_block import Block
 from parallel_robot.bags.mcap_records import Damage, scan
+from parallel_robot.bags.message_rows import Rows
 from parallel_robot.bags.record_file import RecordFile
 from parallel_robot_control.faults import FAULTS, SPEED
 from parallel_robot_control.messages import Status, status_message
@@ -218,6 +220,39 @@ def test_a_chunk_that_is_not_full_can_be_finished(tmp_path):
         assert survives(path)[0] == 0
         writer.flush()
         assert survives(path) == (1, [Damage('end', 0)])
+
+
+def test_many_messages_at_once_are_the_same_bytes(tmp_path, monkeypatch):
+    """Beside messages that are written by themselves, in the same chunks."""
+    monkeypatch.setattr(bag_writer, 'CHUNK_SIZE', 3000)
+    count, layout = 300, layouts.float64_multi_array(4)
+    fixed = layout.records(count, data=NUMBERS.normal(size=(count, 4)))
+    fixed = np.frombuffer(fixed.tobytes(), np.uint8).reshape(count, -1)
+    places = np.sort(NUMBERS.permutation(2 * count)[:count])
+    others = np.setdiff1d(np.arange(2 * count), places)
+    varied = [bytes(range(k % 200)) for k in range(count)]
+    streams = [
+        Rows(topics.COMMANDS.name, places, 10 * places, fixed),
+        Rows(topics.STATUS.name, others, 10 * others + 7, varied),
+    ]
+    merged = sorted(
+        (place, rows.topic, int(time), bytes(payload))
+        for rows in streams
+        for place, time, payload in zip(rows.places, rows.log_times, rows.payloads, strict=True)
+    )
+    for name in ('one', 'many'):
+        with BagWriter(tmp_path / name / 'bag', topics.RECORDED, METADATA) as writer:
+            writer.write(topics.COMMANDS.name, 5, fixed[0].tobytes())
+            if name == 'many':
+                writer.extend(streams)
+            else:
+                for _, topic, log_time, payload in merged:
+                    writer.write(topic, log_time, payload)
+            writer.write(topics.COMMANDS.name, 9000, fixed[1].tobytes())
+            assert writer.written == {topics.COMMANDS.name: count + 2, topics.STATUS.name: count}
+    for file in ('bag_0.mcap', 'metadata.yaml'):
+        one, many = ((tmp_path / name / 'bag' / file).read_bytes() for name in ('one', 'many'))
+        assert one == many
 
 
 def test_a_recording_of_hours_needs_little_memory(tmp_path):

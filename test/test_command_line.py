@@ -220,7 +220,7 @@ def test_a_path_may_be_a_text(bag, tmp_path):
     assert bag_difference.compare(str(bag), copy) == (count, '')
     figures.draw_run(log, motion_of(log), picture)
     values = config.resolve('paper_circle', {'duration': 0.01})
-    simulation_bag.write(str(tmp_path / 'new'), values, simulated(values))
+    simulation_bag.write(str(tmp_path / 'new'), values, [simulated(values)])
     assert {path.name for path in tmp_path.iterdir()} == {'copy', 'new', 'run.png'}
     assert list(runs.read_runs([copy])) == ['paper_circle']
 

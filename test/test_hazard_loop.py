@@ -69,7 +69,7 @@ def in_lockstep(values):
 
 
 def in_bag(values, bag):
-    simulation_bag.write(bag, values, simulated(values))
+    simulation_bag.write(bag, values, [simulated(values)])
     topics = content(next(bag.glob('*.mcap')))
     return [
         [data for _, data in topics[name]]
@@ -233,7 +233,7 @@ def test_a_link_that_is_down_leaves_the_true_robot_moving(tmp_path):
     values = values_of('plant_paused at 0.1 for 0.1')
     made = simulated(values)
     assert np.abs(np.diff(made.run.joints[100:200], axis=0)).max() > 0.0
-    simulation_bag.write(tmp_path / 'bag', values, made)
+    simulation_bag.write(tmp_path / 'bag', values, [made])
     stamps = recording.read(tmp_path / 'bag').log.stamps
     assert np.diff(stamps).max() == 101 * 10**6 and len(stamps) == 301
     poses = content(next((tmp_path / 'bag').glob('*.mcap')))['pose']

@@ -104,7 +104,7 @@ def victim(request, launch, peer, tmp_path):
     words = []
     if name == 'player':
         values = config.resolve('paper_circle', {'duration': 0.1})
-        simulation_bag.write(tmp_path / 'played', values, simulated(values))
+        simulation_bag.write(tmp_path / 'played', values, [simulated(values)])
         words = [tmp_path / 'played', '--pause']
     process = launch(NODES[name], *words, '--ros-args', '-p', 'recorder.out:=bag')
     peer.call(Trigger, f'{name}/ready', Trigger.Request(), process)

@@ -86,7 +86,7 @@ def test_a_request_that_cannot_be_is_refused_as_a_whole(wrong, service):
 def bag(path):
     """A tenth of a second of the paper's circle."""
     values = config.resolve('paper_circle', {'duration': 0.1})
-    simulation_bag.write(path, values, simulated(values))
+    simulation_bag.write(path, values, [simulated(values)])
     return path
 
 

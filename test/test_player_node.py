@@ -25,7 +25,7 @@ def bag(tmp_path_factory):
     """Half a second of the paper's circle."""
     path = tmp_path_factory.mktemp('player') / 'bag'
     values = config.resolve('paper_circle', {'duration': 0.5})
-    simulation_bag.write(path, values, simulated(values))
+    simulation_bag.write(path, values, [simulated(values)])
     return path
 
 

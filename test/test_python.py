@@ -562,7 +562,7 @@ def test_a_bag_that_ended_early_says_so(tmp_path, capsys):
     """Figures of a start are of no law: 0.6 s of 12 s in Python, in a report, and by analyze."""
     made = simulate('paper_circle', duration=0.6).simulation
     bag = tmp_path / 'bag'
-    simulation_bag.write(bag, {**made.configuration.values, 'duration': 12.0}, made)
+    simulation_bag.write(bag, {**made.configuration.values, 'duration': 12.0}, [made])
     told = 'ended early, after 0.6 s of 12 s'
     assert told in notebook.load(bag).warnings
     ((shown,),) = read_runs([bag]).values()

@@ -51,7 +51,7 @@ def bag(tmp_path_factory):
     directory = tmp_path_factory.mktemp('whole') / 'bag'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bag_writer, 'CHUNK_SIZE', 4_000)
-        simulation_bag.write(directory, VALUES, simulated(VALUES))
+        simulation_bag.write(directory, VALUES, [simulated(VALUES)])
     return directory
 
 

@@ -153,7 +153,7 @@ def test_memory_is_compared_after_the_first_minute_whatever_its_peaks():
 def log(tmp_path_factory):
     bag = tmp_path_factory.mktemp('soak') / 'bag'
     values = config.resolve('paper_circle', {'duration': 0.1, 'time_mode': 'lockstep'})
-    simulation_bag.write(bag, values, simulated(values))
+    simulation_bag.write(bag, values, [simulated(values)])
     return recording.read(bag).log
 
 

@@ -46,7 +46,7 @@ def simulated(tmp_path):
     def make(**changed):
         changed = {key.replace('__', '.'): value for key, value in changed.items()}
         values = resolve('paper_circle', {'duration': 0.3, 'time_mode': 'lockstep', **changed})
-        simulation_bag.write(tmp_path / 'bag', values, simulate(values))
+        simulation_bag.write(tmp_path / 'bag', values, [simulate(values)])
         return tmp_path / 'bag'
 
     return make

@@ -205,7 +205,7 @@ RUN = config.resolve('paper_circle', {'duration': 0.5, 'time_mode': 'lockstep'})
 def simulated(tmp_path_factory):
     """A run of the suite: its log and its messages."""
     directory = tmp_path_factory.mktemp('run') / 'bag'
-    simulation_bag.write(directory, RUN, simulate(RUN))
+    simulation_bag.write(directory, RUN, [simulate(RUN)])
     found = content(directory / 'bag_0.mcap')
     return recording.read(directory).log, {topic: found[topic.name] for topic in topics.RECORDED}
 

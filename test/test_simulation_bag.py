@@ -21,7 +21,7 @@ VALUES = config.resolve('paper_line', {'duration': N * 1e-3, 'true_robot.m2': 8.
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):
     directory = tmp_path_factory.mktemp('simulation') / 'bag'
-    simulation_bag.write(directory, VALUES, simulated(VALUES))
+    simulation_bag.write(directory, VALUES, [simulated(VALUES)])
     return directory
 
 

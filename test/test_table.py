@@ -24,7 +24,7 @@ def simulated(directory, **changed):
     """Write a simulation; return it."""
     values = config.resolve('paper_circle', {'duration': 1e-3 * COUNT, **changed})
     simulation = simulate(values)
-    simulation_bag.write(directory, values, simulation)
+    simulation_bag.write(directory, values, [simulation])
     return simulation
 
 

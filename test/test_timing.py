@@ -231,7 +231,7 @@ def test_telemetry_of_skipped_states_is_not_missing(read):
 @pytest.mark.parametrize('old', [{}, {'sensor.delay': 0.004, 'sensor.stamp': 'measured'}])
 def test_a_simulation_has_no_verdict_and_the_ideal_lag(old, tmp_path):
     values = config.resolve('paper_circle', {'duration': 0.3, 'time_mode': 'lockstep', **old})
-    simulation_bag.write(tmp_path / 'bag', values, simulated(values))
+    simulation_bag.write(tmp_path / 'bag', values, [simulated(values)])
     log, past, _ = recording.read(tmp_path / 'bag')
     timed = timing.evaluate(log, past)
     assert timed.realtime is None and timing.verdict(timed) == '' and not timed.delay.size

@@ -271,9 +271,14 @@ def _moves(motion: Motion) -> np.ndarray:
     moves = np.flatnonzero(np.diff(motion.reference_position, axis=0).any(axis=1))
     if moves.size:
         first, last = moves[0], moves[-1] + 1
-        if motion.time[last] - motion.time[first] < STEP or moves.size < FEW * (last - first):
+        if steps(motion.time[last] - motion.time[first], last - first, moves.size):
             return moves[:0]
     return moves
+
+
+def steps(lasts: float, samples: int, moves: int) -> bool:
+    """Whether a reference steps: it moves so long [s], at some of so many samples."""
+    return lasts < STEP or moves < FEW * samples
 
 
 def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
@@ -407,11 +412,20 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
 
 def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
     """Torque minus its moving mean over SMOOTH, shape (N, n)."""
+    half = half_width(time)
+    return torque - moving_mean(np.pad(torque, ((half, half), (0, 0)), mode='edge'), half)
+
+
+def half_width(time: np.ndarray) -> int:
+    """Samples on either side of a moving mean over SMOOTH."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
-    half = max(0, round(0.5 * SMOOTH / step))
+    return max(0, round(0.5 * SMOOTH / step))
+
+
+def moving_mean(values: np.ndarray, half: int) -> np.ndarray:
+    """Means over so many samples on either side, where they are there, shape (N - 2 half, n)."""
     share = np.full(2 * half + 1, 1.0 / (2 * half + 1))
-    longer = np.pad(torque, ((half, half), (0, 0)), mode='edge')
-    return torque - np.apply_along_axis(np.convolve, 0, longer, share, 'valid')
+    return np.apply_along_axis(np.convolve, 0, values, share, 'valid')
 
 
 def _rms(values: np.ndarray) -> float:

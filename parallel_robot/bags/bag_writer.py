@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, cast
@@ -16,7 +16,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import message_rows, new_files
 from parallel_robot.bags.certificate import Certificate
 from parallel_robot.bags.channels import Channel, channel_of, profiles_of
 from parallel_robot.bags.record_file import RecordFile
@@ -115,6 +115,27 @@ class BagWriter:
         self._first = log_time if self._first is None else min(self._first, log_time)
         self._last = max(self._last, log_time)
 
+    def extend(self, streams: Sequence[message_rows.Rows]) -> None:
+        """Append many messages of many topics: the same bytes as by :meth:`write`, sooner.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        numbered = [(self._ids[rows.topic], rows) for rows in streams if len(rows.places)]
+        if not numbered:
+            return
+        batch, names = message_rows.batch_of(numbered), {n: rows.topic for n, rows in numbered}
+        for part in message_rows.write(self._writer, batch, CHUNK_SIZE):
+            for number, count in Counter(batch.channels[part].tolist()).items():
+                self._counts[number] += count
+                self.written[names[number]] += count
+            first, last = int(batch.log_times[part].min()), int(batch.log_times[part].max())
+            self._first = first if self._first is None else min(self._first, first)
+            self._last = max(self._last, last)
+            if self._caught:
+                self._raise_signals()
+        self._pack()
+
     @property
     def size(self) -> int:
         """Length of the file [bytes]."""
@@ -145,6 +166,10 @@ class BagWriter:
         """
         if time.monotonic() - self._file.written_at >= age:
             self._writer.flush()
+        self._pack()
+
+    def _pack(self) -> None:
+        """Pack the indices of finished chunks."""
         indices = vars(self._writer).get('_Writer__chunk_indices', [])  # kept until the end
         for k in range(self._packed, len(indices)):
             indices[k] = _PackedIndex(indices[k])

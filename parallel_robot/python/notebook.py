@@ -196,7 +196,7 @@ def save(run: Run, bag: str | Path) -> None:
     """
     if run.simulation is None:
         raise InputError('only a simulated run can be saved; this one is from a bag')
-    simulation_bag.save(bag, run.values, run.simulation)
+    simulation_bag.save(bag, run.values, [run.simulation])
 
 
 class RunMetrics(ShownResult, Metrics):

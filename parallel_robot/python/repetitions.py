@@ -18,7 +18,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import changes
-from parallel_robot_sim.simulation import attempt
+from parallel_robot_sim.simulation import RunSummary, parts
 
 
 def replay(
@@ -113,8 +113,8 @@ def rerun(
             raise InputError(f'{bag} is of nodes, which `parallel_robot rerun` starts again')
         new_files.check_directory(path)
         values = resolve(experiment.scenario, experiment.changes | {'time_mode': 'lockstep'})
-        simulation = attempt(configure(values))
-        simulation_bag.save(path, values, simulation)
+        summary = RunSummary()
+        simulation_bag.save(path, values, summary.taken(parts(configure(values))))
     found = experiment.compare(path, memory)
-    failure = (simulation.failure,) if simulation.failure else ()
+    failure = (summary.failure,) if summary.failure else ()
     return replace(found, warnings=(*found.warnings, *failure))

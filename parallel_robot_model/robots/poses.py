@@ -13,7 +13,9 @@ from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
 
 
-def poses_of(robot: RobotModel, position: Array, guess: Array, any_mode: bool = False) -> Array:
+def poses_of(
+    robot: RobotModel, position: Array, guess: Array, any_mode: bool = False, first: int = 0
+) -> Array:
     """Forward kinematics of a series of samples, each with the previous pose as its guess.
 
     Args:
@@ -22,6 +24,7 @@ def poses_of(robot: RobotModel, position: Array, guess: Array, any_mode: bool = 
         guess: A pose near the first one, shape (m,).
         any_mode: Whether a robot whose joints have one pose, as its NO_POSE says, may be in any
             fault.
+        first: Number of the first sample, for who reads what is raised.
 
     Returns:
         Poses, shape (N, m).
@@ -38,7 +41,7 @@ def poses_of(robot: RobotModel, position: Array, guess: Array, any_mode: bool = 
     poses, failed, fault = _poses(locate, robot.constants, joints, row, start)
     if fault != FOUND:
         raise KinematicsError(
-            f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {failed}, '
+            f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {first + failed}, '
             f'joints at {np.round(joints[failed], 4).tolist()} rad)'
         )
     return poses

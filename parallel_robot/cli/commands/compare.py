@@ -75,7 +75,10 @@ def execute(arguments: argparse.Namespace) -> int:
         else:
             results[law] = metrics.figures(of_simulation(made), arguments.start, arguments.stop)
             notes += [f'{law}: {text}' for text in unsettled(results[law])]
-        notes += [f'{law}: {text.removeprefix(f"{law}: ")}' for text in simulate.remarks(made)]
+        notes += [
+            f'{law}: {text.removeprefix(f"{law}: ")}'
+            for text in simulate.remarks(made, made.summary)
+        ]
     verdicts = claims.verify(scenario, results)
     data = summarise(scenario, results, verdicts, causes)
     if arguments.json:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from parallel_robot.analysis import metrics, readable_metrics
+from parallel_robot.analysis.metrics import Metrics
+from parallel_robot.analysis.running_figures import RunningFigures
 from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.cli import invocation
@@ -28,9 +29,9 @@ from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
-from parallel_robot_sim.motions import of_simulation, saturation
+from parallel_robot_sim.motions import of_simulation, saturated
 from parallel_robot_sim.noise_doubts import noise_doubts
-from parallel_robot_sim.simulation import Simulation, attempt
+from parallel_robot_sim.simulation import RunSummary, Simulation, parts
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration
 
@@ -160,38 +161,50 @@ def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
     return changed | {FACTOR: factor}
 
 
-def remarks(simulation: Simulation) -> list[str]:
-    """Remarks on a simulation: gains that the theory doubts, hazards, limits, faults."""
-    acted = int(np.bitwise_or.reduce(simulation.run.acted))
-    limits, loop = limits_text(acted) if acted else '', simulation.experiment.loop
+def remarks(simulation: Simulation, summary: RunSummary) -> list[str]:
+    """Remarks on a simulation: gains that the theory doubts, hazards, limits, faults.
+
+    Args:
+        simulation: The simulation, or any part of it.
+        summary: What is told of it as a whole.
+    """
+    limits, loop = limits_text(summary.acted) if summary.acted else '', simulation.experiment.loop
     acting = [each.told for each in parse(loop.hazards) if each.at <= loop.duration]
     return [
         *simulation.experiment.control.law.warnings,
         *([f'hazards: {", ".join(acting)}'] if acting else []),
-        *saturation(simulation.configuration.values, simulation.run.effort),
-        *remark_lines(limits, simulation.faults),
+        *saturated(simulation.configuration.values, summary.saturated),
+        *remark_lines(limits, summary.faults),
     ]
 
 
-def evaluate(made: Simulation) -> list[str]:
-    """The metrics of a simulation, the same as those of its bag, in lines."""
-    loop = made.experiment.loop
-    if made.failure:
-        return [f'{loop.scenario}, {made.failure}: no figures']
-    found = metrics.figures(of_simulation(made))
-    head = readable_metrics.head(loop.scenario, loop.law, found, length(made.configuration.values))
+def evaluate(part: Simulation, failure: str, figures: Callable[[], Metrics]) -> list[str]:
+    """The metrics of a simulation, the same as those of its bag, in lines.
+
+    Args:
+        part: The simulation, or any part of it.
+        failure: Why there are no figures; empty if there are.
+        figures: Returns the metrics.
+    """
+    loop = part.experiment.loop
+    if failure:
+        return [f'{loop.scenario}, {failure}: no figures']
+    found = figures()
+    head = readable_metrics.head(loop.scenario, loop.law, found, length(part.configuration.values))
     return [head, *readable_metrics.brief(found, {})]
 
 
-def _tables(made: Simulation) -> tuple[list[Part], dict[str, Any]]:
-    """The metrics of a simulation as a table, and as plain data."""
-    loop = made.experiment.loop
+def _tables(
+    part: Simulation, failure: str, figures: Callable[[], Metrics]
+) -> tuple[list[Part], dict[str, Any]]:
+    """The metrics as a table, and as plain data; arguments as of :func:`evaluate`."""
+    loop, lines = part.experiment.loop, evaluate(part, failure, figures)
     data: dict[str, Any] = {'scenario': loop.scenario, 'law': loop.law}
-    if made.failure:
-        return [*evaluate(made)], data | {'failure': made.failure}
-    found = metrics.figures(of_simulation(made))
-    head, data = evaluate(made)[0], data | {'duration_s': found.duration_s}
-    return [*head.split('\n'), readable_metrics.whole(found)], data | readable_metrics.as_data(
+    if failure:
+        return [*lines], data | {'failure': failure}
+    found = figures()
+    data |= {'duration_s': found.duration_s}
+    return [*lines[0].split('\n'), readable_metrics.whole(found)], data | readable_metrics.as_data(
         found
     )
 
@@ -248,23 +261,61 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
     configuration = configure(values)
     for text in motion_doubts(configuration.trajectory):
         print(f'warning: {text}', file=sys.stderr)
-    simulation = attempt(configuration)
-    for text in (*noise_doubts(configuration), *remarks(simulation)):
+    run = _Run(parts(configuration))
+    simulation_bag.save(out, values, run)
+    part, summary = run.last, run.summary
+    for text in (*noise_doubts(configuration), *remarks(part, summary)):
         print(f'warning: {text}', file=sys.stderr)
-    simulation_bag.save(out, values, simulation)
-    duration = (simulation.run.steps - 1) * simulation.experiment.loop.period
-    rate = duration / simulation.loop_time
-    delay = delay_text(simulation.experiment.control.setup.estimator, int(simulation.phases[-1]))
+    rate = summary.duration / summary.loop_time
+    delay = delay_text(part.experiment.control.setup.estimator, summary.phase)
     if delay:
         tell(form, f'delay of the states: {delay}')
     tell(
         form,
-        f'{duration:g} s of motion in {simulation.loop_time:.3f} s ({rate:.0f} times real time)',
+        f'{summary.duration:g} s of motion in {summary.loop_time:.3f} s '
+        f'({rate:.0f} times real time)',
     )
     if form in (None, TEXT):
-        print(result(out, lambda: evaluate(simulation)))
+        print(result(out, lambda: evaluate(part, summary.failure, run.figures)))
     else:
-        show(form, *_tables(simulation))
-    if simulation.failure:
-        raise RunError(simulation.failure)
+        show(form, *_tables(part, summary.failure, run.figures))
+    if summary.failure:
+        raise RunError(summary.failure)
     return 0
+
+
+class _Run:
+    """The parts of a run as they come; what is told of them is kept.
+
+    Attributes:
+        last: The last part.
+        summary: What is told of all of them.
+        figures: Returns the metrics of the run.
+    """
+
+    def __init__(self, parts: Iterator[Simulation]) -> None:
+        self._parts = parts
+        self._running: RunningFigures | None = None
+        self.last: Simulation
+        self.summary = RunSummary()
+        self.figures = functools.cache(self._figures)
+
+    def __iter__(self) -> Iterator[Simulation]:
+        for part in self._parts:
+            self.last = part
+            self.summary.add(part)
+            if self._running is None and part.run.steps <= (part.experiment.loop.last_index or 0):
+                self._running = RunningFigures()
+            if self._running is not None:
+                self._running.add(part)
+            yield part
+
+    def _figures(self) -> Metrics:
+        """The metrics of the run.
+
+        Raises:
+            ParallelRobotError: why there are none.
+        """
+        if self._running is None:
+            return metrics.figures(of_simulation(self.last))
+        return self._running.result()
