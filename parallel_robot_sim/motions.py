@@ -238,9 +238,9 @@ class Located:
             KinematicsError: a sample has no pose in the assembly mode of the guess.
         """
         guess, near = self._guesses
-        wanted = forward.poses_of(self._desired, reference, guess, self._first)
+        wanted = forward.poses_of(self._desired, reference, guess, first=self._first)
         near = wanted[0] if near is None else near
-        actual = forward.poses_of(self._actual, position, near, self._first)
+        actual = forward.poses_of(self._actual, position, near, first=self._first)
         self._guesses, self._first = (wanted[-1], actual[-1]), self._first + len(position)
         return Poses(actual, wanted, self._desired.module.PLANAR)
 
