@@ -27,7 +27,8 @@ from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
 MAX_SAMPLES = 5_000_000  # samples of a simulation that keeps all of them in memory
-AT_ONCE = 20_000  # samples of a part of one that does not
+LONGEST = 360_000_000  # samples of one that does not: a hundred hours at 1 kHz
+AT_ONCE = 20_000  # samples of a part of it
 ENDLESS = 'duration must be positive: a run needs an end'
 NODES_ALONE = (
     'plant.engine must be analytic in a compiled loop, not mujoco: that is for the nodes, '
@@ -224,31 +225,26 @@ class RunSummary:
         return reason and f'{loop.law}: {reason}'
 
 
-def samples_of(configuration: Configuration) -> int:
-    """Number of samples of a run in a compiled loop that keeps all of them.
+def samples_of(configuration: Configuration, most: int = MAX_SAMPLES) -> int:
+    """Number of samples of a run in a compiled loop.
+
+    Args:
+        configuration: The configuration.
+        most: The largest number; default: where all of them are kept in memory.
 
     Raises:
         InputError: it has no end or too many, or only nodes can run it.
     """
     loop = configuration.loop
-    if (loop.last_index or 0) > MAX_SAMPLES:
-        raise InputError(
-            f'duration must be at most {MAX_SAMPLES * loop.period:g} s where all samples are kept '
-            f'in memory, not {loop.duration:g}; the command simulate writes longer runs',
-            'duration',
-        )
-    return _samples(configuration)
-
-
-def _samples(configuration: Configuration) -> int:
-    """Number of samples of a run in a compiled loop.
-
-    Raises:
-        InputError: it has no end, or only nodes can run it.
-    """
-    loop = configuration.loop
     if loop.last_index is None:
         raise InputError(ENDLESS, 'duration')
+    if loop.last_index > most:
+        kept = ', where all samples are kept in memory' if most == MAX_SAMPLES else ''
+        raise InputError(
+            f'duration must be at most {most * loop.period:g} s in a simulation{kept}, '
+            f'not {loop.duration:g}',
+            'duration',
+        )
     if configuration.plant.parameters.engine == MUJOCO:
         raise InputError(NODES_ALONE, 'plant.engine')
     return loop.last_index + 1
@@ -294,7 +290,7 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
     """
     loop, period = configuration.loop, configuration.loop.period
     with locating(configuration.values):
-        samples = _samples(configuration)
+        samples = samples_of(configuration, LONGEST)
         experiment = assemble(configuration)
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
     run(control, plant, trajectory.sample(0.0), period)  # compiles the loop, or loads it
