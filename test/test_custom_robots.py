@@ -23,10 +23,7 @@ from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND
 
 pytest_plugins = ['warm_trials']
-pytestmark = [
-    pytest.mark.usefixtures('warm_trials'),
-    pytest.mark.xdist_group('custom_robots'),  # compiled once for all
-]
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
 CHANGES = {'custom_robots': [str(EXAMPLE)], 'robot_model': 'example_robot', 'duration': 3.0}

@@ -16,10 +16,7 @@ from parallel_robot_model.common.errors import InputError
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
-pytestmark = [
-    pytest.mark.usefixtures('warm_trials'),
-    pytest.mark.xdist_group('custom_trajectories'),  # compiled once for all
-]
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 COMMAND_LINE = 'parallel_robot.cli.command_line'
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_trajectory.py'

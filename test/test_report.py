@@ -18,8 +18,6 @@ from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics
 
-pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
-
 EVIL = '</script><script>alert(1)</script><img src=x onerror=alert(2)>$\\frac{'
 
 
