@@ -130,6 +130,12 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a job in the background
 gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looked through
 
 
+@pytest.fixture
+def page_alone(monkeypatch):
+    """Reports have no figures as files, which take a second."""
+    monkeypatch.setattr('parallel_robot.analysis.report.paper_figures.FORMATS', ())
+
+
 @pytest.fixture(scope='session')
 def values():
     """Resolved configuration of the paper's circle; copy before changing."""

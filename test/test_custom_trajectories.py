@@ -189,6 +189,7 @@ def test_it_comes_from_the_bag(gone, capsys):
     assert 'runs the code of mine, which the bag holds' in err
 
 
+@pytest.mark.usefixtures('page_alone')
 @pytest.mark.parametrize('attached', [True, False])
 @pytest.mark.parametrize('command', ['analyze', 'replay', 'rerun', 'report', 'export'])
 def test_a_file_that_a_bag_holds_or_names_is_not_run(command, attached, gone, monkeypatch, capsys):

@@ -118,8 +118,8 @@ def test_errors_are_magnitudes_where_a_good_law_would_look_like_zero(bags, tmp_p
         both[1].logarithmic('lin')
 
 
-def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path, monkeypatch):
-    monkeypatch.setattr(paper_figures, 'FORMATS', ())
+@pytest.mark.usefixtures('page_alone')
+def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path):
     words = ['report', str(bags[1]), '--scale', 'linear', '--out', str(tmp_path / 'out')]
     assert main(words) == 0
     text = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
