@@ -18,7 +18,7 @@ WARM := import logging, sys; \
   Controller(whole.control); Simulator(whole.plant).warm(); motions_of(values).load()
 OF_TOOLS := from importlib.metadata import requires; \
   print(*(line.partition(";")[0] for line in requires("parallel_robot") if "test" in line.partition(";")[2]), sep="\n")
-TESTS := $(BIN)/python -m pytest -n 2 --dist loadgroup --max-worker-restart 0
+TESTS := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)

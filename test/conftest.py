@@ -40,6 +40,11 @@ LONG = (  # tests that take as long as all others without processes together
     *('calm', 'driven_out', 'hostile_messages', 'identification', 'identify', 'recover', 'rivals'),
     *('site', 'vectors', 'video'),
 )
+FIRST = (  # the files that take longest: the workers then end together
+    *('run', 'live_page', 'safety_nodes', 'nodes', 'command_line', 'custom_laws', 'report'),
+    *('hostile_bags', 'calibrate', 'custom_import', 'custom_trajectories', 'tune', 'rerun'),
+    *('across_hosts', 'replay', 'limit', 'lockstep', 'bus', 'kernel_cache', 'sweep', 'site'),
+)
 LONGEST = 200  # characters of a value in the name of a test
 STARTS = ('subprocess.Popen', 'os.fork', 'os.posix_spawn')  # audit events
 TOLD = (('git',), ('uname',))  # by which a bag says what made it
@@ -76,6 +81,10 @@ def pytest_pycollect_makemodule(module_path, parent):
     if STOCK and module_path.stem.removeprefix('test_') not in QUICK:
         return LeftOut.from_parent(parent, path=module_path)
     return None
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: item.path.stem.removeprefix('test_') not in FIRST)
 
 
 @pytest.fixture(scope='session', autouse=True)
@@ -119,6 +128,12 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)  # where `nohup` starts the tests, 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a job in the background of a shell
     signal.signal(signal.SIGINT, signal.default_int_handler)
 gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looked through
+
+
+@pytest.fixture
+def page_alone(monkeypatch):
+    """Reports have no figures as files, which take a second."""
+    monkeypatch.setattr('parallel_robot.analysis.report.paper_figures.FORMATS', ())
 
 
 @pytest.fixture(scope='session')

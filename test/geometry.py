@@ -48,10 +48,13 @@ def closure(robot: RobotParameters, pose: ArrayLike, theta: ArrayLike, beta: Arr
 
 
 def jacobian(robot: RobotParameters, pose: ArrayLike) -> Array:
-    """Jx with its angle column over l3: directions of the distal links, and their levers."""
+    """Jx with its angle column over l3, shape (..., 3, 3).
+
+    It has the directions of the distal links, and their levers.
+    """
     beta = legs(robot, pose)[1]
-    lever = np.sin(beta - np.asarray(pose)[2] - np.array(robot.platform_angle))
-    return np.column_stack([np.cos(beta), np.sin(beta), lever])
+    lever = np.sin(beta - np.asarray(pose)[..., 2:] - np.array(robot.platform_angle))
+    return np.stack([np.cos(beta), np.sin(beta), lever], axis=-1)
 
 
 def margins(robot: RobotParameters, pose: ArrayLike) -> tuple[float, float]:

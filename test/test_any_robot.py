@@ -16,8 +16,6 @@ from parallel_robot.analysis.report.paper_figures import draw
 from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
 
-pytestmark = pytest.mark.xdist_group('any_robot')  # one simulation of each for all
-
 # Scenario to joints as they are labelled, columns of the pose, and lines of each part.
 ROBOTS = {
     'paper_circle': (

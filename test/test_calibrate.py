@@ -52,7 +52,15 @@ def case(tmp_path_factory):
     pose = made.pose[rows] + NOISE * rng.normal(size=(len(rows), 3))
     table = np.column_stack([made.time[rows], pose])
     np.savetxt(poses, table, '%.9f', ',', header='t,x,y,phi', comments='')
-    return SimpleNamespace(bag=bag, poses=poses, table=table)
+    [file] = bag.glob('*.mcap')
+    states = content(file)['joint_states']
+    return SimpleNamespace(bag=bag, poses=poses, table=table, states=states)
+
+
+@pytest.fixture(scope='module')
+def whole(case):
+    """The calibration by all poses of the file."""
+    return pr.calibrate(case.bag, poses=case.poses)
 
 
 def tracker(file, header, table):
@@ -88,19 +96,17 @@ def test_the_true_robot_is_found_and_its_file_makes_a_loop_right(case, tmp_path,
     assert errors[0] > 1e-3 and errors[1] < 15e-6
 
 
-def test_the_table_says_what_was_found_and_python_finds_the_same(case, capsys):
+def test_the_table_says_what_was_found_and_python_finds_the_same(case, whole, capsys):
     capsys.readouterr()
     assert run('calibrate', case.bag, '--poses', case.poses) == 0
     out = capsys.readouterr().out
-    found = pr.calibrate(case.bag, poses=case.poses)
-    assert out == '\n'.join(found.lines()) + '\n' == f'{found!r}\n'
+    assert out == '\n'.join(whole.lines()) + '\n' == f'{whole!r}\n'
     assert 'robot.base_y[2]' in out and 'condition number' in out and 'phi [µrad]' in out
-    assert found.values['robot.l1'] == pytest.approx(found.robot.parameters.l1, rel=1e-9)
-    assert found.values['estimator.zero_angle'] == found.values['sensor.zero_angle']
+    assert whole.values['robot.l1'] == pytest.approx(whole.robot.parameters.l1, rel=1e-9)
+    assert whole.values['estimator.zero_angle'] == whole.values['sensor.zero_angle']
 
 
-def test_stamps_other_columns_and_gaps_in_the_tracker_do_not_matter(case, tmp_path, capsys):
-    exact = pr.calibrate(case.bag, poses=case.poses)
+def test_stamps_other_columns_and_gaps_in_the_tracker_do_not_matter(case, whole, tmp_path):
     file, start = tmp_path / 'poses.csv', start_of(case)
     lines = ['z, phi , y,x, stamp']
     for k, (t, x, y, phi) in enumerate(case.table):
@@ -110,27 +116,23 @@ def test_stamps_other_columns_and_gaps_in_the_tracker_do_not_matter(case, tmp_pa
     found = pr.calibrate(case.bag, poses=file)
     assert any('not used: the columns z' in line for line in found.warnings)
     assert any('lines without a pose' in line for line in found.warnings)
-    assert found.values['robot.l2'] == pytest.approx(exact.values['robot.l2'], abs=2e-5)
+    assert found.values['robot.l2'] == pytest.approx(whole.values['robot.l2'], abs=2e-5)
 
 
-def test_the_bag_of_another_recorder_takes_its_topic_its_joints_and_a_part(case, tmp_path):
+def test_the_bag_of_another_recorder_takes_its_topic_its_joints_and_a_part(case, whole, tmp_path):
     """It has no configuration: the robot is that of a scenario, its clock starts with it."""
-    [file] = case.bag.glob('*.mcap')
-    found = content(file)['joint_states']
-    write_foreign(tmp_path / 'bag', {Topic('arm/states', JOINT_STATES.type): found})
+    write_foreign(tmp_path / 'bag', {Topic('arm/states', JOINT_STATES.type): case.states})
     part = {'start': 1.0, 'stop': 6.0}
     own = pr.calibrate(case.bag, poses=case.poses, **part)
     topic = {'joint_states': '/arm/states'}
     other = pr.calibrate(tmp_path / 'bag', poses=case.poses, topic=topic, **part)
-    whole = pr.calibrate(case.bag, poses=case.poses)
     assert own.values['robot.l1'] == pytest.approx(other.values['robot.l1'], abs=1e-7)
     assert len(own.found.left) < len(whole.found.left)
 
 
 def start_of(case):
     """Stamp of t = 0 of its bag [ns]."""
-    [file] = case.bag.glob('*.mcap')
-    _, data = content(file)['joint_states'][0]
+    _, data = case.states[0]
     message = STORE.deserialize_cdr(data, JOINT_STATES.type)
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
@@ -144,18 +146,17 @@ def test_a_tracker_that_strays_is_doubted(case, tmp_path):
     assert f't = {table[11, 0]:.3f} s' in warning
 
 
-def test_zero_angles_that_are_known_are_found_again(case, tmp_path):
+def test_zero_angles_that_are_known_are_found_again(whole, tmp_path):
     """A second calibration of a loop with the first: nothing changes."""
-    found = pr.calibrate(case.bag, poses=case.poses)
     still = {'approach.duration': 0.4, 'law': 'pid', 'duration': 6}
-    again = pr.simulate('paper_circle', **still, **{**found.values, **TRUE})
+    again = pr.simulate('paper_circle', **still, **{**whole.values, **TRUE})
     pr.save(again, tmp_path / 'bag')
     rows = np.arange(1000, 6000, 25)
     pose = again.pose[rows] + NOISE * np.random.default_rng(2).normal(size=(len(rows), 3))
     table = np.column_stack([again.time[rows], pose])
     second = pr.calibrate(tmp_path / 'bag', poses=tracker(tmp_path / 'p.csv', 't,x,y,phi', table))
     start = second.model.start[second.model.zeros]
-    assert start == pytest.approx(found.values['estimator.zero_angle'], abs=1e-9)
+    assert start == pytest.approx(whole.values['estimator.zero_angle'], abs=1e-9)
     assert np.sqrt((second.found.before[:, :2] ** 2).mean()) < 1.5e-5
     off = np.abs(second.found.values - second.model.start)
     assert (off <= 4.0 * second.found.half_widths + 1e-12).all()
@@ -179,7 +180,6 @@ def recorded(case, folder, kind, topic, frame='world', lost=()):
     types = SimpleNamespace(
         **{name.rpartition('/')[2]: each for name, each in STORE.types.items() if '/msg/' in name}
     )
-    [file] = case.bag.glob('*.mcap')
     start, messages = start_of(case), []
     for k, (t, x, y, phi) in enumerate(case.table):
         stamp = start + round(1e9 * t)
@@ -189,19 +189,18 @@ def recorded(case, folder, kind, topic, frame='world', lost=()):
         pose = types.Pose(types.Point(x, y, 0.2), turned)
         message = KINDS[kind](types, header, pose)
         messages.append((stamp, bytes(STORE.serialize_cdr(message, kind))))
-    streams = {JOINT_STATES: content(file)['joint_states'], Topic(topic, kind): messages}
+    streams = {JOINT_STATES: case.states, Topic(topic, kind): messages}
     write_foreign(folder, streams)
     return folder
 
 
 @pytest.mark.parametrize('kind', [*KINDS])
-def test_poses_in_the_bag_are_those_of_the_file(case, tmp_path, kind):
+def test_poses_in_the_bag_are_those_of_the_file(case, whole, tmp_path, kind):
     bag = recorded(case, tmp_path / 'bag', kind, 'tracker/pose_of_target')
     found = pose_topics.read(bag)
     np.testing.assert_allclose(found.pose, case.table[:, 1:], atol=1e-9)
     calibrated = pr.calibrate(bag)
-    expected = pr.calibrate(case.bag, poses=case.poses)
-    for key, value in expected.values.items():
+    for key, value in whole.values.items():
         np.testing.assert_allclose(calibrated.values[key], value, atol=2e-6, err_msg=key)
 
 
@@ -211,9 +210,8 @@ def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path
     found = pr.calibrate(bag)
     assert any('not used: 2 messages without a pose' in line for line in found.warnings)
     assert len(found.model.measured.time) == len(case.table) - 2
-    [file] = case.bag.glob('*.mcap')
     cut = [(k, bytes([0, 1, 0, 0, *([255] * 40)])) for k in range(10**9, 10**9 + 5)]
-    streams = {JOINT_STATES: content(file)['joint_states'], Topic('tracker', kind): cut}
+    streams = {JOINT_STATES: case.states, Topic('tracker', kind): cut}
     write_foreign(tmp_path / 'broken', streams)
     with pytest.raises(BagError, match='tracker is not understood: a message is broken'):
         pr.calibrate(tmp_path / 'broken')

@@ -12,7 +12,6 @@ from parallel_robot_model.common.errors import RunError
 
 distributed = pytest.importorskip('distributed')
 pytest_plugins = ['sweeping']
-pytestmark = pytest.mark.xdist_group('cluster')  # one for all
 
 
 @pytest.fixture(scope='module')

@@ -22,10 +22,7 @@ from parallel_robot_model.processes.cache_directory import NOTICE
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
-pytestmark = [
-    pytest.mark.usefixtures('warm_trials'),
-    pytest.mark.xdist_group('custom_laws'),  # compiled once for all
-]
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 
 @pytest.fixture

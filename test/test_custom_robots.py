@@ -23,10 +23,7 @@ from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND
 
 pytest_plugins = ['warm_trials']
-pytestmark = [
-    pytest.mark.usefixtures('warm_trials'),
-    pytest.mark.xdist_group('custom_robots'),  # compiled once for all
-]
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
 CHANGES = {'custom_robots': [str(EXAMPLE)], 'robot_model': 'example_robot', 'duration': 3.0}
@@ -86,6 +83,7 @@ def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
     assert main(['video', *words]) == 0
 
 
+@pytest.mark.usefixtures('page_alone')
 def test_without_its_file_a_bag_has_no_pose(bag, tmp_path, capsys):
     assert main(['analyze', str(bag), '--figure', str(tmp_path / 'run.png')]) == 0
     out, err = capsys.readouterr()
@@ -397,6 +395,7 @@ def test_a_bag_recorded_by_hand_holds_the_robot_of_its_controller(gone, tmp_path
     assert 'identical: 101 commands' in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures('page_alone')
 @pytest.mark.parametrize('attached', [True, False])
 @pytest.mark.parametrize('command', ['analyze', 'replay', 'rerun', 'report', 'export'])
 def test_a_file_that_a_bag_only_names_is_not_loaded(

@@ -16,10 +16,7 @@ from parallel_robot_model.common.errors import InputError
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures', 'warm_trials']
-pytestmark = [
-    pytest.mark.usefixtures('warm_trials'),
-    pytest.mark.xdist_group('custom_trajectories'),  # compiled once for all
-]
+pytestmark = pytest.mark.usefixtures('warm_trials')
 
 COMMAND_LINE = 'parallel_robot.cli.command_line'
 EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_trajectory.py'
@@ -192,6 +189,7 @@ def test_it_comes_from_the_bag(gone, capsys):
     assert 'runs the code of mine, which the bag holds' in err
 
 
+@pytest.mark.usefixtures('page_alone')
 @pytest.mark.parametrize('attached', [True, False])
 @pytest.mark.parametrize('command', ['analyze', 'replay', 'rerun', 'report', 'export'])
 def test_a_file_that_a_bag_holds_or_names_is_not_run(command, attached, gone, monkeypatch, capsys):

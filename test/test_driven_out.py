@@ -168,6 +168,7 @@ def test_run_ends_with_the_figures_of_analyze(tmp_path, monkeypatch, capsys):
         assert merit.strip() in figures
 
 
+@pytest.mark.usefixtures('page_alone')
 def test_a_report_evaluates_up_to_there(driven_out, tmp_path):
     bag = driven_out(tmp_path / 'bag')
     assert main(['report', str(bag), '--out', str(tmp_path / 'report')]) == 0

@@ -18,8 +18,6 @@ from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
 
-pytestmark = pytest.mark.xdist_group('hazard_loop')
-
 SAID = {
     'joint': 'joint joint2 ', 'limit': 'limit 0.4 ', 'delay': 'delay 0.012 ', 'size': 'size 0.05 '
 }  # fmt: skip

@@ -13,7 +13,6 @@ from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('live_page')  # one loop for all
 
 LIVE = ('parallel_robot', 'live', '--port', '0')
 SET = [word for one in SLOW_LOOP for word in ('--set', one.replace(':=', '='))]

@@ -82,6 +82,7 @@ def test_an_imperfect_robot_gives_the_bytes_of_the_simulation(changes, launch, d
     assert main(['replay', str(tmp_path / 'nodes')]) == 0
 
 
+@pytest.mark.usefixtures('page_alone')
 def test_two_robots_share_a_domain(launch, domain, tmp_path):
     runs = {
         name: launch(COMMAND_LINE, 'run', 'paper_circle', '--duration', 0.2, '--out', name,

@@ -26,7 +26,6 @@ from parallel_robot_model.processes.node_processes import MODULES
 from trajectory_gen.configuration import trajectory_of
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('node_parameters')  # one controller for all
 
 TABLE_2 = {'G': 10.0, 'g': 0.01, 'Gamma1': 16.0, 'Gamma2': 6.5, 'gamma1': 0.5, 'gamma2': 0.67,
            'lambda': 0.9}  # fmt: skip

@@ -18,8 +18,6 @@ from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics
 
-pytestmark = pytest.mark.xdist_group('report')  # its fixtures are slow: once for all
-
 EVIL = '</script><script>alert(1)</script><img src=x onerror=alert(2)>$\\frac{'
 
 
@@ -120,8 +118,8 @@ def test_errors_are_magnitudes_where_a_good_law_would_look_like_zero(bags, tmp_p
         both[1].logarithmic('lin')
 
 
-def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path, monkeypatch):
-    monkeypatch.setattr(paper_figures, 'FORMATS', ())
+@pytest.mark.usefixtures('page_alone')
+def test_the_scale_of_a_report_can_be_chosen(bags, tmp_path):
     words = ['report', str(bags[1]), '--scale', 'linear', '--out', str(tmp_path / 'out')]
     assert main(words) == 0
     text = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')

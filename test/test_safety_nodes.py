@@ -25,7 +25,6 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']
-pytestmark = pytest.mark.xdist_group('safety_nodes')  # one loop for all
 
 LATE = 400  # samples by which a command may come late, on a busy machine
 ENOUGH = 100  # samples that show how it stays

@@ -8,7 +8,6 @@ import pytest
 
 from parallel_robot.cli.command_line import COMMANDS, main
 
-pytestmark = pytest.mark.xdist_group('site')  # built once
 ROOT = Path(__file__).parents[1]
 FIRST = (ROOT / 'docs' / 'first_results.md').read_text()
 

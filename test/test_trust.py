@@ -99,6 +99,7 @@ def test_a_file_that_a_bag_only_names_is_not_loaded(command, recorded, bag, caps
     assert not law.with_name('ran').exists()
 
 
+@pytest.mark.usefixtures('page_alone')
 @pytest.mark.parametrize('command', ['analyze', 'report', 'export', 'recover'])
 def test_other_commands_run_no_code(command, recorded, bag, capsys):
     law = recorded / 'law' / 'mine.py'

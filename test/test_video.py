@@ -10,7 +10,6 @@ from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.analysis.video.scene import frame_times, magnification, scene
 from parallel_robot.cli.command_line import main
 
-pytestmark = pytest.mark.xdist_group('video')  # its bags are made once
 BLUE = np.array([0x00, 0x44, 0x88])  # of S-FOTSMC
 
 

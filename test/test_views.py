@@ -22,8 +22,6 @@ from parallel_robot_model.robots.configuration import robot_of
 VIEWS = Path(__file__).parents[1] / 'config' / 'views'
 GENERATOR = np.random.default_rng(2)
 
-pytestmark = pytest.mark.xdist_group('views')  # its bag is made once
-
 
 @pytest.fixture(scope='module')
 def bag(tmp_path_factory):

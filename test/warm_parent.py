@@ -4,15 +4,21 @@ This costs each process two seconds of processor time. The parent, a fork server
 rclpy: what a node is besides, its process still becomes by itself.
 """
 
+import gc
 import importlib
+import inspect
 import os
 import sys
 from pathlib import Path
+
+from rclpy.type_support import check_for_type_support
 
 from parallel_robot.cli import command_line  # noqa: F401  imported for the processes
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.message_types import message_class
 from parallel_robot_model.processes import forked_process
 from parallel_robot_model.processes.node_processes import MODULES
 from parallel_robot_sim.configuration import configure_plant
@@ -29,6 +35,11 @@ Controller(configure(_values))
 Simulator(configure_plant(_values)).warm()
 preflight.check(trajectory_of(_values), _values['period'])
 motions_of(_values).load()
+for topic in topics.RECORDED:
+    check_for_type_support(message_class(topic.type))
+inspect.stack()  # looks at all modules once: the first line of a node's log does so, too
+gc.collect()
+gc.freeze()  # a node looks through what it has made itself
 
 
 def run(module, words, folder, environment, files):
