@@ -1,5 +1,6 @@
 """README and docs promise only what exists."""
 
+import os
 import re
 import shlex
 from pathlib import Path
@@ -50,7 +51,10 @@ def test_the_demo_is_one_run_which_tells_its_metrics_itself():
 def test_commands_of_the_command_line_parse_and_their_keys_resolve(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     arguments = build_parser().parse_args(shlex.split(command.partition(' > ')[0])[1:])
-    if 'scenario' not in arguments:
+    files = {str(file) for file in getattr(arguments, 'param_files', [])}
+    if getattr(arguments, 'scenario', None) is None or not all(map(os.path.exists, files)):
+        pages = '\n'.join(text for text in PAGES.values() if command in text)
+        assert all(pages.count(file) > 1 for file in files)  # one of before, or one shown there
         return
     if getattr(arguments, 'row', None) is None and not is_study(arguments.scenario):
         config.resolve(arguments.scenario, given(arguments))
