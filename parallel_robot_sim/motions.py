@@ -45,6 +45,20 @@ class Poses(NamedTuple):
     planar: bool = True
 
 
+class Left(NamedTuple):
+    """Where the poses of a motion were left that goes on.
+
+    Attributes:
+        actual: The last pose of the joints, shape (m,).
+        reference: The last one of the desired joints, shape (m,).
+        samples: How many there are so far.
+    """
+
+    actual: np.ndarray
+    reference: np.ndarray
+    samples: int
+
+
 class Motion(NamedTuple):
     """A motion of which metrics are computed.
 
@@ -145,7 +159,12 @@ def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
 
 
 def poses_of(
-    desired: RobotModel, actual: RobotModel, guess: Array, reference: Array, position: Array
+    desired: RobotModel,
+    actual: RobotModel,
+    guess: Array,
+    reference: Array,
+    position: Array,
+    left: Left | None = None,
 ) -> Poses:
     """Poses of a motion.
 
@@ -155,12 +174,15 @@ def poses_of(
         guess: Pose from which forward kinematics starts, shape (m,).
         reference: Desired positions of the joints [rad], shape (N, n).
         position: The joints [rad], shape (N, n).
+        left: Where those before were left; None: there are none.
 
     Raises:
         KinematicsError: a sample has no pose in the assembly mode of the guess.
     """
-    wanted = forward.poses_of(desired, reference, guess)
-    return Poses(forward.poses_of(actual, position, wanted[0]), wanted, desired.module.PLANAR)
+    first = left.samples if left else 0
+    wanted = forward.poses_of(desired, reference, left.reference if left else guess, first)
+    found = forward.poses_of(actual, position, left.actual if left else wanted[0], first)
+    return Poses(found, wanted, desired.module.PLANAR)
 
 
 def of_simulation(made: Simulation) -> Motions:

@@ -114,7 +114,8 @@ def chunks(
         view: What it does not say itself, and which part is wanted.
 
     Raises:
-        BagError: as :func:`read`; or the stamps of the states go far back, as in a second run.
+        BagError: as :func:`read`.
+        WholeNeededError: the stamps of the states go far back, as in a second run.
     """
     source = _Source(Path(bag), topics, memory, motion_only, view)
     yield from source.chunks(round(seconds * NANOSECONDS))
@@ -153,9 +154,9 @@ class _Source:
         self._names = self._meant(self.found.channels)
 
     def recording(
-        self, streams: Mapping[str, Sequence[Sequence[Samples]]], span: Span
+        self, streams: Mapping[str, Sequence[Sequence[Samples]]], span: Span, last: bool = True
     ) -> Recording:
-        """The recording of some messages."""
+        """The recording of some messages; the last one tells the damage of the bag."""
         known, absent = self._known(streams)
         log = run_log.of(self._bag, self.found, known, self._settings, self._view, span)
         log = motion_alone.cleared(log, absent)
@@ -165,7 +166,7 @@ class _Source:
             for topic in absent
         ]
         log = log._replace(warnings=(*log.warnings, *lacking))
-        if self._reader and self._reader.damage:
+        if last and self._reader and self._reader.damage:
             damage = bag_reader.warning(self._bag, self._reader.damage)
             log = log._replace(warnings=(damage, *log.warnings))
         extra = {}
@@ -191,7 +192,7 @@ class _Source:
         for window in self._windows(FIRST, begin, end_of):
             if window.span.begin >= stop:
                 break
-            yield self.recording(window.streams, window.span)
+            yield self.recording(window.streams, window.span, window.span.end >= stop)
 
     def window(self, times: tuple[float, float]) -> Recording:
         """The window between two times [s]."""

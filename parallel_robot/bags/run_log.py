@@ -144,7 +144,8 @@ def of(
         warnings.append(f'{bag}: {what}: torques are those commanded')
     recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
-    start = start or int(max(states.stamps[0], references.stamps[0]))
+    if not start and span == WHOLE:  # of a part it is known
+        start = int(max(states.stamps[0], references.stamps[0]))
     age = reported_age(values)
     used = (states.stamps + age >= start) & (states.stamps + age >= references.stamps[0])
     if not used.any():

@@ -13,13 +13,14 @@ from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
 
 
-def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
+def poses_of(robot: RobotModel, position: Array, guess: Array, first: int = 0) -> Array:
     """Forward kinematics of a series of samples, each with the previous pose as its guess.
 
     Args:
         robot: The robot.
         position: Actuated joints [rad], shape (N, n).
         guess: A pose near the first one, shape (m,).
+        first: Number of the first sample, for error messages.
 
     Returns:
         Poses, shape (N, m).
@@ -33,7 +34,7 @@ def poses_of(robot: RobotModel, position: Array, guess: Array) -> Array:
     poses, failed, fault = _poses(locate, robot.constants, joints, row, start)
     if fault != FOUND:
         raise KinematicsError(
-            f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {failed}, '
+            f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {first + failed}, '
             f'joints at {np.round(joints[failed], 4).tolist()} rad)'
         )
     return poses
