@@ -100,9 +100,8 @@ def chunks(
     """Read a bag of a run in windows, see :func:`recording.chunks`; the rest as :func:`read`.
 
     Raises:
-        BagError: as :func:`read`.
-        WholeNeededError: the stamps of the states go far back, as in a second run; or there is
-            no state in the part that is wanted.
+        BagError: as :func:`recording.chunks`.
+        WholeNeededError: likewise; or there is no state in the part that is wanted.
         InputError: a file is not a robot.
     """
     values: dict[str, Any] = {}
@@ -139,7 +138,7 @@ def evaluated(
     """
     try:
         return evaluate(chunks(bag, SECONDS, memory, code, topics, view, motion_only))
-    except BagError:  # one that is wrong is refused in the words of all of it
+    except WholeNeededError:
         return evaluate(iter([read(bag, memory, code, topics, view, motion_only)]))
 
 

@@ -29,7 +29,7 @@ from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.span import FIRST, LAST, WHOLE, Span
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.bags.window_streams import SLACK, Window, windows
-from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import (
     JOINT_STATES,
@@ -114,8 +114,9 @@ def chunks(
         view: What it does not say itself, and which part is wanted.
 
     Raises:
-        BagError: as :func:`read`.
-        WholeNeededError: the stamps of the states go far back, as in a second run.
+        BagError: it is not a bag, or a window takes too much.
+        WholeNeededError: a window is not one of a run; or the stamps of the states go far back,
+            as in a second run.
     """
     source = _Source(Path(bag), topics, memory, motion_only, view)
     yield from source.chunks(round(seconds * NANOSECONDS))
@@ -192,7 +193,11 @@ class _Source:
         for window in self._windows(FIRST, begin, end_of):
             if window.span.begin >= stop:
                 break
-            yield self.recording(window.streams, window.span, window.span.end >= stop)
+            try:
+                found = self.recording(window.streams, window.span, window.span.end >= stop)
+            except BagError as error:  # perhaps of the window alone
+                raise WholeNeededError(str(error)) from None
+            yield found
 
     def window(self, times: tuple[float, float]) -> Recording:
         """The window between two times [s]."""
