@@ -159,3 +159,15 @@ def test_a_part_without_states_is_refused_as_ever(bag, tmp_path, capsys):
     words = ['export', str(bag), '--out', str(tmp_path / 'run.csv'), '--from', '100']
     assert main(words) == 2 and not list(tmp_path.iterdir())
     assert 'has no state between --from and --to: its states go from' in capsys.readouterr().err
+
+
+def test_a_copy_for_viewers_is_the_same(bag, tmp_path, monkeypatch):
+    monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    copies = []
+    for seconds in (1000.0, WIDTH):
+        monkeypatch.setattr(recorded_robot, 'SECONDS', seconds)
+        (tmp_path / f'{seconds}').mkdir()
+        out = tmp_path / f'{seconds}' / 'copy'
+        assert main(['export', str(bag), '--foxglove', str(out)]) == 0
+        copies.append((out / 'copy_0.mcap').read_bytes())
+    assert copies[0] == copies[1]

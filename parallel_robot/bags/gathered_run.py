@@ -41,17 +41,23 @@ def read(
         BagError: not a bag, or one that is not of a run or takes too much.
     """
     try:
-        return _gathered(
-            recording.chunks(bag, SECONDS, (), memory, motion_only, view), {*ALWAYS, *columns}
-        )
+        found = of(recording.chunks(bag, SECONDS, (), memory, motion_only, view), columns)
     except WholeNeededError:
         found = recording.read(bag, (), memory, motion_only, view)
-        return found.log, found.history
+    return found.log, found.history
 
 
-def _gathered(windows: Iterator[Recording], columns: Collection[str]) -> tuple[RunLog, History]:
-    """The run of some windows, with these columns."""
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
+def of(windows: Iterator[Recording], columns: Collection[str]) -> Recording:
+    """The run of some windows, without messages of other topics.
+
+    Args:
+        windows: They follow each other.
+        columns: As of :func:`read`.
+
+    Raises:
+        WholeNeededError: they do not hold the same, or there is none.
+    """
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*ALWAYS, *columns)}
     told = AlikeLines()
     first: Recording | None = None
     kind = None
@@ -68,6 +74,6 @@ def _gathered(windows: Iterator[Recording], columns: Collection[str]) -> tuple[R
     whole: dict[str, Any] = {
         name: EMPTY for name, value in first.log._asdict().items() if isinstance(value, np.ndarray)
     }
-    whole |= {name: np.concatenate(parts.pop(name)) for name in columns}
+    whole |= {name: np.concatenate(parts.pop(name)) for name in (*ALWAYS, *columns)}
     log = first.log._replace(**whole, warnings=told.lines, answers=None, used=None)
-    return log, first.history
+    return Recording(log, first.history, {})

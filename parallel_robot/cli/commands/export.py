@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
-from parallel_robot.bags import recorded_robot
+from parallel_robot.bags import gathered_run, recorded_robot
 from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.recording import Recording
@@ -50,7 +50,13 @@ def execute(arguments: argparse.Namespace) -> int:
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values)
     if arguments.foxglove:
-        recording = recorded_robot.read(bag, memory, code, table.NEEDED, view)
+        recording = recorded_robot.evaluated(
+            lambda windows: gathered_run.of(windows, viewer_copy.COLUMNS),
+            bag,
+            memory,
+            code,
+            view=view,
+        )
         copy = viewer_copy.write(bag, recording, arguments.foxglove, memory)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
