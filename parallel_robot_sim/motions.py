@@ -50,6 +50,20 @@ class Poses(NamedTuple):
     planar: bool = True
 
 
+class Left(NamedTuple):
+    """Where the poses of a motion were left that goes on.
+
+    Attributes:
+        actual: The last pose of the joints, shape (m,).
+        reference: The last one of the desired joints, shape (m,).
+        samples: How many there are so far.
+    """
+
+    actual: np.ndarray
+    reference: np.ndarray
+    samples: int
+
+
 class Motion(NamedTuple):
     """A motion of which metrics are computed.
 
@@ -154,7 +168,12 @@ def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
 
 
 def poses_of(
-    desired: RobotModel, actual: RobotModel, guess: Array, reference: Array, position: Array
+    desired: RobotModel,
+    actual: RobotModel,
+    guess: Array,
+    reference: Array,
+    position: Array,
+    left: Left | None = None,
 ) -> Poses:
     """Poses of a motion.
 
@@ -164,11 +183,17 @@ def poses_of(
         guess: Pose from which forward kinematics starts, shape (m,).
         reference: Desired positions of the joints [rad], shape (N, n).
         position: The joints [rad], shape (N, n).
+        left: Where those before were left; None: there are none.
 
     Raises:
         KinematicsError: a sample has no pose in the assembly mode of the guess.
     """
-    return Located(desired, actual, guess).poses(reference, position)
+    first = left.samples if left else 0
+    guess, near = (left.reference, left.actual) if left else (guess, None)
+    wanted = forward.poses_of(desired, reference, guess, first=first)
+    near = wanted[0] if near is None else near
+    found = forward.poses_of(actual, position, near, first=first)
+    return Poses(found, wanted, desired.module.PLANAR)
 
 
 def of_simulation(made: Simulation) -> Motions:
@@ -227,9 +252,8 @@ class Located:
     """Poses of a motion, part by part, see :func:`poses_of`."""
 
     def __init__(self, desired: RobotModel, actual: RobotModel, guess: Array) -> None:
-        self._desired, self._actual = desired, actual
-        self._guesses: tuple[Array, Array | None] = guess, None
-        self._first = 0  # sample
+        self._robots = desired, actual, guess
+        self._left: Left | None = None
 
     def poses(self, reference: Array, position: Array) -> Poses:
         """Poses of the next part of the motion.
@@ -237,12 +261,11 @@ class Located:
         Raises:
             KinematicsError: a sample has no pose in the assembly mode of the guess.
         """
-        guess, near = self._guesses
-        wanted = forward.poses_of(self._desired, reference, guess, first=self._first)
-        near = wanted[0] if near is None else near
-        actual = forward.poses_of(self._actual, position, near, first=self._first)
-        self._guesses, self._first = (wanted[-1], actual[-1]), self._first + len(position)
-        return Poses(actual, wanted, self._desired.module.PLANAR)
+        left = self._left
+        found = poses_of(*self._robots, reference, position, left)
+        count = len(position) + (left.samples if left else 0)
+        self._left = Left(found.actual[-1], found.reference[-1], count)
+        return found
 
 
 class Told:

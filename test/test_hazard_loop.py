@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from assembly import simulated
 from bags import content
+from replay_parts import assert_same_in_parts
 
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.bags import recording, simulation_bag
@@ -85,6 +86,7 @@ def assert_same(values, tmp_path):
     log, past, _ = recording.read(tmp_path / 'bag')
     again = replayed.again(log, past, configure(log.config))
     assert not again.differing.any() and again.known.sum() == len(commands)
+    assert_same_in_parts(again, log, past, configure(log.config))
     return [fault for _, fault in found]
 
 

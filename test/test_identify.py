@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
+from parallel_robot.bags import gathered_run, indexed_reader
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
@@ -67,6 +68,21 @@ def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
     out = capsys.readouterr().out
     assert 'a + 0.05333 mp' in out and '95 % interval' in out and 'condition number' in out
     assert 'robot.m1' in out and 'same bag' in out
+
+
+@pytest.mark.parametrize('more', [['--validate'], ['--rest'], ['--from', '2.5']], ids=' '.join)
+def test_a_bag_in_windows_gives_the_same(more, bags, capsys, monkeypatch):
+    excited, circle, still = bags
+    monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    said = []
+    for seconds in (100.0, 1.7):
+        monkeypatch.setattr(gathered_run, 'SECONDS', seconds)
+        capsys.readouterr()
+        words = [*more, circle] if more == ['--validate'] else more
+        bag = still if more == ['--rest'] else excited
+        assert run('identify', bag, *words, '--format', 'json') == 0
+        said.append(capsys.readouterr())
+    assert said[0] == said[1]
 
 
 @pytest.mark.parametrize(

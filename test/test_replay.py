@@ -8,15 +8,17 @@ import pytest
 from assembly import simulated as simulate
 from bags import content, streams, write_foreign
 from rclpy.serialization import deserialize_message
+from replay_parts import assert_same_in_parts
 from sensor_msgs.msg import JointState
 
 import parallel_robot as pr
 from parallel_robot.analysis import drill, timing
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import history, recording, simulation_bag
+from parallel_robot.bags import history, indexed_reader, recording, simulation_bag
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.experiment import describe
 from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import replay
 from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
@@ -53,8 +55,11 @@ def simulated(tmp_path):
 
 
 def again(bag):
+    """The torques of a bag; those of its parts, whatever they are, are the same."""
     log, past, _ = recording.read(bag)
-    return replayed.again(log, past, configure(log.config))
+    whole = replayed.again(log, past, configure(log.config))
+    assert_same_in_parts(whole, log, past, configure(log.config))
+    return whole
 
 
 @pytest.mark.parametrize(
@@ -353,6 +358,7 @@ def test_the_same_law_instead_gives_the_recorded_commands(simulated):
     log, past, _ = recording.read(bag)
     found = replayed.instead(log, past, configure(log.config))
     assert not found.differing.any()
+    assert_same_in_parts(found, log, past, configure(log.config), obeyed=False)
 
 
 def test_a_law_of_ones_own_is_replayed_and_tried(simulated, tmp_path, capsys):
@@ -459,3 +465,28 @@ def test_without_velocities_that_were_used_a_bag_is_analysed_and_no_more(simulat
     err = capsys.readouterr().err.splitlines()[-1]
     assert 'the bag has no velocities, which estimator.kind auto takes; --set estimator' in err
     assert main(['replay', str(bag), '--set', 'estimator.kind=levant']) == 0  # as that line says
+
+
+WORDS = ([], ['--law', 'smc'], ['--set', 's_fotsmc.G=12'], ['--from', '0.1', '--to', '0.22'])
+
+
+@pytest.mark.parametrize('words', WORDS, ids=' '.join)
+def test_a_bag_in_windows_is_replayed_as_at_once(words, simulated, tmp_path, capsys, monkeypatch):
+    bag, said = (
+        simulated(hazards=['states_lost at 0.1 for 0.01', 'commands_lost at 0.2 for 0.02']),
+        [],
+    )
+    monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    for seconds in (30.0, 0.07):
+        monkeypatch.setattr(replay, 'SECONDS', seconds)
+        picture = tmp_path / f'{seconds}.png'
+        code = main(['replay', str(bag), *words, '--figure', str(picture)])
+        out, err = capsys.readouterr()
+        said.append((code, out.replace(str(picture), ''), err))
+        assert picture.exists()
+    assert said[0] == said[1] and said[0][0] == 0
+
+
+def test_no_state_in_any_window_is_told_as_at_once(simulated, capsys):
+    assert main(['replay', str(simulated()), '--from', '7']) == 2
+    assert 'its states go from t = 0.000 s to 0.300 s' in capsys.readouterr().err

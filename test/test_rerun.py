@@ -1,11 +1,12 @@
 """The experiment once more, from the bag alone."""
 
 import os
+import re
 import shutil
 from pathlib import Path
 
 import pytest
-from bags import content
+from bags import content, write_mcap
 from mcap.reader import make_reader
 from test_replay import live, switch
 
@@ -239,3 +240,36 @@ def test_a_bag_of_others_cannot_be_repeated(tmp_path, capsys):
     capsys.readouterr()
     assert main(['rerun', str(tmp_path / 'other')]) == 2
     assert 'does not say what experiment made it' in capsys.readouterr().err
+
+
+CHANGES = {
+    'one is missing': (lambda each: each[:50] + each[51:], 0.05, 'another time|other bytes'),
+    'one is doubled': (lambda each: each[:51] + each[50:], 0.051, 'another time|other bytes'),
+    'one is late': (
+        lambda each: [*each[:50], (each[50][0] + 7, each[50][1]), *each[51:]],
+        0.05,
+        'another time',
+    ),
+    'one says something else': (
+        lambda each: [*each[:50], (each[50][0], each[49][1]), *each[51:]],
+        0.05,
+        'other bytes',
+    ),
+    'the rest is missing': (lambda each: each[:50], 0.05, '101 messages, now 50'),
+    'all are missing': (lambda _: [], 0.0, '101 messages, now 0'),
+}
+
+
+@pytest.mark.parametrize('change', CHANGES)
+def test_one_topic_that_differs_is_found_in_both_directions(change, tmp_path):
+    function, time, what = CHANGES[change]
+    found = content(simulated(tmp_path / 'bag') / 'bag_0.mcap')
+    messages = {topic: found[topic.name] for topic in topics.RECORDED}
+    write_mcap(tmp_path / 'one.mcap', messages, chunk_size=2000)
+    changed = messages | {topics.JOINT_STATES: function(messages[topics.JOINT_STATES])}
+    write_mcap(tmp_path / 'other.mcap', changed, chunk_size=2000)
+    count, difference = bag_difference.compare(tmp_path / 'one.mcap', tmp_path / 'other.mcap')
+    assert count == 382 and re.fullmatch(
+        f'first on /joint_states at t = {time:.3f} s: ({what}); 1 topics differ', difference
+    )
+    assert bag_difference.compare(tmp_path / 'other.mcap', tmp_path / 'one.mcap')[1]

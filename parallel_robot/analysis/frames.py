@@ -63,7 +63,7 @@ class Frames:
     def _frames(self) -> Iterator[tuple[int, Any]]:
         """Frames of the links with their log times."""
         log = self._log
-        states = zip(log.heard.tolist(), log.stamps.tolist(), log.position, strict=True)
+        states = zip(map(int, log.heard), map(int, log.stamps), log.position, strict=True)
         for log_time, stamp, position in tracked(states, len(log.stamps), 'states'):
             angles = self._posture.add_state(stamp, position)
             if angles is not None:

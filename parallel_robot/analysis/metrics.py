@@ -13,7 +13,7 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError
 from parallel_robot_model.robots.configuration import is_known, robot_of
-from parallel_robot_sim.motions import Motion, Motions, poses_of
+from parallel_robot_sim.motions import Left, Motion, Motions, poses_of
 from parallel_robot_sim.motions import Poses as Poses
 
 TRUE: Literal['true'] = 'true'
@@ -154,7 +154,7 @@ def of_seen(value: Value) -> Value:
     return seen
 
 
-def poses(log: RunLog, true: bool = False) -> Poses:
+def poses(log: RunLog, true: bool = False, left: Left | None = None) -> Poses:
     """Poses of the measured and of the desired joints; the latter by the nominal robot.
 
     Those of a robot that is not known here are NaN, as many numbers as it has joints.
@@ -162,6 +162,7 @@ def poses(log: RunLog, true: bool = False) -> Poses:
     Args:
         log: The run.
         true: Whether the measured joints are those of the true robot, else of the nominal one.
+        left: Where the poses of the part of the run before were left; None: it is the first part.
 
     Raises:
         InputError: the robot of the log's configuration cannot be built.
@@ -172,10 +173,12 @@ def poses(log: RunLog, true: bool = False) -> Poses:
         return Poses(nowhere, nowhere, planar=False)
     nominal, guess = nominal_of(log.config)
     actual = robot_of(log.config, 'true_robot') if true else nominal
-    return poses_of(nominal, actual, guess, log.reference_position, log.position)
+    return poses_of(nominal, actual, guess, log.reference_position, log.position, left)
 
 
-def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
+def with_poses(
+    log: RunLog, true: bool = False, left: Left | None = None
+) -> tuple[RunLog, Poses, str]:
     """The run up to the first sample that has no pose, without states that have no reference.
 
     Arguments as of :func:`poses`.
@@ -190,19 +193,19 @@ def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
     if not len(log.time):
         raise KinematicsError('no state has a reference of its time')
     try:
-        return log, poses(log, true), ''
+        return log, poses(log, true, left), ''
     except KinematicsError as error:
         reason = str(error)
     good, bad = 0, len(log.time)
     while bad - good > 1:
         middle = (good + bad) // 2
         try:
-            poses(head(log, middle), true)
+            poses(head(log, middle), true, left)
             good = middle
         except KinematicsError:
             bad = middle
     part = head(log, max(good, 1))
-    return part, poses(part, true), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
+    return part, poses(part, true, left), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
 
 
 def figures(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import (
+    Left,
     Motion,
     Motions,
     Poses,
@@ -94,17 +96,62 @@ def of_bag(log: RunLog, past: History) -> Recorded:
         InputError: the robot of the bag cannot be built.
         KinematicsError: not even the first sample has a pose.
     """
-    found = _of_bag(log, past)
+    found = _of_bag(log, past, NOTHING)
     true = found.motions.true
     if true is None:
         return found
     return found._replace(motions=found.motions._replace(ideal=_ideal(log, true)))
 
 
-def _of_bag(log: RunLog, past: History) -> Recorded:
-    """The motions of a bag, without the ideal torque."""
+class InParts:
+    """The motions of a run part by part, without the ideal torque, to the last bit as at once."""
+
+    def __init__(self) -> None:
+        """Begin before the first part."""
+        self._left = NOTHING
+
+    def of(self, log: RunLog, past: History) -> Recorded:
+        """The motions of the next part.
+
+        Args:
+            log: The part; of a run that :func:`moves_again`, all of it.
+            past: What the bag says beside the motion.
+
+        Raises:
+            InputError: the robot of the bag cannot be built.
+            KinematicsError: not even the first sample of the part has a pose.
+        """
+        found = _of_bag(log, past, self._left)
+        count = len(found.log.time) + (self._left.seen.samples if self._left.seen else 0)
+        true = found.motions.true
+        self._left = _Left(
+            *(
+                Left(poses.actual[-1], poses.reference[-1], count)
+                for poses in (found.poses, found.poses if true is None else true.poses)
+            )
+        )
+        return found
+
+
+def moves_again(values: Mapping[str, Any], past: History) -> bool:
+    """Whether the plant of a bag has to move once more to tell the true motion: all of it."""
+    return of_plant(past) and not recorded_robot.unknown(values) and bool(untrue(values))
+
+
+class _Left(NamedTuple):
+    """Where the poses were left of what was seen and of the true motion."""
+
+    seen: Left | None
+    true: Left | None
+
+
+NOTHING = _Left(None, None)
+
+
+def _of_bag(log: RunLog, past: History, left: _Left) -> Recorded:
+    """The motions of a bag, or of its next part, without the ideal torque."""
     taken, poses, cut = metrics.with_poses(
-        log._replace(position=corrected(log.config, log.position))
+        log._replace(position=corrected(log.config, log.position)), left=left.seen
     )
     seen = Motion(taken.time, taken.position, taken.reference_position, taken.effort, poses)
     part = head(with_reference(log), len(taken.time))
@@ -117,7 +164,7 @@ def _of_bag(log: RunLog, past: History) -> Recorded:
     if not hidden:
         if robot_of(log.config) == robot_of(log.config, 'true_robot'):
             return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
-        true = seen._replace(poses=metrics.poses(part, true=True))
+        true = seen._replace(poses=metrics.poses(part, True, left.true))
         return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
     try:
         again = _again(log, past)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from parallel_robot.bags.history import History
 from parallel_robot.bags.message_arrays import Samples
 from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.run_log import RunLog
-from parallel_robot_model.common.errors import ParallelRobotError
+from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE, Topic
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim.run_columns import Columns, JointColumns, of_joints, of_poses
@@ -36,9 +36,24 @@ class Table(NamedTuple):
 
 def of(recording: Recording) -> Table:
     """The table of a bag that was read with the topics of NEEDED."""
-    log, past, extra = recording
-    poses, warnings = _poses(log, past)
-    return Table(columns(log, sliding_variable(log, extra)) | poses, log.warnings + warnings)
+    return _InParts().next(recording)
+
+
+def parts(recordings: Iterator[Recording]) -> Iterator[Table]:
+    """Tables of windows that follow each other; together they are that of the bag.
+
+    Args:
+        recordings: The windows, with the topics of NEEDED.
+
+    Raises:
+        WholeNeededError: they are several, and the plant of the bag has to move once more.
+    """
+    found = _InParts()
+    for recording in recordings:
+        again = recorded_motions.moves_again(recording.log.config, recording.history)
+        if again and next(recordings, None) is not None:
+            raise WholeNeededError('all of a bag is needed where its plant moves once more')
+        yield found.next(recording)
 
 
 def sliding_variable(log: RunLog, extra: Mapping[Topic, Samples]) -> np.ndarray:
@@ -77,41 +92,72 @@ def columns(log: RunLog, sliding: np.ndarray) -> Columns:
     return of_joints(log.time, log.stamps, log.joints, found)
 
 
-def _poses(log: RunLog, past: History) -> tuple[Columns, tuple[str, ...]]:
-    """Columns of the pose, named after its coordinates, and what is wrong with them.
+class _InParts:
+    """Makes the tables of the parts of a run, all with the columns of the first one."""
 
-    Those of a robot that moves in a plane are of its platform and hold its error. They are true
-    where the plant is known; what is seen stands beside them where it is something else.
-    """
-    unknown = recorded_robot.unknown(log.config)
-    if unknown:
-        return {}, (unknown,)
-    try:
-        robot = robot_of(log.config)
-    except ParallelRobotError as error:
-        return {}, (f'no pose of the robot: {error}',)
-    coordinates = robot.module.coordinates(robot.parameters)
-    warnings: tuple[str, ...] = ()
-    seen = None
-    alone = not log.referenced.any()
-    if alone:  # the pose needs no reference, so one that is there stands in for it
-        every = np.ones_like(log.referenced)
-        log = log._replace(reference_position=log.position, referenced=every)
-    try:
-        part = recorded_motions.of_bag(log, past)
-        found = part.poses._replace(actual=part.pose)
-        if part.motions.true is not None and part.motions.seen is not None:
-            seen = part.poses
-        warnings = (f'the pose of the robot is {part.cut}',) if part.cut else ()
-        warnings += (part.remark,) if part.remark not in ('', recorded_motions.UNKNOWN) else ()
-    except ParallelRobotError as error:
+    def __init__(self) -> None:
+        self._motions = recorded_motions.InParts()
+        self._names: tuple[str, ...] = ()
+        self._end = -np.inf  # s, of the states with a reference so far
+        self._over = False  # the rest has no poses
+
+    def next(self, recording: Recording) -> Table:
+        """The table of the next part."""
+        log, past, extra = recording
+        poses, warnings = self._poses(log, past)
+        made = columns(log, sliding_variable(log, extra)) | poses
+        self._names = self._names or tuple(made)
+        nothing = np.full(len(log.time), np.nan)
+        made = {name: made.get(name, nothing) for name in self._names}
+        return Table(made, log.warnings + warnings)
+
+    def _poses(self, log: RunLog, past: History) -> tuple[Columns, tuple[str, ...]]:
+        """Columns of the pose, named after its coordinates, and what is wrong with them.
+
+        Those of a robot that moves in a plane are of its platform and hold its error. They are
+        true where the plant is known; what is seen stands beside them where it is something else.
+        """
+        unknown = recorded_robot.unknown(log.config)
+        if unknown:
+            return {}, (unknown,)
+        try:
+            robot = robot_of(log.config)
+        except ParallelRobotError as error:
+            return {}, (f'no pose of the robot: {error}',)
+        coordinates = robot.module.coordinates(robot.parameters)
         nothing = np.empty((0, len(coordinates)))
         found = Poses(nothing, nothing, robot.module.PLANAR)
-        warnings = (f'no pose of the robot: {error}',)
-    actual, reference = (_spread(pose, log.referenced) for pose in (found.actual, found.reference))
-    reference = np.full_like(reference, np.nan) if alone else reference
-    shown = None if seen is None else _spread(seen.actual, log.referenced)
-    return of_poses(coordinates, found.planar, actual, reference, shown), warnings
+        warnings: tuple[str, ...] = ()
+        seen = None
+        alone = not log.referenced.any() and self._end == -np.inf
+        if alone:  # the pose needs no reference, so one that is there stands in for it
+            every = np.ones_like(log.referenced)
+            log = log._replace(reference_position=log.position, referenced=every)
+        if log.referenced.any() and not self._over:
+            try:
+                part = self._motions.of(log, past)
+                found = part.poses._replace(actual=part.pose)
+                if part.motions.true is not None and part.motions.seen is not None:
+                    seen = part.poses
+                warnings = (f'the pose of the robot is {part.cut}',) if part.cut else ()
+                known = ('', recorded_motions.UNKNOWN)
+                warnings += (part.remark,) if part.remark not in known else ()
+                self._over = bool(part.cut)
+            except ParallelRobotError as error:
+                warnings, self._over = (self._without_pose(error),), True
+            self._end = self._end if alone else log.time[log.referenced][-1]
+        actual, reference = (
+            _spread(pose, log.referenced) for pose in (found.actual, found.reference)
+        )
+        reference = np.full_like(reference, np.nan) if alone else reference
+        shown = None if seen is None else _spread(seen.actual, log.referenced)
+        return of_poses(coordinates, found.planar, actual, reference, shown), warnings
+
+    def _without_pose(self, error: ParallelRobotError) -> str:
+        """Why there is no pose from here on."""
+        if not self._names:
+            return f'no pose of the robot: {error}'
+        return f'the pose of the robot is evaluated up to t = {self._end:.3f} s: {error}'
 
 
 def _spread(rows: np.ndarray, where: np.ndarray) -> np.ndarray:

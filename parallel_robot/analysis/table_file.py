@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -29,27 +30,43 @@ def check(path: Path) -> None:
     new_files.check(path, '--out')
 
 
-def write(path: Path, columns: Columns) -> None:
+def write(path: Path, parts: Iterable[Columns]) -> None:
     """Write a table into a file, which must not exist.
+
+    Args:
+        path: The file; it is there when all of the table is.
+        parts: Tables whose rows follow each other, at least one, all with the same columns.
 
     Raises:
         InputError: it cannot be written there, or pyarrow is needed and not installed.
         RunError: the disk is full.
     """
-    content = io.BytesIO()
-    FORMATS[path.suffix](columns, content)
-    new_files.save(path, content.getbuffer())
+    with new_files.growing(path) as stream:
+        FORMATS[path.suffix](parts, stream)
 
 
-def write_csv(columns: Columns, stream: IO[bytes]) -> None:
+def write_csv(parts: Iterable[Columns], stream: IO[bytes]) -> None:
     """Write comma-separated values; numbers in their shortest form that reads back the same."""
     text = io.TextIOWrapper(stream, newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(map(harmless, columns))
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    count = len(next(iter(columns.values())))
-    writer.writerows(tracked(rows, count, 'rows'))
+    first, parts = _first(parts)
+    writer.writerow(map(harmless, first))
+    rows = (row for part in parts for row in zip(*map(_numbers, part.values()), strict=True))
+    writer.writerows(tracked(rows, None, 'rows'))
     text.detach()
+
+
+def _first(parts: Iterable[Columns]) -> tuple[Columns, Iterable[Columns]]:
+    """The first part, and all of them."""
+    parts = iter(parts)
+    first = next(parts)
+    return first, itertools.chain([first], parts)
+
+
+def _numbers(column: np.ndarray) -> list[Any]:
+    """The numbers of a column as Python's."""
+    found: list[Any] = column.tolist()
+    return found
 
 
 def harmless(text: str) -> str:
@@ -57,8 +74,8 @@ def harmless(text: str) -> str:
     return f"'{text}" if text.startswith(FORMULA) else text
 
 
-def write_parquet(columns: Columns, stream: IO[bytes]) -> None:
-    """Write Apache Parquet.
+def write_parquet(parts: Iterable[Columns], stream: IO[bytes]) -> None:
+    """Write Apache Parquet, each part as a group of rows.
 
     Raises:
         InputError: pyarrow is not installed.
@@ -70,11 +87,17 @@ def write_parquet(columns: Columns, stream: IO[bytes]) -> None:
         raise InputError(
             'pyarrow is not installed; pip install pyarrow, or export to .csv'
         ) from None
-    arrays = {name: np.ascontiguousarray(column) for name, column in columns.items()}
-    pyarrow.parquet.write_table(pyarrow.table(arrays), stream)
+    tables = (
+        pyarrow.table({name: np.ascontiguousarray(column) for name, column in part.items()})
+        for part in tracked(parts, None, 'parts')
+    )
+    first = next(tables)
+    with pyarrow.parquet.ParquetWriter(stream, first.schema) as writer:
+        for table in itertools.chain([first], tables):
+            writer.write_table(table)
 
 
-FORMATS: dict[str, Callable[[Columns, IO[bytes]], None]] = {
+FORMATS: dict[str, Callable[[Iterable[Columns], IO[bytes]], None]] = {
     '.csv': write_csv,
     '.parquet': write_parquet,
 }

@@ -14,6 +14,8 @@ from parallel_robot.bags.recovery import copy
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_sim.motions import differs
 
+COLUMNS = 'heard', 'position', 'reference_position', 'referenced'  # of a run that it needs
+
 
 class ViewerCopy(NamedTuple):
     """A copy that was written.

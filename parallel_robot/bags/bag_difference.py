@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import heapq
+from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.indexed_reader import BagReader
-from parallel_robot.bags.limits import MEMORY, Allowance
+from parallel_robot.bags.indexed_reader import BagReader, RecordedMessage
+from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
-
-OBJECT = 200  # bytes that a message takes beside its own
 
 
 def size(log: RunLog, other: RunLog) -> str:
@@ -48,42 +49,70 @@ def compare(
     Raises:
         BagError: one cannot be read to its end, or takes too much.
     """
-    first, second = _streams(bag, memory, until), _streams(other, memory, until)
-    found = []
-    for topic in sorted({*first, *second}):
-        pair = first.get(topic, []), second.get(topic, [])
-        for (time, data), (other_time, other_data) in zip(*pair, strict=False):
-            if (time, data) != (other_time, other_data):
-                what = 'another time' if data == other_data else 'other bytes'
-                found.append(_Difference(time, topic, what))
-                break
-        else:
-            longer = max(pair, key=len)
-            shared = min(map(len, pair))
-            if len(longer) > shared:
-                what = f'{len(pair[0])} messages, now {len(pair[1])}'
-                found.append(_Difference(longer[shared][0], topic, what))
-    count = sum(map(len, first.values()))
+    pairs: dict[str, _Pair] = {}
+    both = [_messages(side, path, memory, until) for side, path in enumerate((bag, other))]
+    start: int | None = None
+    for side, message in heapq.merge(*both, key=lambda item: item[1].log_time):
+        pairs.setdefault(message.topic, _Pair()).take(side, message)
+        if side == 0 and start is None:
+            start = message.log_time
+    found = [
+        _Difference(difference[0], topic, difference[1])
+        for topic, pair in pairs.items()
+        if (difference := pair.difference()) is not None
+    ]
+    count = sum(pair.counts[0] for pair in pairs.values())
     if not found:
         return count, ''
     earliest = min(found)
-    start = min(stream[0][0] for stream in first.values() if stream)
+    begin = earliest.log_time if start is None else start
     return count, (
-        f'first on {earliest.topic} at t = {(earliest.log_time - start) / 1e9:.3f} s: '
+        f'first on {earliest.topic} at t = {(earliest.log_time - begin) / 1e9:.3f} s: '
         f'{earliest.what}; {len(found)} topics differ'
     )
 
 
-def _streams(
-    bag: str | Path, memory: int, until: int | None
-) -> dict[str, list[tuple[int, bytes]]]:
-    """Time and bytes of all messages by topic, up to a log time."""
-    reader, allowance = BagReader(bag, memory), Allowance(Path(bag), 0, memory)
-    streams: dict[str, list[tuple[int, bytes]]] = {}
-    for message in reader.messages(reader.topics, reader.start):
-        if until is not None and message.log_time > until:
-            continue
-        allowance.hold(OBJECT + len(message.data))
-        streams.setdefault(message.topic, []).append((message.log_time, message.data))
+class _Pair:
+    """The messages of a topic in both bags, as they come in the order of their log times.
+
+    Attributes:
+        counts: How many came from each.
+    """
+
+    def __init__(self) -> None:
+        self.counts = [0, 0]
+        self._alone: deque[RecordedMessage] = deque()  # without their like so far, of one side
+        self._side = 0
+        self._found: tuple[int, str] | None = None
+
+    def take(self, side: int, message: RecordedMessage) -> None:
+        """Take a message of a side."""
+        self.counts[side] += 1
+        if self._found:
+            return
+        if self._alone and side != self._side:
+            like = self._alone.popleft()
+            if (like.log_time, like.data) != (message.log_time, message.data):
+                what = 'another time' if like.data == message.data else 'other bytes'
+                first = message if side == 0 else like
+                self._found = first.log_time, what
+        # After one whose like did not come at its time, the others say nothing.
+        elif not self._alone or message.log_time == self._alone[0].log_time:
+            self._side = side
+            self._alone.append(message)
+
+    def difference(self) -> tuple[int, str] | None:
+        """Time [ns] of the first difference, and what it is; None without one."""
+        if self._found or not self._alone:
+            return self._found
+        return self._alone[0].log_time, f'{self.counts[0]} messages, now {self.counts[1]}'
+
+
+def _messages(
+    side: int, bag: str | Path, memory: int, until: int | None
+) -> Iterator[tuple[int, RecordedMessage]]:
+    """All messages up to a log time, each with the side that it is of."""
+    reader = BagReader(bag, memory)
+    for message in reader.messages(reader.topics, reader.start, until):
+        yield side, message
     reader.close()
-    return streams

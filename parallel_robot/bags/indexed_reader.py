@@ -134,6 +134,7 @@ class BagReader:
                 item for item in _scan(chunk, topics, allowance) if start <= item[0] <= end
             )
             pending.sort()
+            release(chunk.data)
         yield from map(_message, pending)
 
     def arrays(

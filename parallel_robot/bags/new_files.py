@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from parallel_robot_model.common.errors import BagError, InputError, RunError
 
@@ -58,6 +59,42 @@ def save(path: Path, content: bytes | memoryview) -> None:
     except OSError as error:
         kind = RunError if error.errno in FULL else InputError
         raise kind(f'cannot write {path}: {error.strerror}') from None
+
+
+@contextlib.contextmanager
+def growing(path: Path) -> Iterator[IO[bytes]]:
+    """Write the file that a command was asked for, which must not exist, piece by piece.
+
+    It is there when the block ends well; until then, a file beside it grows.
+
+    Raises:
+        InputError: it exists or cannot be written there.
+        RunError: the disk is full.
+    """
+    try:
+        draft = path.with_name(f'.{path.name}.{os.getpid()}.part')
+        file = draft.open('xb')
+        try:
+            with file:
+                yield file
+            _rename(draft, path)
+        finally:
+            draft.unlink(missing_ok=True)
+    except OSError as error:
+        kind = RunError if error.errno in FULL else InputError
+        raise kind(f'cannot write {path}: {error.strerror}') from None
+
+
+def _rename(draft: Path, path: Path) -> None:
+    """Give a file another name, which must not be that of a file."""
+    try:
+        path.hardlink_to(draft)
+    except FileExistsError:
+        raise
+    except OSError:  # no file system knows links
+        if path.exists():
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+        draft.rename(path)
 
 
 @contextlib.contextmanager

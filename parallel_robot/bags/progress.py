@@ -21,8 +21,8 @@ CLEAR = '\r\x1b[K'
 class Progress:
     """A progress bar; use as a context manager, so that it is removed at the end."""
 
-    def __init__(self, total: float, unit: str = '') -> None:
-        """Prepare; `total` is what :meth:`show` counts up to, in a unit."""
+    def __init__(self, total: float | None, unit: str = '') -> None:
+        """Prepare; `total` is what :meth:`show` counts up to, in a unit; None: nobody knows."""
         self._total = total
         self._unit = f' {unit}' if unit else ''
         self._stream = as_it_is(sys.stderr)
@@ -34,8 +34,10 @@ class Progress:
         """Draw how much is done, if an update is due."""
         if not self._terminal or time.monotonic() < self._next:
             return
-        share = min(1.0, done / self._total) if self._total else 1.0
-        line = f'[{"#" * round(WIDTH * share):<{WIDTH}}] {done:.6g} of {self._total:.6g}'
+        line = f'{done:.6g}'
+        if self._total is not None:
+            share = min(1.0, done / self._total) if self._total else 1.0
+            line = f'[{"#" * round(WIDTH * share):<{WIDTH}}] {line} of {self._total:.6g}'
         print(f'{CLEAR}{line}{self._unit} {what}', end='', file=self._stream, flush=True)
         self._next = time.monotonic() + UPDATE_INTERVAL
         self._drawn = True
@@ -55,8 +57,8 @@ class Progress:
             print(CLEAR, end='', file=self._stream, flush=True)
 
 
-def tracked(items: Iterable[Item], total: int, unit: str) -> Iterator[Item]:
-    """Pass items on and show how many of them are done."""
+def tracked(items: Iterable[Item], total: int | None, unit: str) -> Iterator[Item]:
+    """Pass items on and show how many of them are done, of a total if it is known."""
     with Progress(total, unit) as progress:
         for done, item in enumerate(items):
             progress.show(done)

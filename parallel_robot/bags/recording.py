@@ -29,7 +29,7 @@ from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.span import FIRST, LAST, WHOLE, Span
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.bags.window_streams import SLACK, Window, windows
-from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import (
     JOINT_STATES,
@@ -114,7 +114,9 @@ def chunks(
         view: What it does not say itself, and which part is wanted.
 
     Raises:
-        BagError: as :func:`read`; or the stamps of the states go far back, as in a second run.
+        BagError: it is not a bag, or a window takes too much.
+        WholeNeededError: a window is not one of a run; or the stamps of the states go far back,
+            as in a second run.
     """
     source = _Source(Path(bag), topics, memory, motion_only, view)
     yield from source.chunks(round(seconds * NANOSECONDS))
@@ -154,9 +156,9 @@ class _Source:
         self._names = self._meant(self.found.channels)
 
     def recording(
-        self, streams: Mapping[str, Sequence[Sequence[Samples]]], span: Span
+        self, streams: Mapping[str, Sequence[Sequence[Samples]]], span: Span, last: bool = True
     ) -> Recording:
-        """The recording of some messages."""
+        """The recording of some messages; the last one tells the damage of the bag."""
         known, absent = self._known(streams)
         log = run_log.of(self._bag, self.found, known, self._settings, self._view, span)
         log = motion_alone.cleared(log, absent)
@@ -172,7 +174,7 @@ class _Source:
         ]
         self._broken.clear()
         log = log._replace(warnings=(*log.warnings, *left, *lacking))
-        if self._reader and self._reader.damage:
+        if last and self._reader and self._reader.damage:
             damage = bag_reader.warning(self._bag, self._reader.damage)
             log = log._replace(warnings=(damage, *log.warnings))
         extra = {}
@@ -198,7 +200,11 @@ class _Source:
         for window in self._windows(FIRST, begin, end_of):
             if window.span.begin >= stop:
                 break
-            yield self.recording(window.streams, window.span)
+            try:
+                found = self.recording(window.streams, window.span, window.span.end >= stop)
+            except BagError as error:  # perhaps of the window alone
+                raise WholeNeededError(str(error)) from None
+            yield found
 
     def window(self, times: tuple[float, float]) -> Recording:
         """The window between two times [s]."""

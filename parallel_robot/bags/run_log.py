@@ -20,7 +20,7 @@ from parallel_robot.bags.state_doubts import LEAP, doubts, leaping
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.state_rhythm import StateRhythm
-from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import SWAPPED, LoopParameters
@@ -93,6 +93,11 @@ class RunLog(NamedTuple):
         """Whether the rates of the joints were measured."""
         return not np.isnan(self.velocity).any()
 
+    @property
+    def kind(self) -> tuple[bool, bool, bool]:
+        """Whether it has efforts, velocities, and the references that were used."""
+        return self.has_efforts, self.has_velocities, self.used is not None
+
 
 def of(
     bag: Path,
@@ -151,7 +156,8 @@ def of(
         warnings.append(f'{bag}: {what}: torques are those commanded')
     recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
-    start = start or int(max(states.stamps[0], references.stamps[0]))
+    if not start and span == WHOLE:  # of a part it is known
+        start = int(max(states.stamps[0], references.stamps[0]))
     age = reported_age(values)
     used = (states.stamps + age >= start) & (states.stamps + age >= references.stamps[0])
     if not used.any():
@@ -322,6 +328,32 @@ def rows(log: RunLog, chosen: np.ndarray) -> RunLog:
         if name != 'command' and isinstance(value, np.ndarray) and len(value)
     }
     return log._replace(**kept, used=None if log.used is None else log.used.rows(chosen))
+
+
+def joined(first: RunLog, second: RunLog) -> RunLog:
+    """A part of a run and the next one; with the commands of the next one.
+
+    Raises:
+        WholeNeededError: they are of another kind.
+    """
+    if first.kind != second.kind:
+        raise WholeNeededError('the parts of the bag do not hold the same')
+    both: dict[str, Any] = {
+        name: np.concatenate([value, getattr(second, name)])
+        for name, value in first._asdict().items()
+        if name != 'command' and isinstance(value, np.ndarray)
+    }
+    used = second.used
+    if first.used is not None and used is not None:
+        one = first.used
+        used = Used(
+            np.concatenate([one.stamps, used.stamps]),
+            np.concatenate([one.acts, used.acts]),
+            np.concatenate([one.late, used.late]),
+            np.concatenate([one.older, len(one.stamps) + used.older]),
+            JointReference(*map(np.concatenate, zip(one.samples, used.samples, strict=True))),
+        )
+    return second._replace(**both, used=used)
 
 
 def _ordered(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:

@@ -11,7 +11,7 @@ import numpy as np
 from parallel_robot.bags.limits import Allowance
 from parallel_robot.bags.message_arrays import Samples
 from parallel_robot.bags.span import FIRST, LAST, Span
-from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.errors import WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
 
@@ -58,7 +58,8 @@ def windows(
         memory: What may be held [bytes].
 
     Raises:
-        BagError: a window takes too much, or the stamps of the states go back beyond it.
+        BagError: a window takes too much.
+        WholeNeededError: the stamps of the states go back beyond it.
     """
     pending: Streams = {}
     span = Span(FIRST, FIRST, FIRST, FIRST)
@@ -67,7 +68,7 @@ def windows(
             late = any((part.stamps < span.end).any() for part in samples)
             if topics[name] == JOINT_STATES and late:
                 what = f'the stamps of {JOINT_STATES.name} go back, as in a second run'
-                raise BagError(f'{bag}: {what}: it can be read as a whole alone')
+                raise WholeNeededError(f'{bag}: {what}: it can be read as a whole alone')
             pending.setdefault(name, []).extend(samples)
         Allowance(bag, 0, memory).hold(_size(pending))
         while found := _span(pending, topics, max(begin, span.end), span.end_heard, end_of, known):

@@ -153,7 +153,7 @@ def export(
     if copy is not None:
         viewer_copy.write(bag, recording, copy, memory)
     if file is not None:
-        table_file.write(file, columns)
+        table_file.write(file, [columns])
     frame: Frame = frames.DataFrame(columns)
     frame.attrs['warnings'] = warnings
     return frame

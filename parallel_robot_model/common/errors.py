@@ -85,6 +85,10 @@ class BagError(InputError):
     """A bag that cannot be written or read."""
 
 
+class WholeNeededError(BagError):
+    """A bag that can be read as a whole alone, not in windows."""
+
+
 class RunError(ParallelRobotError):
     """A run that did not reach its end."""
 

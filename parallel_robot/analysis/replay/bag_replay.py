@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,21 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.replay import replayed
+from parallel_robot.analysis.replay import replayed, totals
 from parallel_robot.analysis.replay.replayed import Replay
+from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
+from parallel_robot.analysis.report.decimation import Curves
 from parallel_robot.bags import arithmetic, held_code, recording, run_log
+from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
 from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
 from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration import config
 
 # Beginnings of keys on which torques depend, beside those of the laws.
@@ -83,29 +88,15 @@ class BagReplay(ShownResult):
 
     def parts(self) -> list[Part]:
         """What came of it."""
-        answered = int((~np.isnan(self.torque[:, 0])).sum())
-        head = (
-            f'{self.log.scenario}, {self.log.law}: {answered} states answered again by {self.law}'
-        )
-        if self.changed:
-            return [head, table(self.log, self.result)]
-        return [head, *verdict(self.log, self.result)]
+        return parts_of(self.log, self.law, self._totals, self.changed)
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""
-        return {
-            'scenario': self.log.scenario,
-            'law': self.log.law,
-            'answered_by': self.law,
-            'states': len(self.torque),
-            'commands': int(self.result.known.sum()),
-            'differing': self.differing,
-            'late': self.late,
-            'difference_nm': {
-                name: dict(zip(self.log.joints, map(float, values), strict=True))
-                for name, values in _differences(self.result).items()
-            },
-        }
+        return data_of(self.log, self.law, self._totals)
+
+    @property
+    def _totals(self) -> Totals:
+        return totals.of(self.time, self.result)
 
     def save_figure(self, path: Path) -> None:
         """Draw both torques into a file, which must not exist.
@@ -113,10 +104,50 @@ class BagReplay(ShownResult):
         Raises:
             InputError: it cannot be written.
         """
-        try:
-            figures.draw_torques(self.log, self.torque, self.law, path)
-        except OSError as error:
-            raise InputError(f'cannot write {path}: {error.strerror}') from None
+        _draw(self.log, self.torque, self.law, path)
+
+
+@dataclass(frozen=True, repr=False)
+class ReplayFigures(ShownResult):
+    """What came of torques of a bag that were computed again, without them.
+
+    Attributes:
+        log: The first part of the run.
+        law: The law that computed them.
+        totals: The figures.
+        changed: Whether it was another law, or other gains.
+        warnings: What to know of the bag and of differences, one line each.
+        curves: Time [s], recorded commands and torques [N m], as far as they can be seen.
+    """
+
+    log: RunLog
+    law: str
+    totals: Totals
+    changed: bool
+    warnings: tuple[str, ...]
+    curves: tuple[Array, Array, Array]
+
+    @property
+    def failed(self) -> bool:
+        """Whether commands differ that should not."""
+        return not self.changed and self.totals.remembered and self.totals.differing > 0
+
+    def parts(self) -> list[Part]:
+        """What came of it."""
+        return parts_of(self.log, self.law, self.totals, self.changed)
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return data_of(self.log, self.law, self.totals)
+
+    def save_figure(self, path: Path) -> None:
+        """Draw both torques into a file, which must not exist.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        time, recorded, torque = self.curves
+        _draw(self.log._replace(time=time, answer=recorded), torque, self.law, path)
 
 
 @dataclass(frozen=True)
@@ -125,11 +156,12 @@ class Prepared:
 
     Attributes:
         bag: The bag.
-        log: The run.
+        log: The run, or the first window of it.
         past: What happened beside the motion.
         values: The configuration.
         changed: Whether it is another than the recorded one.
         window: First and last time of the part that is compared [s], None: of the run.
+        rest: The windows after the first one; None: the log is the whole run.
     """
 
     bag: Path
@@ -138,6 +170,7 @@ class Prepared:
     values: Mapping[str, Any]
     changed: bool
     window: tuple[float | None, float | None] = (None, None)
+    rest: Iterator[Recording] | None = None
 
     @property
     def law(self) -> str:
@@ -160,6 +193,84 @@ class Prepared:
             warnings += tuple(filter(None, [arithmetic.doubt(self.past.facts)]))
         return BagReplay(log, self.law, result, self.changed, warnings)
 
+    def add_up(self) -> ReplayFigures:
+        """Compute the torques window by window and keep the figures alone.
+
+        Raises:
+            BagError: a state has no pose, or there is none in the part that is compared.
+            WholeNeededError: the bag cannot be read in windows.
+            InputError: a value is wrong.
+        """
+        parts = replayed.InParts(self.past, configure(self.values), not self.changed)
+        found: Totals | None = None
+        curves, told = Curves(), AlikeLines()
+        first, last = (
+            end or sign * math.inf for end, sign in zip(self.window, (-1, 1), strict=True)
+        )
+        for log, is_last in _with_last(self.log, self.rest or iter(())):
+            told.add(log.warnings)
+            log, result = parts.answered(log, is_last)
+            if not len(log.time):
+                continue
+            shown = (log.time >= first) & (log.time <= last)
+            result = result._replace(torque=result.torque[shown], recorded=result.recorded[shown])
+            part = totals.of(log.time[shown], result)
+            found = part if found is None else found.and_then(part)
+            curves.add(log.time[shown], np.hstack([result.recorded, result.torque]))
+        if found is None or not found.states:
+            if self.rest is None:
+                run_log.between(self.bag, self.log, *self.window)  # says what there is
+            raise WholeNeededError(f'{self.bag} has no state between --from and --to')
+        warnings = told.lines
+        if not self.changed and found.differing:
+            warnings += tuple(filter(None, [arithmetic.doubt(self.past.facts)]))
+        time, both = curves.time, curves.values
+        recorded, torque = np.hsplit(both, 2)
+        return ReplayFigures(
+            self.log, self.law, found, self.changed, warnings, (time, recorded, torque)
+        )
+
+
+def _with_last(first: RunLog, rest: Iterator[Recording]) -> Iterator[tuple[RunLog, bool]]:
+    """The windows of a run, each with whether it is the last one."""
+    for after in rest:
+        yield first, False
+        first = after.log
+    yield first, True
+
+
+def parts_of(log: RunLog, law: str, found: Totals, is_changed: bool) -> list[Part]:
+    """What came of a replay: of a run by a law, and whether that is another one."""
+    head = f'{log.scenario}, {log.law}: {found.answered} states answered again by {law}'
+    if is_changed:
+        return [head, found.table(log.joints)]
+    return [head, *found.verdict(log.used is not None)]
+
+
+def data_of(log: RunLog, law: str, found: Totals) -> dict[str, Any]:
+    """The same as plain data."""
+    return {
+        'scenario': log.scenario,
+        'law': log.law,
+        'answered_by': law,
+        'states': found.states,
+        'commands': found.known,
+        'differing': found.differing,
+        'late': found.late,
+        'difference_nm': {
+            name: dict(zip(log.joints, map(float, values), strict=True))
+            for name, values in found.differences().items()
+        },
+    }
+
+
+def _draw(log: RunLog, torque: Array, law: str, path: Path) -> None:
+    """Draw recorded commands and other torques into a file, which must not exist."""
+    try:
+        figures.draw_torques(log, torque, law, path)
+    except OSError as error:
+        raise InputError(f'cannot write {path}: {error.strerror}') from None
+
 
 @contextmanager
 def prepared(
@@ -169,6 +280,7 @@ def prepared(
     memory: int = MEMORY,
     told: bool = True,
     view: BagView = AS_RECORDED,
+    seconds: float | None = None,
 ) -> Iterator[Prepared]:
     """Read a bag that is to be replayed; the code that it holds stands in files meanwhile.
 
@@ -179,19 +291,29 @@ def prepared(
         memory: What may be held of it [bytes].
         told: Whether the user is told what code runs, see :func:`custom_files`.
         view: What it does not say itself, and which part is compared.
+        seconds: Length of the windows in which it is read [s]; None: at once.
 
     Raises:
+        WholeNeededError: it cannot be read in windows.
         BagError: it is no bag of a run, no command answers a state, or it needs code that it does
             not hold or that may not run.
         InputError: a change is wrong.
     """
     spare = {key: value for key, value in changes.items() if key != 'law'}
     whole = view._replace(whole=True, spare=spare)  # a law remembers what was before
-    log, past, _ = recording.read(bag, memory=memory, view=whole)
+    rest = None
+    if seconds is None:
+        log, past, _ = recording.read(bag, memory=memory, view=whole)
+    else:
+        rest = recording.chunks(
+            bag, seconds, memory=memory, view=whole._replace(start=None, stop=None)
+        )
+        log, past, _ = next(rest)
     if not past.facts:  # the others say of what robot the bag is
         changes = {key: value for key, value in changes.items() if _is_used(key, changes)}
     if np.isnan(log.answer).all() or not (log.used is None or log.used.stamps.any()):
-        raise BagError(f'{bag}: no command answers a state')
+        kind = BagError if seconds is None else WholeNeededError
+        raise kind(f'{bag}: no command answers a state')
     with tempfile.TemporaryDirectory() as directory:
         needed = {key: found for key, found in past.sources.items() if key not in changes}
         if changes.get('law') in LAWS:
@@ -205,7 +327,7 @@ def prepared(
                 f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
             )
         held_code.check(bag, values, addable=True)
-        yield Prepared(bag, log, past, values, bool(changes), (view.start, view.stop))
+        yield Prepared(bag, log, past, values, bool(changes), (view.start, view.stop), rest)
 
 
 def configuration(
@@ -241,43 +363,3 @@ def configuration(
 def _is_used(key: str, values: Mapping[str, Any]) -> bool:
     """Whether torques depend on a key of the configuration."""
     return key.partition('.')[0] in (*USED, *available(values.get('custom_laws', [])))
-
-
-def verdict(log: RunLog, result: replayed.Replay) -> list[str]:
-    """Whether the torques are the recorded commands."""
-    count, differing = int(result.known.sum()), np.flatnonzero(result.differing)
-    lines = []
-    if result.late:
-        lines.append(f'{result.late} states were answered with a reference that came late')
-    if count < len(result.known):
-        what = 'have no recorded command' if log.used is None else 'were not answered'
-        lines.append(f'{len(result.known) - count} states {what}')
-    if not differing.size:
-        return [*lines, f'identical: {count} commands']
-    difference = np.abs(result.torque - result.recorded)[differing].max()
-    if not result.remembered:
-        lines.append(
-            'not compared: the bag begins while the controller ran, and what law and estimator '
-            'remembered then is not in it; with an empty memory:'
-        )
-    return [
-        *lines,
-        f'{differing.size} of {count} commands differ, by up to {difference:.3g} N m, '
-        f'from t = {log.time[differing[0]]:.3f} s on',
-    ]
-
-
-def table(log: RunLog, result: replayed.Replay) -> Table:
-    """Difference to the recorded commands, joint by joint."""
-    rows = _differences(result)
-    cells = [[name, *(f'{value:.3f}' for value in values)] for name, values in rows.items()]
-    return Table(['difference of torques [N m]', *log.joints], cells)
-
-
-def _differences(result: replayed.Replay) -> dict[str, Array]:
-    """Differences to the recorded commands [N m], each shape (n,)."""
-    difference = (result.torque - result.recorded)[result.known]
-    return {
-        'rms': np.sqrt((difference**2).mean(axis=0)),
-        'max': np.abs(difference).max(axis=0, initial=0.0),
-    }

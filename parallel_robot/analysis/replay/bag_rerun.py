@@ -11,7 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import arithmetic, bag_difference, bag_reader, held_code, recording
+from parallel_robot.bags import (
+    arithmetic,
+    bag_difference,
+    bag_reader,
+    gathered_run,
+    held_code,
+    recording,
+)
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
@@ -80,7 +87,7 @@ class Experiment:
 
     Attributes:
         bag: The bag.
-        log: Its run.
+        log: Its run, with the times alone.
         past: What happened beside the motion.
         values: The configuration that is run.
         scenario: Name or path of the scenario that is run.
@@ -111,20 +118,20 @@ class Experiment:
         Raises:
             BagError: one cannot be read to its end, or takes too much.
         """
-        log, other, until, reach = self.log, None, None, ''
+        log, until, reach = self.log, None, ''
         if not self.simulated and self.values['time_mode'] != 'lockstep':
             return Rerun(out, unlike='a run in real time', warnings=self.warnings)
         if self.past.facts.get('start_stamp', '0') == '0':
             return Rerun(out, unlike='nodes that were started by hand', warnings=self.warnings)
         if not self.simulated or self.values['duration'] != planned_length(log, self.past):
-            other = recording.read(out, memory=memory).log
-            until = common_end(log, other)
+            until = common_end(log, gathered_run.read(out, (), memory)[0])
         if until is not None:
             reach = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
         count, difference = bag_difference.compare(self.bag, out, memory, until)
         size = ''
         if difference:
-            size = bag_difference.size(log, other or recording.read(out, memory=memory).log)
+            both = (recording.read(each, memory=memory).log for each in (self.bag, out))
+            size = bag_difference.size(*both)
         return Rerun(out, count, difference, reach, size, warnings=self.warnings)
 
 
@@ -158,7 +165,7 @@ def prepared(
     """
     bag = Path(os.path.realpath(bag))
     try:
-        log, past, _ = recording.read(bag, memory=memory)
+        log, past = gathered_run.read(bag, (), memory)
     except BagError:
         if not bag_reader.read(bag, (), lambda *_: None, memory).metadata:
             raise BagError(NO_EXPERIMENT.format(bag)) from None

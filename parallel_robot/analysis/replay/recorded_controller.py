@@ -119,6 +119,8 @@ class RecordedController:
         shown: Faults that stamps show then.
         stamps: Of the states [ns], shape (A,).
         expected: The recorded commands, shape (A, n).
+        rows: Numbers of the states in the run, shape (A,).
+        oldest: How many states an older reference may answer.
     """
 
     def __init__(
@@ -142,15 +144,15 @@ class RecordedController:
             )
         self._configuration = configuration
         self._loop, safety = configuration.loop, configuration.safety
-        self._oldest = round(safety.reference_timeout / self._loop.period)
+        self.oldest = round(safety.reference_timeout / self._loop.period)
         self.exact = log.used is not None
         self._count = len(log.stamps)
-        self._rows = np.arange(self._count)
+        self.rows = np.arange(self._count)
         if log.used is not None:
-            self._rows = np.flatnonzero(log.used.stamps)
-        self.stamps, self.expected = log.stamps[self._rows], log.answer[self._rows]
+            self.rows = np.flatnonzero(log.used.stamps)
+        self.stamps, self.expected = log.stamps[self.rows], log.answer[self.rows]
         heard = log.effort if log.has_efforts else np.full_like(log.effort, np.nan)
-        self._effort = heard[self._rows]
+        self._effort = heard[self.rows]
         steps = np.diff(self.stamps)
         lockstep, states_out = self._loop.lockstep, round(safety.state_timeout * NANOSECONDS)
         begun_anew = ((steps <= 0) | ((steps >= RESTART) & (not lockstep))) & self.exact
@@ -158,12 +160,12 @@ class RecordedController:
         self.shown = {faults.REFERENCE_STALE, *[faults.STATES_STALE] * lockstep}
         self._gaps = np.flatnonzero((steps > states_out) & self.exact & lockstep) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])
-        acts = self.stamps if log.used is None else log.used.acts[self._rows]
+        acts = self.stamps if log.used is None else log.used.acts[self.rows]
         self._renewals = self._renewed((acts - log.start_stamp) // self._loop.period_ns)
         dt[[0, *self._restarts, *self._renewals]] = self._loop.period
         self._states = States(
-            log.position[self._rows],
-            np.nan_to_num(log.velocity[self._rows]),  # as the node takes them, which has none
+            log.position[self.rows],
+            np.nan_to_num(log.velocity[self.rows]),  # as the node takes them, which has none
             self._effort if obeyed else np.full_like(self._effort, np.nan),
             dt,
             acts // self._loop.period_ns,
@@ -172,11 +174,11 @@ class RecordedController:
         self._known = JointReference(
             log.reference_position, log.reference_velocity, log.reference_acceleration
         )
-        self._references = JointReference(*(row[self._rows] for row in self._known))
-        self._stale, overdue = np.zeros((2, len(self._rows)), bool)
+        self._references = JointReference(*(row[self.rows] for row in self._known))
+        self._stale, overdue = np.zeros((2, len(self.rows)), bool)
         if log.used is not None:
             self._take_used(log.used, round(safety.reference_timeout * NANOSECONDS))
-            overdue = acts - log.used.stamps[self._rows] > OVERDUE * NANOSECONDS
+            overdue = acts - log.used.stamps[self.rows] > OVERDUE * NANOSECONDS
         begun = np.flatnonzero(np.diff(self._stale, prepend=False) & self._stale)
         self._returns = np.flatnonzero(overdue[:-1] & ~overdue[1:]) + 1
         edges = (begun, self._restarts, self._gaps, self._renewals, self._returns)
@@ -190,7 +192,7 @@ class RecordedController:
 
     def _take_used(self, used: Used, timeout: int) -> None:
         """Take the references that were used; what is older than a time-out [ns] is at rest."""
-        rows = np.searchsorted(self._rows, used.older)
+        rows = np.searchsorted(self.rows, used.older)
         age = used.acts[used.older] - used.stamps[used.older]
         values = extrapolate_rows(age, *used.samples)
         stale = age > timeout
@@ -208,7 +210,7 @@ class RecordedController:
     def spread(self, torque: np.ndarray) -> np.ndarray:
         """Torques of all states, NaN where there is none, from those of the answered ones."""
         whole = np.full((self._count, torque.shape[1]), np.nan)
-        whole[self._rows] = torque
+        whole[self.rows] = torque
         return whole
 
     def first(self, common: bool) -> Moment:
@@ -312,7 +314,7 @@ class RecordedController:
 
         For bags that do not say which reference was used.
         """
-        for age in [*range(1, min(k, self._oldest) + 1), 0]:  # 0: as it was
+        for age in [*range(1, min(k, self.oldest) + 1), 0]:  # 0: as it was
             known = slice(k - age, k - age + 1)
             older = extrapolate_rows(
                 self.stamps[k : k + 1] - self.stamps[known], *(row[known] for row in self._known)

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+MOST = 100_000  # values of a curve that grows
 INTERVALS = 1500  # of a curve; two points of each are finer than the dots of a page
 
 
@@ -28,6 +29,30 @@ def extremes(values: np.ndarray, intervals: int = INTERVALS) -> np.ndarray:
         for start, end in pairwise(bounds)
     ]
     return np.sort(np.array(pairs), axis=1).ravel()
+
+
+class Curves:
+    """Curves that grow; of long ones, what can be seen.
+
+    Attributes:
+        time: Of the values that are kept [s], shape (N,).
+        values: Of each curve, shape (N, c).
+    """
+
+    def __init__(self) -> None:
+        """Begin without values."""
+        self.time = np.zeros(0)
+        self.values = np.zeros((0, 0))
+
+    def add(self, time: np.ndarray, values: np.ndarray) -> None:
+        """Append values; `time` as of :attr:`time`, `values` as of :attr:`values`."""
+        if len(self.time):
+            time, values = np.append(self.time, time), np.vstack([self.values, values])
+        if len(time) > MOST:
+            kept = [extremes(column) for column in np.nan_to_num(values).T]
+            rows = np.unique(np.concatenate([*kept, [0, len(time) - 1]]))
+            time, values = time[rows], values[rows]
+        self.time, self.values = time, values
 
 
 def envelope(values: np.ndarray) -> np.ndarray:

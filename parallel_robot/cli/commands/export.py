@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
-from parallel_robot.bags import recorded_robot
+from parallel_robot.bags import gathered_run, recorded_robot
+from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -46,19 +49,54 @@ def execute(arguments: argparse.Namespace) -> int:
         table_file.check(out)
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values)
-    only = arguments.foxglove is None
-    recording = recorded_robot.read(bag, memory, code, table.NEEDED, view, motion_only=only)
     if arguments.foxglove:
+        recording = recorded_robot.evaluated(
+            lambda windows: gathered_run.of(windows, viewer_copy.COLUMNS),
+            bag,
+            memory,
+            code,
+            view=view,
+        )
         copy = viewer_copy.write(bag, recording, arguments.foxglove, memory)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
-    columns, warnings = table.of(recording)
-    _warn(warnings)
-    table_file.write(out, columns)
-    print(f'table   {out}, {len(columns["time_s"])} rows, {len(columns)} columns')
+    written = recorded_robot.evaluated(
+        lambda recordings: _write(out, recordings),
+        bag,
+        memory,
+        code,
+        topics=table.NEEDED,
+        view=view,
+        motion_only=True,
+    )
+    _warn(written.warnings.lines)
+    print(f'table   {out}, {written.rows} rows, {written.columns} columns')
     return 0
+
+
+@dataclass
+class _Written:
+    """A table so far: how large it is, and what is wrong with its bag."""
+
+    rows: int = 0
+    columns: int = 0
+    warnings: AlikeLines = field(default_factory=AlikeLines)
+
+    def passed(self, parts: Iterable[table.Table]) -> Iterator[table_file.Columns]:
+        """Pass the parts of the table on."""
+        for columns, warnings in parts:
+            self.warnings.add(warnings)
+            self.rows, self.columns = self.rows + len(columns['time_s']), len(columns)
+            yield columns
+
+
+def _write(out: Path, recordings: Iterator[Recording]) -> _Written:
+    """Write the table of a bag window by window."""
+    written = _Written()
+    table_file.write(out, written.passed(table.parts(recordings)))
+    return written
 
 
 def _warn(warnings: Iterable[str]) -> None:

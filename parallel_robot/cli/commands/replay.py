@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from parallel_robot.analysis.replay import bag_replay
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recorded_robot import SECONDS
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.errors import InputError, WholeNeededError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_format_argument(parser)
     add_trust_argument(parser)
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -40,17 +42,12 @@ def execute(arguments: argparse.Namespace) -> int:
         changed_law = changes.setdefault('law', arguments.law)
         if changed_law != arguments.law:
             raise InputError(f'--law is {arguments.law}, but --set law={changed_law}')
-    figure, bag = arguments.figure, arguments.bag
-    if figure is not None:
-        figures.check_new(figure)
-    view = bag_view(arguments, {})
-    with bag_replay.prepared(
-        bag, changes, arguments.trust, arguments.max_memory, view=view
-    ) as prepared:
-        if prepared.changed and figure is None:
-            figure = (bag if bag.is_dir() else bag.parent) / f'replay_{prepared.law}.png'
-            figures.check_new(figure)
-        found = prepared.compute()
+    if arguments.figure is not None:
+        figures.check_new(arguments.figure)
+    try:
+        found, figure = _replayed(arguments, changes, SECONDS)
+    except WholeNeededError:
+        found, figure = _replayed(arguments, changes, None)
     if figure is not None:
         found.save_figure(figure)
     for warning in found.warnings:
@@ -58,3 +55,17 @@ def execute(arguments: argparse.Namespace) -> int:
     files = [f'figure  {figure}'] if figure else []
     show(arguments.format, found.parts(), found.as_data(), files)
     return int(found.failed)
+
+
+def _replayed(
+    arguments: argparse.Namespace, changes: Mapping[str, Any], seconds: float | None
+) -> tuple[bag_replay.ReplayFigures, Path | None]:
+    """What came of it, in windows of so many seconds or at once, and where it is drawn."""
+    figure, bag, view = arguments.figure, arguments.bag, bag_view(arguments, {})
+    with bag_replay.prepared(
+        bag, changes, arguments.trust, MEMORY, view=view, seconds=seconds
+    ) as prepared:
+        if prepared.changed and figure is None:
+            figure = (bag if bag.is_dir() else bag.parent) / f'replay_{prepared.law}.png'
+            figures.check_new(figure)
+        return prepared.add_up(), figure

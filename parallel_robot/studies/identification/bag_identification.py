@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files, recording
+from parallel_robot.bags import gathered_run, new_files
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.studies.identification import (
@@ -174,7 +174,8 @@ def at_rest(bag: Path, memory: int = MEMORY, view: BagView = AS_RECORDED) -> Res
     Raises:
         BagError: it is no bag of a run, or its robot never rests.
     """
-    found = rest.of(recording.read(bag, memory=memory, motion_only=True, view=view).log)
+    log, _ = gathered_run.read(bag, measured_motion.COLUMNS, memory, True, view)
+    found = rest.of(log)
     if found is None:
         raise BagError(f'{bag}: {rest.NONE}')
     return found

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags import recording
+from parallel_robot.bags import gathered_run
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
@@ -21,6 +21,7 @@ from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_sim.plant import PlantParameters
 
+COLUMNS = 'position', 'velocity', 'effort', 'reference_velocity'  # of a run
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory
 SATURATED = 1.0 - 1e-6  # of the limit of the motors
@@ -73,7 +74,7 @@ def read(
     Raises:
         BagError: not a bag of a run, or it holds no torques or no motion.
     """
-    log, past, _ = recording.read(bag, memory=memory, motion_only=True, view=view)
+    log, past = gathered_run.read(bag, COLUMNS, memory, True, view)
     limit = group(log.config, PlantParameters, 'plant').torque_limit
     try:
         motion = of(log, past.statuses, np.array(limit))
@@ -95,7 +96,8 @@ def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -
     """
     newer = np.diff(log.stamps, prepend=log.stamps[:1] - 1) > 0
     newer &= log.stamps >= np.maximum.accumulate(log.stamps)
-    time, position, effort = log.time[newer], log.position[newer], log.effort[newer]
+    chosen = slice(None) if newer.all() else newer  # copies nothing
+    time, position, effort = log.time[chosen], log.position[chosen], log.effort[chosen]
     silent = [joint for joint, row in zip(log.joints, effort.T, strict=True) if not row.any()]
     if silent:
         raise BagError(f'the effort of {", ".join(silent)} is zero in every joint state')
@@ -104,7 +106,7 @@ def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -
     every = np.ones(len(time), bool)
     if (MeasuredMotion(time, position, effort, every).speed < STILL).all():
         raise BagError(f'the robot stood still: no joint reached {STILL:g} rad/s (rms)')
-    faulted = _faulted(log.stamps[newer], statuses)
+    faulted = _faulted(log.stamps[chosen], statuses)
     saturated = (np.abs(effort) >= SATURATED * torque_limit).any(axis=1)
     usable = ~(faulted | saturated)
     lines = []

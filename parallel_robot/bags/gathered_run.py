@@ -1,0 +1,79 @@
+"""A run with a few of its columns alone, read in windows: with a tenth of the memory of all."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.bags import recording, run_log
+from parallel_robot.bags.alike_lines import AlikeLines
+from parallel_robot.bags.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.history import History
+from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.recorded_robot import SECONDS
+from parallel_robot.bags.recording import Recording
+from parallel_robot.bags.run_log import EMPTY, RunLog
+from parallel_robot_model.common.errors import WholeNeededError
+
+ALWAYS = ('stamps', 'time')
+
+
+def read(
+    bag: Path,
+    columns: Collection[str],
+    memory: int = MEMORY,
+    motion_only: bool = False,
+    view: BagView = AS_RECORDED,
+) -> tuple[RunLog, History]:
+    """Read a bag; see :func:`recording.read`.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        columns: Names of the arrays of the run that are wanted beside ALWAYS; others are empty.
+        memory: What may be held of a window [bytes].
+        motion_only: Whether references and commands may be missing.
+        view: What it does not say itself, and which part is wanted.
+
+    Raises:
+        BagError: not a bag, or one that is not of a run or takes too much.
+    """
+    try:
+        found = of(recording.chunks(bag, SECONDS, (), memory, motion_only, view), columns)
+    except WholeNeededError:
+        found = recording.read(bag, (), memory, motion_only, view)
+    return found.log, found.history
+
+
+def of(windows: Iterator[Recording], columns: Collection[str]) -> Recording:
+    """The run of some windows, without messages of other topics.
+
+    Args:
+        windows: They follow each other.
+        columns: As of :func:`read`.
+
+    Raises:
+        WholeNeededError: they do not hold the same, or there is none.
+    """
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*ALWAYS, *columns)}
+    told = AlikeLines()
+    first: Recording | None = None
+    kind = None
+    for window in windows:
+        first = first or window._replace(log=run_log.head(window.log, 0))
+        kind = kind or window.log.kind
+        if window.log.kind != kind:
+            raise WholeNeededError('the parts of the bag do not hold the same')
+        told.add(window.log.warnings)
+        for name, found in parts.items():
+            found.append(getattr(window.log, name))
+    if first is None:
+        raise WholeNeededError('no window has a state')
+    whole: dict[str, Any] = {
+        name: EMPTY for name, value in first.log._asdict().items() if isinstance(value, np.ndarray)
+    }
+    whole |= {name: np.concatenate(parts.pop(name)) for name in (*ALWAYS, *columns)}
+    log = first.log._replace(**whole, warnings=told.lines, answers=None, used=None)
+    return Recording(log, first.history, {})
