@@ -34,7 +34,7 @@ def messages(bag):
 
 def made(directory, scenario='paper_circle', **changed):
     values = config.resolve(scenario, {'duration': DURATION, 'time_mode': 'lockstep', **changed})
-    simulation_bag.write(directory, values, simulated(values))
+    simulation_bag.write(directory, values, [simulated(values)])
     return directory
 
 

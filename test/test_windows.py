@@ -39,7 +39,7 @@ def _short(monkeypatch):
 def bag(tmp_path_factory):
     directory = tmp_path_factory.mktemp('windows') / 'bag'
     values = config.resolve('paper_circle', {'duration': DURATION, 'time_mode': 'lockstep'})
-    simulation_bag.write(directory, values, simulated(values))
+    simulation_bag.write(directory, values, [simulated(values)])
     return directory
 
 
@@ -120,7 +120,7 @@ def test_the_windows_of_a_simulation_are_together_the_run(bag):
 def test_states_that_are_old_belong_to_the_windows_of_their_stamps(stamp, tmp_path):
     age = {'sensor.delay': 0.004, 'sensor.stamp': stamp}
     values = config.resolve('paper_circle', {'duration': 1.0, 'time_mode': 'lockstep', **age})
-    simulation_bag.write(tmp_path / 'bag', values, simulated(values))
+    simulation_bag.write(tmp_path / 'bag', values, [simulated(values)])
     assert_all(tmp_path / 'bag')
 
 
