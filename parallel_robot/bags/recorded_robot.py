@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import shutil
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -81,16 +81,51 @@ def read(
         InputError: a file is not a robot.
     """
     found = recording.read(bag, topics, memory, motion_only, view)
+    return found._replace(log=found.log._replace(config=_known(Path(bag), found, code)))
+
+
+def chunks(
+    bag: str | Path,
+    seconds: float,
+    memory: int = MEMORY,
+    code: RobotCode = NONE,
+    topics: Collection[Topic] = (),
+    view: BagView = AS_RECORDED,
+    motion_only: bool = False,
+) -> Iterator[Recording]:
+    """Read a bag as :func:`read` does, in windows one after the other.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        seconds: Length of the windows [s], see :func:`recording.chunks`.
+        memory: What may be held of it at once [bytes].
+        code: What may run.
+        topics: What else is wanted, see :func:`recording.read`.
+        view: What the bag does not say itself, and which part is wanted.
+        motion_only: Whether references and commands may be missing, see :func:`recording.read`.
+
+    Raises:
+        BagError: as :func:`read` and :func:`recording.chunks`.
+        InputError: a file is not a robot.
+    """
+    config = None
+    for found in recording.chunks(bag, seconds, topics, memory, motion_only, view):
+        config = config or _known(Path(bag), found, code)
+        yield found._replace(log=found.log._replace(config=config))
+
+
+def _known(bag: Path, found: Recording, code: RobotCode) -> dict[str, Any]:
+    """The configuration of a bag; it knows the robot where code of that may run."""
     log, past, _ = found
     values = log.config | {KEY: modules.absolute(KEY, list(code.files))}
     name = values['robot_model']
     if not is_known(values):
-        values[KEY] = values[KEY] + _of_bag(Path(bag), past, log.config, code)
+        values[KEY] = values[KEY] + _of_bag(bag, past, log.config, code)
         if not is_known(values) and code.trust:
             raise BagError(f'{bag} does not hold the robot {name}; --set {KEY}=[FILE] gives it')
         if not is_known(values) and code.files:
             raise BagError(f'{bag} is of the robot {name}, but {KEY} has no file {name}.py')
-    return found._replace(log=log._replace(config={**load(values).robots.get(name, {}), **values}))
+    return {**load(values).robots.get(name, {}), **values}
 
 
 def unknown(values: Mapping[str, Any]) -> str:
