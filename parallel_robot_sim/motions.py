@@ -128,14 +128,25 @@ def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
         values: The resolved configuration.
         effort: Torques of the motors [N m], shape (N, n).
     """
+    return saturation_of(values, int(saturated(values, effort).sum()), len(effort))
+
+
+def saturated(values: Mapping[str, Any], effort: np.ndarray) -> np.ndarray:
+    """At which samples the motors gave all they can, shape (N,); see :func:`saturation`."""
     limit = np.asarray(values['plant.torque_limit'], np.float64)
     if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
+        return np.zeros(len(effort), bool)
+    reached: np.ndarray = (np.abs(effort) >= limit).any(axis=1)
+    return reached
+
+
+def saturation_of(values: Mapping[str, Any], count: int, of: int) -> list[str]:
+    """The line of :func:`saturation`, for so many samples of so many."""
+    if not count:
         return []
-    share = float(np.mean((np.abs(effort) >= limit).any(axis=1)))
-    if not share:
-        return []
+    limit = np.asarray(values['plant.torque_limit'], np.float64)
     told = ', '.join(f'{each:g}' for each in np.unique(limit))
-    return [SATURATED.format(told, f'{100.0 * share:.3g}')]
+    return [SATURATED.format(told, f'{100.0 * (count / of):.3g}')]
 
 
 def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
@@ -145,7 +156,12 @@ def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
 
 
 def poses_of(
-    desired: RobotModel, actual: RobotModel, guess: Array, reference: Array, position: Array
+    desired: RobotModel,
+    actual: RobotModel,
+    guess: Array,
+    reference: Array,
+    position: Array,
+    near: Array | None = None,
 ) -> Poses:
     """Poses of a motion.
 
@@ -155,12 +171,14 @@ def poses_of(
         guess: Pose from which forward kinematics starts, shape (m,).
         reference: Desired positions of the joints [rad], shape (N, n).
         position: The joints [rad], shape (N, n).
+        near: A pose near the first one; None: the first reference is, shape (m,).
 
     Raises:
         KinematicsError: a sample has no pose in the assembly mode of the guess.
     """
     wanted = forward.poses_of(desired, reference, guess)
-    return Poses(forward.poses_of(actual, position, wanted[0]), wanted, desired.module.PLANAR)
+    start = wanted[0] if near is None else near
+    return Poses(forward.poses_of(actual, position, start), wanted, desired.module.PLANAR)
 
 
 def of_simulation(made: Simulation) -> Motions:

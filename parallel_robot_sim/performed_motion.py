@@ -39,8 +39,15 @@ class PerformedMotion(NamedTuple):
     advance: FirstClass
 
 
-def performed(trajectory: Trajectory, plant: PlantConfiguration) -> PerformedMotion:
+def performed(
+    trajectory: Trajectory, plant: PlantConfiguration, times: Array | None = None
+) -> PerformedMotion:
     """A desired motion, performed by a plant without imperfections.
+
+    Args:
+        trajectory: The motion.
+        plant: The plant.
+        times: Of its points [s], shape (K,); None: of all of it, see :func:`points_of`.
 
     Raises:
         InputError: the robot does not reach the motion.
@@ -48,7 +55,7 @@ def performed(trajectory: Trajectory, plant: PlantConfiguration) -> PerformedMot
     period = plant.loop.period
     made = assemble_plant(plant)
     advance = FirstClass(step, made.setup, made.state, made.state.torque, period)
-    times = points_of(plant.loop.duration)
+    times = points_of(plant.loop.duration) if times is None else times
     around = (times[:, np.newaxis] + period * np.array([-1.0, 0.0, 1.0, 2.0])).ravel()
     coordinates = coordinates_of(plant.robot, made, trajectory.sample(around).pose)
     before, now, after, later = (coordinates[k::4] for k in range(4))

@@ -154,7 +154,7 @@ def of_seen(value: Value) -> Value:
     return seen
 
 
-def poses(log: RunLog, true: bool = False) -> Poses:
+def poses(log: RunLog, true: bool = False, before: Poses | None = None) -> Poses:
     """Poses of the measured and of the desired joints; the latter by the nominal robot.
 
     Those of a robot that is not known here are NaN, as many numbers as it has joints.
@@ -162,6 +162,7 @@ def poses(log: RunLog, true: bool = False) -> Poses:
     Args:
         log: The run.
         true: Whether the measured joints are those of the true robot, else of the nominal one.
+        before: Those of the part of the run before it; None: it begins here.
 
     Raises:
         InputError: the robot of the log's configuration cannot be built.
@@ -172,10 +173,15 @@ def poses(log: RunLog, true: bool = False) -> Poses:
         return Poses(nowhere, nowhere, planar=False)
     nominal, guess = nominal_of(log.config)
     actual = robot_of(log.config, 'true_robot') if true else nominal
-    return poses_of(nominal, actual, guess, log.reference_position, log.position)
+    near = None
+    if before is not None:
+        guess, near = before.reference[-1], before.actual[-1]
+    return poses_of(nominal, actual, guess, log.reference_position, log.position, near)
 
 
-def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
+def with_poses(
+    log: RunLog, true: bool = False, before: Poses | None = None
+) -> tuple[RunLog, Poses, str]:
     """The run up to the first sample that has no pose, without states that have no reference.
 
     Arguments as of :func:`poses`.
@@ -190,19 +196,19 @@ def with_poses(log: RunLog, true: bool = False) -> tuple[RunLog, Poses, str]:
     if not len(log.time):
         raise KinematicsError('no state has a reference of its time')
     try:
-        return log, poses(log, true), ''
+        return log, poses(log, true, before), ''
     except KinematicsError as error:
         reason = str(error)
     good, bad = 0, len(log.time)
     while bad - good > 1:
         middle = (good + bad) // 2
         try:
-            poses(head(log, middle), true)
+            poses(head(log, middle), true, before)
             good = middle
         except KinematicsError:
             bad = middle
     part = head(log, max(good, 1))
-    return part, poses(part, true), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
+    return part, poses(part, true, before), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
 
 
 def figures(
@@ -249,13 +255,18 @@ def _between(motions: Motions, first: float, last: float) -> Motions:
     end, time = np.nextafter(last, math.inf), motions.best.time
     part = motions.between(first, end)
     if not first < last or not len(part.best.time):
-        raise InputError(
-            f'the run is from {time[0]:g} to {time[-1]:g} s; there is no part of it from '
-            f'{max(first, time[0]):g} to {min(last, time[-1]):g} s'
-        )
+        raise InputError(nothing_between(first, last, time[0], time[-1]))
     if part.seen is not None and not len(part.seen.time):
         part = part._replace(seen=None)
     return part
+
+
+def nothing_between(first: float, last: float, begin: float, end: float) -> str:
+    """That a run from `begin` to `end` has no part between two times [s], in words."""
+    return (
+        f'the run is from {begin:g} to {end:g} s; there is no part of it from '
+        f'{max(first, begin):g} to {min(last, end):g} s'
+    )
 
 
 def rest(motion: Motion) -> float | None:
@@ -347,7 +358,7 @@ def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> T
     return Torque(
         float(np.abs(effort).max()),
         variation / duration if duration else 0.0,
-        _rms(_rough(time, effort)[part]),
+        _rms(rough(effort, smooth_over(time))[part]),
     )
 
 
@@ -383,7 +394,8 @@ def excess_chattering(
         ideal: Torques that hold the robot on its reference [N m], shape (N, n).
         part: The samples over which it is measured.
     """
-    found, useful = _rough(time, effort)[part], _rough(time, ideal)[part]
+    half = smooth_over(time)
+    found, useful = rough(effort, half)[part], rough(ideal, half)[part]
     most = np.sum(useful**2, axis=0)
     alike = np.sum(found * useful, axis=0)
     share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
@@ -405,10 +417,14 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
     return float(time[first] - time[0]) if stays else None
 
 
-def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Torque minus its moving mean over SMOOTH, shape (N, n)."""
+def smooth_over(time: np.ndarray) -> int:
+    """Samples on each side of a moving mean over SMOOTH; `time` of samples [s], shape (N,)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
-    half = max(0, round(0.5 * SMOOTH / step))
+    return max(0, round(0.5 * SMOOTH / step))
+
+
+def rough(torque: np.ndarray, half: int) -> np.ndarray:
+    """Torques minus their moving mean over so many samples on each side, shape (N, n)."""
     share = np.full(2 * half + 1, 1.0 / (2 * half + 1))
     longer = np.pad(torque, ((half, half), (0, 0)), mode='edge')
     return torque - np.apply_along_axis(np.convolve, 0, longer, share, 'valid')

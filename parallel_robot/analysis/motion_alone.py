@@ -2,31 +2,75 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from parallel_robot.analysis.quantiles import Quantiles
 from parallel_robot.bags.run_log import RunLog
 
 
 def lines(log: RunLog) -> list[str]:
     """Length, rate, and for each joint span, speed and torque, as lines of text."""
-    time = log.time
-    period = float(np.median(np.diff(time))) if len(time) > 1 else np.nan
-    rows = {
-        'lowest angle [rad]': log.position.min(axis=0),
-        'highest angle [rad]': log.position.max(axis=0),
-    }
-    if log.has_velocities:
-        rows['velocity, rms [rad/s]'] = np.sqrt(np.mean(log.velocity**2, axis=0))
-    if log.has_efforts:
-        rows['torque, rms [N m]'] = np.sqrt(np.mean(log.effort**2, axis=0))
-        rows['torque, max [N m]'] = np.abs(log.effort).max(axis=0)
-    width = max(12, *(len(joint) + 2 for joint in log.joints))
-    head = f'{len(time)} states in {time[-1] - time[0]:g} s, one in {1e3 * period:.4g} ms'
-    return [
-        f'{log.scenario}, {head}: no reference, so no errors',
-        f'  {"":<24}' + ''.join(f'{joint:>{width}}' for joint in log.joints),
-        *(
-            f'  {name:<24}' + ''.join(f'{value:>{width}.4f}' for value in values)
+    motion = MotionAlone()
+    motion.add(log)
+    return motion.lines()
+
+
+class MotionAlone:
+    """Tells what is known of a motion that comes in windows."""
+
+    def __init__(self) -> None:
+        """Nothing is known yet."""
+        self._log: RunLog | None = None
+        self._ends = math.nan, math.nan
+        self._steps = Quantiles()
+        self._count = 0
+        self._rows: dict[str, np.ndarray] = {}
+        self._measured = True, True
+
+    def add(self, log: RunLog) -> None:
+        """Take the next window."""
+        if not len(log.time):
+            return
+        time, first = log.time, self._log is None
+        self._steps.add(np.diff(time) if first else np.diff(time, prepend=self._ends[1]))
+        self._ends = float(time[0]) if first else self._ends[0], float(time[-1])
+        self._log, self._count = log, self._count + len(time)
+        speeds, torques = self._measured
+        self._measured = speeds and log.has_velocities, torques and log.has_efforts
+        rows = {
+            'low': log.position.min(axis=0),
+            'high': log.position.max(axis=0),
+            'velocity': np.sum(log.velocity**2, axis=0),
+            'torque': np.sum(log.effort**2, axis=0),
+            'largest': np.abs(log.effort).max(axis=0),
+        }
+        joined = {'low': np.minimum, 'high': np.maximum, 'largest': np.maximum}
+        self._rows = {
+            name: values if first else joined.get(name, np.add)(self._rows[name], values)
             for name, values in rows.items()
-        ),
-    ]
+        }
+
+    def lines(self) -> list[str]:
+        """Length, rate, and for each joint span, speed and torque, as lines of text."""
+        log, found, (begin, end) = self._log, self._rows, self._ends
+        assert log is not None
+        period = float(self._steps.at([50])[0]) if self._count > 1 else math.nan
+        rows = {'lowest angle [rad]': found['low'], 'highest angle [rad]': found['high']}
+        speeds, torques = self._measured
+        if speeds:
+            rows['velocity, rms [rad/s]'] = np.sqrt(found['velocity'] / self._count)
+        if torques:
+            rows['torque, rms [N m]'] = np.sqrt(found['torque'] / self._count)
+            rows['torque, max [N m]'] = found['largest']
+        width = max(12, *(len(joint) + 2 for joint in log.joints))
+        head = f'{self._count} states in {end - begin:g} s, one in {1e3 * period:.4g} ms'
+        return [
+            f'{log.scenario}, {head}: no reference, so no errors',
+            f'  {"":<24}' + ''.join(f'{joint:>{width}}' for joint in log.joints),
+            *(
+                f'  {name:<24}' + ''.join(f'{value:>{width}.4f}' for value in values)
+                for name, values in rows.items()
+            ),
+        ]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,7 @@ PLANNED = 1e-6  # rad, to which references are those that were planned
 ROUNDING = 1e-6  # s, much less than between two samples
 FEW = 1e-3  # share of its states that may differ: steps of an encoder on another processor
 UNKNOWN = 'the plant of this bag is not known: errors are those seen, by the nominal robot'
+LONG = 'it is too long for its plant to move again'
 HIDDEN = 'the sensors are not ideal ({0}) and the bag does not tell the true motion: {1}'
 
 
@@ -101,10 +103,28 @@ def of_bag(log: RunLog, past: History) -> Recorded:
     return found._replace(motions=found.motions._replace(ideal=_ideal(log, true)))
 
 
-def _of_bag(log: RunLog, past: History) -> Recorded:
-    """The motions of a bag, without the ideal torque."""
+def of_window(log: RunLog, past: History, before: Recorded | None) -> Recorded:
+    """The motions of a window of a bag, without the ideal torque.
+
+    Args:
+        log: The window.
+        past: What the bag says beside the motion.
+        before: The window before it; None: it is the first one.
+
+    Raises:
+        InputError: the robot of the bag cannot be built.
+        KinematicsError: not even the first sample has a pose.
+    """
+    return _of_bag(log, past, before, whole=False)
+
+
+def _of_bag(
+    log: RunLog, past: History, before: Recorded | None = None, whole: bool = True
+) -> Recorded:
+    """The motions of a bag, or of a part of it after another one, without the ideal torque."""
     taken, poses, cut = metrics.with_poses(
-        log._replace(position=corrected(log.config, log.position))
+        log._replace(position=corrected(log.config, log.position)),
+        before=None if before is None else before.poses,
     )
     seen = Motion(taken.time, taken.position, taken.reference_position, taken.effort, poses)
     part = head(with_reference(log), len(taken.time))
@@ -117,11 +137,14 @@ def _of_bag(log: RunLog, past: History) -> Recorded:
     if not hidden:
         if robot_of(log.config) == robot_of(log.config, 'true_robot'):
             return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
-        true = seen._replace(poses=metrics.poses(part, true=True))
+        earlier = before and before.motions.true
+        nearby = None if earlier is None else earlier.poses
+        true = seen._replace(poses=metrics.poses(part, true=True, before=nearby))
         return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
+    other = 'it is not the motion of the plant as it is now' if whole else LONG
     try:
-        again = _again(log, past)
-        reason = 'it is not the motion of the plant as it is now' if again is None else ''
+        again = _again(log, past) if whole else None
+        reason = other if again is None else ''
     except ParallelRobotError as error:
         again, reason = None, str(error)
     remark = HIDDEN.format(', '.join(hidden), reason) if reason else ''
@@ -147,6 +170,13 @@ def _ideal(log: RunLog, true: Motion) -> np.ndarray | None:
         return along(trajectory, plant)[rows]
     except ParallelRobotError:
         return None
+
+
+def two_motions(values: Mapping[str, Any], past: History) -> tuple[bool, bool]:
+    """Whether windows of a bag have a true motion, and one that was seen beside it."""
+    if recorded_robot.unknown(values) or not of_plant(past) or untrue(values):
+        return False, True
+    return True, robot_of(values) != robot_of(values, 'true_robot')
 
 
 def of_plant(past: History) -> bool:

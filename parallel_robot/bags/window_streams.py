@@ -15,6 +15,11 @@ from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
 
+
+class SecondRunError(BagError):
+    """The stamps of the states of a bag go back so far that it cannot be read in windows."""
+
+
 SLACK = 2 * NANOSECONDS  # ns, by which messages may be logged after states that are newer
 
 Streams = dict[str, list[Samples]]  # by full name of the topic
@@ -67,7 +72,7 @@ def windows(
             late = any((part.stamps < span.end).any() for part in samples)
             if topics[name] == JOINT_STATES and late:
                 what = f'the stamps of {JOINT_STATES.name} go back, as in a second run'
-                raise BagError(f'{bag}: {what}: it can be read as a whole alone')
+                raise SecondRunError(f'{bag}: {what}: it can be read as a whole alone')
             pending.setdefault(name, []).extend(samples)
         Allowance(bag, 0, memory).hold(_size(pending))
         while found := _span(pending, topics, max(begin, span.end), span.end_heard, end_of, known):
