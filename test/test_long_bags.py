@@ -120,6 +120,13 @@ def test_a_simulation_in_windows(part, bag, windows):
     assert found.metrics.effort.excess_chattering_nm > 0.0
 
 
+def test_a_window_of_one_state(bag, windows, monkeypatch):
+    whole = evaluate(bag)
+    windows()
+    monkeypatch.setattr(evaluated_bag, 'WINDOW', 0.5)
+    assert_alike(evaluate(bag).metrics, whole.metrics)
+
+
 def test_a_motion_that_comes_to_rest(bag, tmp_path, windows):
     """Its figures are of the time before; where its halves begin is known at the end alone."""
     found = content(bag / 'bag_0.mcap')

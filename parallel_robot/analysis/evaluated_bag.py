@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -222,9 +223,12 @@ class _LongBag:
     ) -> None:
         self._bag, self._code, self._view, self._part = bag, code, view, part
         self._count = count
-        first = next(self._windows())
-        self._log, self._past = first.log, first.history
-        hidden = untrue(self._log.config) and not recorded_robot.unknown(self._log.config)
+        windows = self._windows()
+        first = next(windows)
+        self._opened: Iterator[Recording] | None = itertools.chain((first,), windows)
+        self._past, self._config = first.history, first.log.config
+        self._law, self._start = first.log.law, first.log.start_stamp
+        hidden = untrue(self._config) and not recorded_robot.unknown(self._config)
         self.moves_again = bool(hidden) and recorded_motions.of_plant(self._past)
 
     def evaluated(self, warn: Callable[[str], None]) -> EvaluatedBag | MotionAlone:
@@ -244,8 +248,8 @@ class _LongBag:
             raise InputError(metrics.nothing_between(whole.begin, whole.end, *course.followed))
         begin, end = course.followed
         window = whole.found.window._replace(run_s=end - begin)
-        log, config = course.log, self._log.config
-        known = stretches.stretches(self._past, log.law, log.start_stamp, course.last)
+        log, config = course.log, self._config
+        known = stretches.stretches(self._past, self._law, self._start, course.last)
         figures = [
             PartFigures(one, job.found, job.last)
             for one, job in zip(known, parts, strict=False)
@@ -279,7 +283,8 @@ class _LongBag:
     ) -> None:
         """Go through the windows once."""
         motions = MotionWindows(self._count)
-        for found in self._windows():
+        windows, self._opened = self._opened or self._windows(), None
+        for found in windows:
             if course is not None:
                 course.add(found)
             try:
@@ -302,8 +307,8 @@ class _LongBag:
 
     def _jobs(self) -> tuple[_Job, list[_Job]]:
         """The figures of all of it, and of its stretches."""
-        log, period = self._log, loop_of(self._log.config).period
-        parts = stretches.stretches(self._past, log.law, log.start_stamp, LAST)
+        period = loop_of(self._config).period
+        parts = stretches.stretches(self._past, self._law, self._start, LAST)
         begins = [one.begin for one in parts]
         ends = [*begins[1:], math.inf]
         jobs = [
@@ -324,7 +329,7 @@ class _LongBag:
             math.ceil(min(max(time / period - 1e-6, 0.0), self._count)) for time in (begin, end)
         )
         halves = all_of_it(stop - first)
-        both = recorded_motions.two_motions(self._log.config, self._past)
+        both = recorded_motions.two_motions(self._config, self._past)
         return Plan(math.inf, *(halves if one else None for one in both))
 
 

@@ -22,8 +22,8 @@ def path_of(motion: Motion, seconds: float) -> Poses:
     poses, time = motion.poses, motion.time
     worst = time[np.argmax(distances(poses))] if poses.planar else time[0]
     begin = max(min(worst - 0.5 * seconds, time[-1] - seconds), time[0])
-    first, last = np.searchsorted(time, [begin, begin + seconds])
-    chosen = slice(first, last, max(1, round(STEP / max(time[1] - time[0], 1e-9))))
+    times = np.arange(begin, min(begin + seconds, time[-1]), STEP)
+    chosen = np.unique(np.searchsorted(time, times))
     end = np.full((1, poses.actual.shape[1]), np.nan)
     return Poses(
         np.concatenate((poses.actual[chosen], end)),
