@@ -44,6 +44,7 @@ def windows(monkeypatch):
             monkeypatch.setattr(module, 'SLACK', 200 * MS)
         monkeypatch.setattr(indexed_reader, 'LARGE', 1)
         monkeypatch.setattr(evaluated_bag, 'WINDOW', WINDOW)
+        monkeypatch.setattr(evaluated_bag, 'LONG', 1.0)
 
     return begin
 

@@ -35,7 +35,8 @@ from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.messages.topics import RECORDED
 from parallel_robot_sim.motions import Motion, Motions, Poses, saturated, saturation_of, untrue
 
-WINDOW = 60.0  # s, that are read at once of a bag that is longer than two of them
+LONG = 120.0  # s; a bag that is longer is read in windows
+WINDOW = 20.0  # s, that are read at once
 SHORTEST = 10  # states of a stretch of which there are figures
 INTERVALS = 1500  # of a picture of a long run, of each of which the extremes are kept
 PATH = 600.0  # s, of which the path of a long run is drawn
@@ -110,7 +111,7 @@ def evaluate(
         InputError: the robot of the bag cannot be built, or nothing is in the part.
     """
     seconds, count = recording.size(bag, view)
-    if seconds > 2.0 * WINDOW:
+    if seconds > LONG:
         long = _LongBag(bag, code, view, part, count)
         try:
             if not long.moves_again:
@@ -120,7 +121,7 @@ def evaluate(
     try:
         found = recorded_robot.read(bag, code=code, view=view, motion_only=True)
     except BagError:
-        if seconds > 2.0 * WINDOW and long.moves_again:
+        if seconds > LONG and long.moves_again:
             return long.evaluated(warn)
         raise
     for warning in found.log.warnings:
