@@ -22,6 +22,7 @@ from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.plant import PlantParameters
 
 Stamps = NDArray[np.int64]
+EARLY = 1 << 17  # lags of steps before the first command that are told apart
 
 
 class _Acting(NamedTuple):
@@ -146,6 +147,8 @@ class RunningTiming:
             begun = int(known[0]) if known.size else len(since)
             early = steps[:begun][due[:begun]] - (self._first - self._period)
             self._early.update(self._samples(early))
+            if len(self._early) > EARLY:
+                self._early = _coarser(self._early)
             self._idle += int(idle[:begun].sum())
             if not known.size:
                 return
@@ -170,6 +173,15 @@ class RunningTiming:
         state, acts = self._before.command
         found = np.flatnonzero((answers.states == state) & (answers.acts == acts))
         return int(found[-1]) if found.size else -1
+
+
+def _coarser(lags: Counter[int]) -> Counter[int]:
+    """Fewer lags than EARLY, each changed by less than 2 / EARLY of the largest."""
+    unit = -(-2 * max(lags) // EARLY)
+    found: Counter[int] = Counter()
+    for lag, count in lags.items():
+        found[lag // unit * unit] += count
+    return found
 
 
 def _silent(
