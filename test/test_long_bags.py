@@ -45,6 +45,7 @@ def windows(monkeypatch):
         monkeypatch.setattr(indexed_reader, 'LARGE', 1)
         monkeypatch.setattr(evaluated_bag, 'WINDOW', WINDOW)
         monkeypatch.setattr(evaluated_bag, 'LONG', 1.0)
+        monkeypatch.setattr(evaluated_bag, 'SMALL', 0)
 
     return begin
 
