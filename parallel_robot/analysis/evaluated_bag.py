@@ -112,7 +112,7 @@ def evaluate(
         BagError: not a bag of a run, it takes too much, or nothing is in the part.
         InputError: the robot of the bag cannot be built, or nothing is in the part.
     """
-    small = sum(path.stat().st_size for path in files(bag)) < SMALL
+    small = sum(path.stat().st_size for path in files(bag) if path.is_file()) < SMALL
     seconds, count = (0.0, 0) if small else recording.size(bag, view)
     if seconds > LONG:
         long = _LongBag(bag, code, view, part, count)
