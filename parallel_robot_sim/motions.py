@@ -147,18 +147,25 @@ def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
         values: The resolved configuration.
         effort: Torques of the motors [N m], shape (N, n).
     """
+    return saturation_of(values, int(saturated(values, effort).sum()), len(effort))
+
+
+def saturated(values: Mapping[str, Any], effort: np.ndarray) -> np.ndarray:
+    """At which samples the motors gave all they can, shape (N,); see :func:`saturation`."""
     limit = np.asarray(values['plant.torque_limit'], np.float64)
     if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
-        return []
-    return saturated(values, float(np.mean((np.abs(effort) >= limit).any(axis=1))))
+        return np.zeros(len(effort), bool)
+    reached: np.ndarray = (np.abs(effort) >= limit).any(axis=1)
+    return reached
 
 
-def saturated(values: Mapping[str, Any], share: float) -> list[str]:
-    """The same from the share of the samples at which a motor gave all it can."""
-    if not share:
+def saturation_of(values: Mapping[str, Any], count: int, of: int) -> list[str]:
+    """The line of :func:`saturation`, for so many samples of so many."""
+    if not count:
         return []
-    told = ', '.join(f'{each:g}' for each in np.unique(values['plant.torque_limit']))
-    return [SATURATED.format(told, f'{100.0 * share:.3g}')]
+    limit = np.asarray(values['plant.torque_limit'], np.float64)
+    told = ', '.join(f'{each:g}' for each in np.unique(limit))
+    return [SATURATED.format(told, f'{100.0 * (count / of):.3g}')]
 
 
 def sensor_remarks(values: Mapping[str, Any]) -> list[str]:

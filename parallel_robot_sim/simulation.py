@@ -172,7 +172,7 @@ class RunSummary:
         self._loop: LoopParameters | None = None
         self._fault = faults.NONE  # at the last row
         self._most = 0.0  # N m, of the motors
-        self._saturated = 0  # rows at which a motor gave all it can
+        self.saturated = 0  # rows at which a motor gave all it can
 
     def add(self, part: Simulation) -> None:
         """Take the next part."""
@@ -183,7 +183,7 @@ class RunSummary:
         ]
         effort = np.abs(run.effort)
         limit = np.asarray(part.configuration.values['plant.torque_limit'], np.float64)
-        self._saturated += int((effort >= limit).any(axis=1).sum())
+        self.saturated += int((effort >= limit).any(axis=1).sum())
         self._most = max(self._most, float(effort.max()))
         self._loop, self._fault = loop, int(run.fault[-1])
         self.acted |= int(np.bitwise_or.reduce(run.acted))
@@ -201,11 +201,6 @@ class RunSummary:
     def duration(self) -> float:
         """Time of the last row [s]."""
         return (self.steps - 1) * (self._loop.period if self._loop else 0.0)
-
-    @property
-    def saturated(self) -> float:
-        """Share of the rows at which a motor gave all it can."""
-        return self._saturated / self.steps
 
     @property
     def fault_text(self) -> str:

@@ -7,7 +7,7 @@ import pytest
 from bags import content, full_disk
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.running_figures import RunningFigures
+from parallel_robot.analysis.simulated_figures import SimulatedFigures
 from parallel_robot.bags import bag_writer, recording, simulation_bag
 from parallel_robot.bags.recovery import recover
 from parallel_robot.cli.command_line import main
@@ -117,7 +117,7 @@ def test_metrics_of_parts_are_those_of_the_run(changes):
         del changes['duration']
     values = resolve(scenario, with_duration(scenario, changes, hold))
     whole = metrics.figures(of_simulation(attempt(configure(values))))
-    running = RunningFigures()
+    running = SimulatedFigures()
     for part in parts(configure(values), 211):
         running.add(part)
     assert flat(running.result()) == pytest.approx(flat(whole), rel=1e-8, abs=1e-12, nan_ok=True)

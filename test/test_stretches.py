@@ -1,13 +1,14 @@
 """Changes of law and gains while a run was recorded: told, with figures for each stretch."""
 
 from parallel_robot import simulate
+from parallel_robot.analysis.evaluated_bag import of_stretches
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import stretches
 from parallel_robot.bags.history import Change, History
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands.analyze import of_stretches
+from parallel_robot.cli.commands.analyze import of_stretch
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_sim.motions import of_simulation
 
@@ -56,7 +57,7 @@ def test_laws_and_gains_that_change_are_told_with_their_times():
 def test_each_stretch_has_its_own_figures():
     run = simulate('paper_circle', law='pid', duration=0.4)
     parts = [stretches.Stretch(0.0, 'pid'), stretches.Stretch(0.2, 'smc', 'law smc')]
-    lines = list(of_stretches(of_simulation(run.simulation), parts))
+    lines = [*map(of_stretch, of_stretches(of_simulation(run.simulation), parts))]
     assert lines[0].startswith('0 to 0.199 s, pid: end-effector error, rms')
     assert lines[1].startswith('0.2 to 0.4 s, smc: ')
     assert list(of_stretches(of_simulation(run.simulation), parts[:1])) == []

@@ -252,13 +252,18 @@ def _between(motions: Motions, first: float, last: float) -> Motions:
     end, time = np.nextafter(last, math.inf), motions.best.time
     part = motions.between(first, end)
     if not first < last or not len(part.best.time):
-        raise InputError(
-            f'the run is from {time[0]:g} to {time[-1]:g} s; there is no part of it from '
-            f'{max(first, time[0]):g} to {min(last, time[-1]):g} s'
-        )
+        raise InputError(nothing_between(first, last, time[0], time[-1]))
     if part.seen is not None and not len(part.seen.time):
         part = part._replace(seen=None)
     return part
+
+
+def nothing_between(first: float, last: float, begin: float, end: float) -> str:
+    """That a run from `begin` to `end` has no part between two times [s], in words."""
+    return (
+        f'the run is from {begin:g} to {end:g} s; there is no part of it from '
+        f'{max(first, begin):g} to {min(last, end):g} s'
+    )
 
 
 def rest(motion: Motion) -> float | None:
@@ -355,7 +360,7 @@ def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> T
     return Torque(
         float(np.abs(effort).max()),
         variation / duration if duration else 0.0,
-        _rms(_rough(time, effort)[part]),
+        _rms(rough(effort, smooth_over(time))[part]),
     )
 
 
@@ -391,7 +396,8 @@ def excess_chattering(
         ideal: Torques that hold the robot on its reference [N m], shape (N, n).
         part: The samples over which it is measured.
     """
-    found, useful = _rough(time, effort)[part], _rough(time, ideal)[part]
+    half = smooth_over(time)
+    found, useful = rough(effort, half)[part], rough(ideal, half)[part]
     most = np.sum(useful**2, axis=0)
     alike = np.sum(found * useful, axis=0)
     share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
@@ -413,22 +419,17 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
     return float(time[first] - time[0]) if stays else None
 
 
-def _rough(time: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Torque minus its moving mean over SMOOTH, shape (N, n)."""
-    half = half_width(time)
-    return torque - moving_mean(np.pad(torque, ((half, half), (0, 0)), mode='edge'), half)
-
-
-def half_width(time: np.ndarray) -> int:
-    """Samples on either side of a moving mean over SMOOTH."""
+def smooth_over(time: np.ndarray) -> int:
+    """Samples on each side of a moving mean over SMOOTH; `time` of samples [s], shape (N,)."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
     return max(0, round(0.5 * SMOOTH / step))
 
 
-def moving_mean(values: np.ndarray, half: int) -> np.ndarray:
-    """Means over so many samples on either side, where they are there, shape (N - 2 half, n)."""
+def rough(torque: np.ndarray, half: int) -> np.ndarray:
+    """Torques minus their moving mean over so many samples on each side, shape (N, n)."""
     share = np.full(2 * half + 1, 1.0 / (2 * half + 1))
-    return np.apply_along_axis(np.convolve, 0, values, share, 'valid')
+    longer = np.pad(torque, ((half, half), (0, 0)), mode='edge')
+    return torque - np.apply_along_axis(np.convolve, 0, longer, share, 'valid')
 
 
 def _rms(values: np.ndarray) -> float:

@@ -42,6 +42,7 @@ PLANNED = 1e-6  # rad, to which references are those that were planned
 ROUNDING = 1e-6  # s, much less than between two samples
 FEW = 1e-3  # share of its states that may differ: steps of an encoder on another processor
 UNKNOWN = 'the plant of this bag is not known: errors are those seen, by the nominal robot'
+LONG = 'it is too long for its plant to move again'
 HIDDEN = 'the sensors are not ideal ({0}) and the bag does not tell the true motion: {1}'
 
 
@@ -110,18 +111,19 @@ class InParts:
         """Begin before the first part."""
         self._left = NOTHING
 
-    def of(self, log: RunLog, past: History) -> Recorded:
+    def of(self, log: RunLog, past: History, whole: bool = True) -> Recorded:
         """The motions of the next part.
 
         Args:
             log: The part; of a run that :func:`moves_again`, all of it.
             past: What the bag says beside the motion.
+            whole: Whether the plant may move once more, for which the part has to be all there is.
 
         Raises:
             InputError: the robot of the bag cannot be built.
             KinematicsError: not even the first sample of the part has a pose.
         """
-        found = _of_bag(log, past, self._left)
+        found = _of_bag(log, past, self._left, whole)
         count = len(found.log.time) + (self._left.seen.samples if self._left.seen else 0)
         true = found.motions.true
         self._left = _Left(
@@ -148,7 +150,7 @@ class _Left(NamedTuple):
 NOTHING = _Left(None, None)
 
 
-def _of_bag(log: RunLog, past: History, left: _Left) -> Recorded:
+def _of_bag(log: RunLog, past: History, left: _Left, whole: bool = True) -> Recorded:
     """The motions of a bag, or of its next part, without the ideal torque."""
     taken, poses, cut = metrics.with_poses(
         log._replace(position=corrected(log.config, log.position)), left=left.seen
@@ -166,9 +168,10 @@ def _of_bag(log: RunLog, past: History, left: _Left) -> Recorded:
             return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
         true = seen._replace(poses=metrics.poses(part, True, left.true))
         return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
+    other = 'it is not the motion of the plant as it is now' if whole else LONG
     try:
-        again = _again(log, past)
-        reason = 'it is not the motion of the plant as it is now' if again is None else ''
+        again = _again(log, past) if whole else None
+        reason = other if again is None else ''
     except ParallelRobotError as error:
         again, reason = None, str(error)
     remark = HIDDEN.format(', '.join(hidden), reason) if reason else ''
@@ -194,6 +197,13 @@ def _ideal(log: RunLog, true: Motion) -> np.ndarray | None:
         return along(trajectory, plant)[rows]
     except ParallelRobotError:
         return None
+
+
+def two_motions(values: Mapping[str, Any], past: History) -> tuple[bool, bool]:
+    """Whether windows of a bag have a true motion, and one that was seen beside it."""
+    if recorded_robot.unknown(values) or not of_plant(past) or untrue(values):
+        return False, True
+    return True, robot_of(values) != robot_of(values, 'true_robot')
 
 
 def of_plant(past: History) -> bool:

@@ -1,14 +1,21 @@
-"""Metrics of a run that comes in parts, from sums: up to rounding those of its arrays."""
+"""Metrics of a run that comes piece by piece, in memory that does not grow with it.
+
+They are those of :mod:`metrics` up to rounding. Where the second half of a motion begins is known
+at its end alone: a plan says where it is taken to be, and the end says which plan was right.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from parallel_robot.analysis.metrics import (
     BELOW,
     FALLS,
+    SEEN,
     SLOW,
     Effort,
     Errors,
@@ -17,222 +24,350 @@ from parallel_robot.analysis.metrics import (
     Transient,
     Window,
     distances,
-    half_width,
-    moving_mean,
+    rough,
+    smooth_over,
     steps,
 )
 from parallel_robot_control.coupling import synchronisation_error
-from parallel_robot_sim.motions import Motion
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_sim.motions import Motion, Motions, Poses
 
-BOUNDS = (1e-3, 1e-4)  # m, of a transient
+BOUNDS = (1e-3, 1e-4)  # m, see Transient
 
 
-class Moves:
-    """Where the reference of a run moves, part by part.
+class Halves(NamedTuple):
+    """Where the second half of a motion begins, and the second half of that: its samples."""
+
+    half: int
+    middle: int
+
+
+class Plan(NamedTuple):
+    """What has to be known of a part of a run before its metrics can be found.
 
     Attributes:
-        rows: Number of its samples.
+        end: Time from which on the best motion rests to the end [s]; infinite where it does not.
+        true: Halves of the true motion; None where nobody can know.
+        seen: Halves of the motion that was seen.
     """
 
-    def __init__(self, end: float = math.inf) -> None:
-        """Begin; `end`: time up to which the run is looked at [s]."""
-        self.rows = 0
-        self._end = np.nextafter(end, math.inf)
-        self._before = np.empty((0, 0))  # the last row
-        self._last_time = math.nan
-        self._count = 0
-        self._first = self._after = 0  # samples: before the first move, after the last one
-        self._first_time = self._after_time = math.nan
+    end: float = math.inf
+    true: Halves | None = None
+    seen: Halves | None = None
 
-    def add(self, time: np.ndarray, reference: np.ndarray) -> None:
-        """Take the next part: times [s], shape (N,), desired positions [rad], shape (N, n)."""
-        count = int(np.searchsorted(time, self._end))
-        if not count:
-            return
-        time, known = time[:count], reference[:count]
-        if self.rows:
-            known = np.vstack([self._before, known])
-        moves = np.flatnonzero(np.diff(known, axis=0).any(axis=1))
-        if moves.size:
-            back = len(known) - count
-            times = np.concatenate([np.full(back, self._last_time), time])
-            if not self._count:
-                self._first = self.rows - back + int(moves[0])
-                self._first_time = float(times[moves[0]])
-            self._after = self.rows - back + int(moves[-1]) + 1
-            self._after_time = float(times[moves[-1] + 1])
-            self._count += moves.size
-        self._before, self._last_time = known[-1:], float(time[-1])
-        self.rows += count
 
-    @property
-    def first(self) -> int:
-        """Sample from which on it moves; 0 where it does not."""
-        return self._first if self._moves else 0
-
-    @property
-    def rest(self) -> float | None:
-        """Time from which on it rests to the end [s]; None where it moves on."""
-        return self._after_time if self._moves and self._after + 1 < self.rows else None
-
-    @property
-    def _moves(self) -> bool:
-        lasts, samples = self._after_time - self._first_time, self._after - self._first
-        return bool(self._count) and not steps(lasts, samples, self._count)
+def all_of_it(count: int, first: int = 0) -> Halves:
+    """Halves of a motion of so many samples, of which the first ones are at rest."""
+    half = (first + count) // 2
+    return Halves(half, half + (count - half + 1) // 2)
 
 
 class RunningMetrics:
-    """Metrics of a run, part by part; those of :func:`metrics.evaluate` up to rounding."""
+    """Metrics of a motion, see :func:`metrics.evaluate`."""
 
-    def __init__(self, moves: Moves) -> None:
-        """Begin a run whose reference moves so."""
-        self._first, self._count = moves.first, moves.rows
-        self._half = (moves.first + moves.rows) // 2  # the window is from there on
-        self._middle = self._half + (self._count - self._half + 1) // 2
-        self._rows = 0
-        self._times = math.nan, math.nan, math.nan  # of the first row, of the window, the last
-        self._since: list[float | None] = [0.0] * len(BOUNDS)  # s, since the begin; None: not yet
-        self._distance = np.zeros(2)  # sum of squares, largest
-        self._errors = np.zeros((2, 2))  # halves of the window: sums of squares, numbers
-        self._sync = 0.0
-        self._speed = np.zeros(2)  # of the reference: the last one, largest
-        self._most, self._variation = 0.0, 0.0  # of the torque
-        self._squares, self._work = 0.0, 0.0
-        self._last = np.empty(0)  # last row of positions, references and torques
-        self._width = 0  # of the moving mean, half of it
-        self._torques = np.empty((0, 0))  # the last ones, beside the ideal ones
-        self._begun = 0  # sample of the first of them
-        self._rough = np.zeros((3, 1))  # sums of squares and product of both, by joint
+    def __init__(self, halves: Halves | None) -> None:
+        """Prepare.
 
-    def add(self, motion: Motion, ideal: np.ndarray | None = None) -> None:
-        """Take the next part, and its ideal torques where they are known [N m], shape (N, n)."""
-        count = min(len(motion.time), self._count - self._rows)
-        if count <= 0:
+        Args:
+            halves: Where its halves are taken to begin; None: its window is all of it.
+        """
+        self._halves = halves
+        self._pending: Motion | None = None
+        self._ideal: Array | None = None
+        self._done = 0  # samples of the pending ones that are counted
+        self._number = 0  # of the first pending one
+        self._width = 0  # samples on each side of a moving mean
+        self._known = True  # whether all ideal torques are known
+        self.count = 0
+        self._first = self._last = self._start = math.nan
+        self._largest = 0.0
+        self._variation: list[float] = []
+        self._since = [math.nan] * len(BOUNDS)  # NaN: from the next sample on
+        self._was_above = [False] * len(BOUNDS)
+        self._nowhere = False
+        self._moved: list[tuple[int, float]] = []  # first and last sample that begins a move
+        self._moves, self._fastest, self._speed = 0, 0.0, 0.0
+        self._sums: list[tuple[float, ...]] = []
+        self._farthest = -math.inf
+        self._halved: tuple[list[float], list[float]] = ([], [])
+        self._in_halves = [0, 0]
+        self._in_window = 0
+        self._excess: list[tuple[Array, Array, Array, Array]] = []
+
+    def add(self, motion: Motion, ideal: Array | None) -> None:
+        """Take the next samples; `ideal` torques [N m], shape (N, n), None: not known."""
+        if not len(motion.time):
             return
-        self._add(
-            motion.time[:count],
-            np.stack(
-                [
-                    each[:count]
-                    for each in (motion.position, motion.reference_position, motion.effort)
-                ],
-                axis=1,
-            ),
-            distances(motion.poses)[:count],
-            None if ideal is None else ideal[:count],
-        )
-        self._rows += count
+        self._known &= ideal is not None
+        if self._pending is None:
+            self._width = smooth_over(motion.time)
+            self._first = float(motion.time[0])
+            self._pending, self._ideal = motion, ideal
+        else:
+            self._pending = joined((self._pending, motion))
+            if self._known:
+                assert self._ideal is not None and ideal is not None
+                self._ideal = np.concatenate((self._ideal, ideal))
+            self._take(len(self._pending.time) - self._width)
+        self.count += len(motion.time)
+        self._last = float(motion.time[-1])
 
-    def _add(
-        self, time: np.ndarray, moved: np.ndarray, distance: np.ndarray, ideal: np.ndarray | None
-    ) -> None:
-        """Take a part; `moved`: positions, references and torques, shape (N, 3, n)."""
-        # 1. Times.
-        window = slice(max(self._half - self._rows, 0), None)
-        begin, middle, _ = self._times
-        begin = begin if self._rows else float(time[0])
-        if self._rows <= self._half < self._rows + len(time):
-            middle = float(time[window][0])
-        self._times = begin, middle, float(time[-1])
-        for k, bound in enumerate(BOUNDS):
-            if self._since[k] is None:
-                self._since[k] = float(time[0]) - begin
-            above = np.flatnonzero(~(distance < bound))
-            if above.size:
-                after = above[-1] + 1
-                self._since[k] = float(time[after]) - begin if after < len(time) else None
-        # 2. Errors in the window.
-        position, reference, effort = moved.swapaxes(0, 1)
-        error = reference - position
-        far, wrong = distance[window], error[window]
-        if far.size:
-            self._distance += (far @ far, 0.0)
-            self._distance[1] = np.maximum(self._distance[1], far.max())  # NaN stays
-            self._sync += float(np.sum(synchronisation_error(wrong) ** 2))
-        halves = np.split(
-            error, np.clip([self._half - self._rows, self._middle - self._rows], 0, None)
-        )
-        for sums, half in zip(self._errors, halves[1:], strict=True):
-            sums += np.sum(half**2), half.size
-        # 3. Changes, also from the part before.
-        known = np.concatenate([self._last, moved]) if self._rows else moved
-        changes = np.abs(np.diff(known, axis=0))
-        if len(changes):
-            speeds = changes[:, 1].max(axis=1)
-            self._speed[:] = speeds[-1], max(self._speed[1], speeds.max())
-            self._variation += float(changes[:, 2].sum())
-            work = np.abs(effort[-len(changes) :]) * changes[:, 0]
-            skipped = max(self._half - self._rows - (len(time) - len(changes)), 0)
-            self._work += float(work[skipped:].sum())
-        self._last = moved[-1:]
-        # 4. Torques.
-        self._most = max(self._most, float(np.abs(effort).max()))
-        self._squares += float(np.sum(effort[window] ** 2))
-        both = np.hstack([effort, np.zeros_like(effort) if ideal is None else ideal])
-        if not self._rows:
-            self._width = half_width(time)
-            self._torques, self._begun = np.repeat(both[:1], self._width, axis=0), -self._width
-            self._known_ideal = ideal is not None
-            self._rough = np.zeros((3, effort.shape[1]))
-        self._chatter(both)
+    def finish(self, ended: bool) -> tuple[Metrics, float | None, Halves | None]:
+        """Tell what was found.
 
-    def _chatter(self, both: np.ndarray) -> None:
-        """Take torques and ideal torques, as far as there are so many after them."""
-        half = self._width
-        known = np.vstack([self._torques, both])
-        inner = known[half : len(known) - half]
-        if not len(inner):
-            self._torques = known
-            return
-        rough = inner - moving_mean(known, half)
-        rough = rough[max(self._half - (self._begun + half), 0) :]
-        found, useful = np.hsplit(rough, 2)
-        self._rough += [np.sum(each, axis=0) for each in (found**2, useful**2, found * useful)]
-        self._torques, self._begun = known[len(inner) :], self._begun + len(inner)
+        Args:
+            ended: Whether it is known that the motion ends here.
 
-    def result(self) -> Metrics:
-        """The metrics, when all parts are there."""
-        self._chatter(np.repeat(self._torques[-1:], self._width, axis=0))
-        begin, start, stop = self._times
-        duration, samples = stop - begin, self._count - self._half
-        numbers = float(self._errors[:, 1].sum())
-        distance, largest = self._distance
-        found, useful, alike = self._rough
-        share = np.divide(alike, useful, out=np.zeros_like(useful), where=useful > 0.0)
-        share = np.clip(share, 0.0, 1.0)
-        excess = float(np.sum(found - 2.0 * share * alike + share**2 * useful))
-        settled = [self._settled(since, math.isnan(distance), duration) for since in self._since]
-        return Metrics(
-            duration,
-            Transient(*settled),
-            Errors(
-                math.sqrt(distance / samples),
-                float(largest),
-                math.sqrt(self._errors[:, 0].sum() / numbers),
-                math.sqrt(self._sync / numbers),
-            ),
+        Returns:
+            The metrics; the time from which on the motion rests to the end [s], None where it
+            does not; the halves it has.
+        """
+        if self._pending is not None:
+            self._take(len(self._pending.time))
+            self._pending = None
+        first, rest = self._motion()
+        count = self.count if ended or rest is None else rest[0] + 1
+        length = self._last - self._first
+        errors, effort = self._averages()
+        found = Metrics(
+            length,
+            Transient(*(self._settled(k) for k in range(len(BOUNDS)))),
+            errors,
             Torque(
-                self._most,
-                self._variation / duration if duration else 0.0,
-                math.sqrt(found.sum() / numbers),
+                self._largest,
+                math.fsum(self._variation) / length if length else 0.0,
+                self._rms(3),
             ),
-            Effort(
-                math.sqrt(self._squares / numbers),
-                self._work,
-                math.sqrt(max(excess, 0.0) / numbers) if self._known_ideal else math.nan,
+            effort,
+            window=Window(
+                self._start,
+                self._last,
+                length,
+                rests=self._halves is not None and first > 0,
+                falls=self._falls(),
             ),
-            window=Window(start, stop, duration, rests=self._first > 0, falls=self._falls()),
         )
+        return found, rest and rest[1], self._halves and all_of_it(count, first)
 
-    def _settled(self, since: float | None, unknown: bool, duration: float) -> float | None:
-        if unknown:
+    def _motion(self) -> tuple[int, tuple[int, float] | None]:
+        """The first sample that moves, and where the reference came to rest."""
+        if not self._moved:
+            return 0, None
+        (first, begin), (last, end) = self._moved
+        if steps(end - begin, last - first, self._moves):
+            return 0, None
+        return first, None if last + 1 == self.count else (last, end)
+
+    def _take(self, stop: int) -> None:
+        """Count the pending samples before one; what later ones do not need is given up."""
+        if self._pending is None or stop <= self._done:
+            return
+        self._of_motion(self._pending, self._done, stop)
+        self._of_window(self._pending, self._done, stop)
+        kept = slice(max(0, stop - self._width - 1), None)
+        self._number += kept.start
+        self._done = stop - kept.start
+        self._pending = _rows(self._pending, kept)
+        self._ideal = None if self._ideal is None else self._ideal[kept]
+
+    def _of_motion(self, motion: Motion, begin: int, stop: int) -> None:
+        """What is of all samples."""
+        rows, time = slice(begin, stop), motion.time
+        self._largest = max(self._largest, float(np.abs(motion.effort[rows]).max()))
+        since = slice(max(begin - 1, 0), stop)
+        self._variation.append(float(np.abs(np.diff(motion.effort[since], axis=0)).sum()))
+        distance = distances(motion.poses)[rows]
+        self._nowhere |= bool(np.isnan(distance).any())
+        for k, bound in enumerate(BOUNDS):
+            above = np.flatnonzero(distance >= bound)
+            if above.size:
+                self._was_above[k], self._since[k] = True, math.nan
+                if above[-1] + 1 < len(distance):
+                    self._since[k] = float(time[begin + above[-1] + 1])
+            elif math.isnan(self._since[k]):
+                self._since[k] = float(time[begin])
+        steps = np.diff(motion.reference_position[since], axis=0)
+        moves = since.start + np.flatnonzero(steps.any(axis=1))
+        if moves.size:
+            ends = moves[-1] + 1
+            last = self._number + int(ends), float(time[ends])
+            start = self._number + int(moves[0]), float(time[moves[0]])
+            self._moved = [self._moved[0] if self._moved else start, last]
+            self._moves += len(moves)
+        if len(steps):
+            speeds = np.abs(steps).max(axis=1)
+            self._fastest = max(self._fastest, float(speeds.max()))
+            self._speed = float(speeds[-1])
+
+    def _of_window(self, motion: Motion, begin: int, stop: int) -> None:
+        """What is of the second half alone."""
+        half, middle = (0, 0) if self._halves is None else self._halves
+        chosen = slice(max(begin, half - self._number), stop)
+        if chosen.start >= stop:
+            return
+        if not self._in_window:
+            self._start = float(motion.time[chosen.start])
+        self._in_window += stop - chosen.start
+        error = (motion.reference_position - motion.position)[chosen]
+        distance = distances(motion.poses)[chosen]
+        self._farthest = max(self._farthest, float(distance.max()))
+        if np.isnan(distance).any():
+            self._farthest = math.nan
+        moved = np.diff(motion.position, axis=0, prepend=motion.position[:1])
+        found = rough(motion.effort, self._width)[chosen]
+        work = float(np.abs(motion.effort * moved)[chosen].sum())
+        squares = (distance, error, synchronisation_error(error), found, motion.effort[chosen])
+        self._sums.append((*(float(np.sum(each**2)) for each in squares), work))
+        at = min(max(middle - self._number - chosen.start, 0), len(error))
+        for k, part in enumerate((error[:at], error[at:])):
+            self._halved[k].append(float(np.sum(part**2)))
+            self._in_halves[k] += part.size
+        if self._known and self._ideal is not None:
+            useful = rough(self._ideal, self._width)[chosen]
+            most = np.sum(useful**2, axis=0)
+            share = _share(np.sum(found * useful, axis=0), most)
+            left = found - share * useful
+            alike = np.sum(left * useful, axis=0)
+            self._excess.append((share, most, alike, np.sum(left**2, axis=0)))
+        self._joints = error.shape[1]
+
+    def _averages(self) -> tuple[Errors, Effort]:
+        if not self._in_window:
+            nothing = math.nan
+            return Errors(nothing, nothing, nothing, nothing), Effort()
+        work = math.fsum(sums[5] for sums in self._sums)
+        errors = Errors(self._rms(0), self._farthest, self._rms(1), self._rms(2))
+        return errors, Effort(self._rms(4), work, self._least())
+
+    def _rms(self, column: int) -> float:
+        count = self._in_window * (1 if column == 0 else self._joints) if self._in_window else 0
+        sums = math.fsum(sums[column] for sums in self._sums)
+        return math.sqrt(sums / count) if count else math.nan
+
+    def _least(self) -> float:
+        """See :func:`metrics.excess_chattering`, from what each piece leaves by its own share."""
+        if not self._known:
             return math.nan
-        stays = since is not None and (not since or duration - since >= BELOW - 1e-9)
-        return since if stays else None
+        shares, most, alike, left = (np.array(each) for each in zip(*self._excess, strict=True))
+        share = _share(np.sum(alike + shares * most, axis=0), np.sum(most, axis=0))
+        more = shares - share
+        rest = left + 2.0 * more * alike + more**2 * most
+        return math.sqrt(math.fsum(rest.ravel()) / (self._in_window * self._joints))
+
+    def _settled(self, k: int) -> float | None:
+        """See :func:`metrics._settled`."""
+        if self._nowhere:
+            return math.nan
+        if not self._was_above[k]:
+            return 0.0
+        since = self._since[k]
+        return since - self._first if self._last - since >= BELOW - 1e-9 else None
 
     def _falls(self) -> tuple[float, float] | None:
-        last, largest = self._speed
-        if last < SLOW * largest:
-            return None  # errors fall with the speed
-        before, after = (math.sqrt(total / n) if n else 0.0 for total, n in self._errors)
+        """See :func:`metrics._falls`."""
+        if self._halves is None or self._speed < SLOW * self._fastest:
+            return None
+        before, after = (
+            math.sqrt(math.fsum(sums) / count) if count else 0.0
+            for sums, count in zip(self._halved, self._in_halves, strict=True)
+        )
         return (before, after) if before > FALLS * after > 0.0 else None
+
+
+class RunningFigures:
+    """Metrics of a part of a run, see :func:`metrics.figures`."""
+
+    def __init__(self, begin: float, end: float, asked: bool, plan: Plan) -> None:
+        """Prepare.
+
+        Args:
+            begin: Its begin [s].
+            end: Its end, not in it [s].
+            asked: Whether all metrics are of all of it.
+            plan: What is taken to be so.
+        """
+        self._begin, self._end, self._asked, self._plan = begin, end, asked, plan
+        self._true = RunningMetrics(self._of(plan.true))
+        self._seen = RunningMetrics(self._of(plan.seen))
+        self._first = self._last = math.nan
+
+    def _of(self, halves: Halves | None) -> Halves | None:
+        return None if self._asked else halves or Halves(0, 0)
+
+    def add(self, motions: Motions) -> None:
+        """Take the next part of the run."""
+        part = motions.between(self._begin, self._end)
+        if not len(part.best.time):
+            return
+        if math.isnan(self._first):
+            self._first = float(part.best.time[0])
+        self._last = float(part.best.time[-1])
+        part = part.between(-math.inf, np.nextafter(self._plan.end, math.inf))
+        if part.true is not None:
+            self._true.add(part.true, part.ideal)
+        if part.seen is not None:
+            self._seen.add(part.seen, None)
+
+    @property
+    def count(self) -> int:
+        """Samples of its best motion up to the end of the plan."""
+        return self._true.count or self._seen.count
+
+    @property
+    def last(self) -> float:
+        """Time of its last sample [s]."""
+        return self._last
+
+    def finish(self) -> tuple[Metrics, Plan]:
+        """The metrics, and the plan that would have been right: they are good if it was used."""
+        ended = math.isfinite(self._plan.end)
+        true, rest, halves = self._true.finish(ended)
+        seen, seen_rest, seen_halves = self._seen.finish(ended)
+        if not self._true.count:
+            rest, found = seen_rest, seen._replace(source=SEEN, seen=seen)
+        else:
+            found = true._replace(seen=seen if self._seen.count else None)
+        plan = Plan(
+            self._plan.end if ended or rest is None or self._asked else rest,
+            halves if self._true.count else self._plan.true,
+            seen_halves if self._seen.count else self._plan.seen,
+        )
+        window = found.window._replace(
+            run_s=self._last - self._first,
+            asked=self._asked,
+            rests=found.window.rests or math.isfinite(plan.end),
+        )
+        return found._replace(window=window), plan
+
+
+def _share(alike: Array, most: Array) -> Array:
+    shares = np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0)
+    return np.clip(shares, 0.0, 1.0)
+
+
+def joined(parts: Sequence[Motion]) -> Motion:
+    """Parts of a motion that follow each other."""
+    poses = [part.poses for part in parts]
+    return Motion(
+        np.concatenate([part.time for part in parts]),
+        np.concatenate([part.position for part in parts]),
+        np.concatenate([part.reference_position for part in parts]),
+        np.concatenate([part.effort for part in parts]),
+        Poses(
+            np.concatenate([pose.actual for pose in poses]),
+            np.concatenate([pose.reference for pose in poses]),
+            poses[0].planar,
+        ),
+    )
+
+
+def _rows(motion: Motion, rows: slice) -> Motion:
+    """Some samples of a motion."""
+    actual, reference, planar = motion.poses
+    return Motion(
+        motion.time[rows],
+        motion.position[rows],
+        motion.reference_position[rows],
+        motion.effort[rows],
+        Poses(actual[rows], reference[rows], planar),
+    )

@@ -41,11 +41,13 @@ class Timing(NamedTuple):
         states: Number of states that were to be answered.
         answered: Number of states that were answered; None if the bag does not say.
         period: Period of the loop [s].
-        lag: Lag of each step [samples], shape (L,); empty when the bag does not say.
+        lag: Lag of each step [samples], shape (L,); empty when the bag does not say. Of a bag that
+            is read in windows, its percentiles from 1 to 100.
         uncommanded: Number of steps after the first command whose torque answers no state: in the
             safe action of the motors, at zero torque in a fault.
         delay: From the sample at which each state is sent to its recording [s], shape (N,); empty
-            when the stamps are not of the recorder's clock, as in lockstep.
+            when the stamps are not of the recorder's clock, as in lockstep. Of a bag that is read
+            in windows, its percentiles from 0 to 100.
         priority: Node to the real-time priority that it was granted, where the bag says so.
     """
 
@@ -184,7 +186,7 @@ def _lags(log: RunLog, answers: Answers, first: int, period: int) -> tuple[NDArr
     command = np.clip(answers.torque, -limit, limit)
     stamps = np.maximum.accumulate(answers.states)
     newest = np.searchsorted(stamps, log.stamps, side='right') - 1
-    acting = _acting(log.effort, command, newest)[1:]
+    acting = acting_commands(log.effort, command, newest, -1)[1:]
     since = np.where(acting < 0, 0, answers.states[acting])
     age = reported_age(log.config)
     counted = log.stamps[:-1] >= first
@@ -200,8 +202,8 @@ def _lags(log: RunLog, answers: Answers, first: int, period: int) -> tuple[NDArr
 
 
 @kernel
-def _acting(
-    effort: NDArray[np.float64], command: NDArray[np.float64], newest: NDArray[np.int64]
+def acting_commands(
+    effort: NDArray[np.float64], command: NDArray[np.float64], newest: NDArray[np.int64], at: int
 ) -> NDArray[np.int64]:
     """Find the command whose torque acted in the step that ended at each state; -1: none.
 
@@ -212,11 +214,11 @@ def _acting(
         effort: Torques that acted [N m], shape (N, n).
         command: Commands within the limits of the motors [N m], shape (M, n).
         newest: Index of the last command that answers each state or an earlier one, shape (N,).
+        at: Index of the command that acted before; -1: none.
     """
     acting = np.full(len(effort), -1)
-    at = -1
-    for earlier in range(newest[0], max(-1, newest[0] - WINDOW), -1):  # of a part of a run
-        if len(effort) > 1 and _same(effort[1], command[earlier]):
+    for earlier in range(newest[0], max(-1, newest[0] - WINDOW) if at < 0 else newest[0], -1):
+        if len(effort) > 1 and _same(effort[1], command[earlier]):  # of a part of a run
             at = earlier
             break
     for k in range(1, len(effort)):

@@ -105,7 +105,11 @@ def among(torques: np.ndarray, others: np.ndarray) -> np.ndarray:
     some, all_others = _key(torques), _key(others)
     if np.array_equal(some, all_others):  # nothing is lost
         return np.ones(len(some), bool)
-    return np.isin(some, all_others)
+    if not len(all_others):
+        return np.zeros(len(some), bool)
+    ordered = np.sort(all_others)  # several times as fast as np.isin
+    found: np.ndarray = ordered[np.minimum(np.searchsorted(ordered, some), len(ordered) - 1)]
+    return found == some
 
 
 def _key(torques: np.ndarray) -> np.ndarray:

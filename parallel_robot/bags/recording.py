@@ -122,6 +122,26 @@ def chunks(
     yield from source.chunks(round(seconds * NANOSECONDS))
 
 
+def size(bag: str | Path, view: BagView = AS_RECORDED) -> tuple[float, int]:
+    """Duration of a bag [s] and about how many states it has; zero where no index tells it.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        view: What it does not say itself.
+    """
+    try:
+        reader = BagReader(bag)
+    except BagError:
+        return 0.0, 0
+    kinds = {name: topic.type for name, topic in reader.topics.items()}
+    states = [
+        reader.counts[name]
+        for name, kind in kinds.items()
+        if view.topic_of(name, kind, (JOINT_STATES,))
+    ]
+    return (reader.end - reader.start) / NANOSECONDS, max(states, default=0)
+
+
 class _Source:
     """A bag with all that is known of it without its motion; with it, where it has no index."""
 

@@ -165,7 +165,7 @@ def of(
     stamps = states.stamps[used]
     if len(stamps) > 1 and not (stamps[-1] > stamps[0] and np.median(np.diff(stamps)) > 0.0):
         raise BagError(f'{bag}: the stamps of {topics.JOINT_STATES.name} do not increase')
-    repeated = len(stamps) - len(np.unique(stamps))
+    repeated = int((np.diff(np.sort(stamps)) == 0).sum())
     if repeated:
         what = f'{repeated} messages on {topics.JOINT_STATES.name} repeat a stamp'
         warnings.append(f'{bag}: {what}: the motion was reset, or had two publishers')
@@ -181,8 +181,9 @@ def of(
         warnings.append(f'{bag}: {rhythm.doubt}')
     limit = _reference_timeout(values, references.stamps)
     referenced = newest_age(stamps + age, references.stamps) <= limit
-    if not referenced.all():
-        warnings.append(f'{bag}: {_unreferenced(stamps, start, references.stamps, referenced)}')
+    if span == WHOLE and not referenced.all():
+        text = _unreferenced(stamps, start, references.stamps, referenced)
+        warnings.append(f'{bag}: {text}')
     assumed = _assumed(values, loop.joints, bool(found.metadata), view)
     if assumed:
         warnings.append(f'{bag} {assumed}')
@@ -297,9 +298,14 @@ def between(bag: Path, log: RunLog, start: float | None, stop: float | None) -> 
         return log
     chosen = _within(log.time, start, stop)
     if not len(chosen):
-        ends = f'from t = {log.time.min():.3f} s to {log.time.max():.3f} s'
-        raise BagError(f'{bag} has no state between --from and --to: its states go {ends}')
+        raise BagError(no_state(bag, float(log.time.min()), float(log.time.max())))
     return rows(log, chosen)
+
+
+def no_state(bag: Path, first: float, last: float) -> str:
+    """That a part has no state of a bag whose states go from one time to another [s], in words."""
+    ends = f'from t = {first:.3f} s to {last:.3f} s'
+    return f'{bag} has no state between --from and --to: its states go {ends}'
 
 
 def _within(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
@@ -396,14 +402,19 @@ def _unreferenced(
     count, first = int((~referenced).sum()), int(np.argmin(referenced))
     time = (stamps[first] - start) / NANOSECONDS
     if referenced.any():
-        what = f'{count} states, from t = {time:.3f} s on, have no reference of their time'
-        return f'{what}: they have no error and are left out'
+        return unreferenced(count, time)
     behind = float(np.median(stamps) - np.median(known)) / NANOSECONDS
     return (
         'no state has a reference of its time: the stamps of '
         f'{topics.REFERENCE.name} are {behind:.3g} s behind those of {topics.JOINT_STATES.name}: '
         'of another clock'
     )
+
+
+def unreferenced(count: int, time: float) -> str:
+    """That so many states, from a time on [s], have no reference, in words."""
+    what = f'{count} states, from t = {time:.3f} s on, have no reference of their time'
+    return f'{what}: they have no error and are left out'
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:

@@ -52,6 +52,7 @@ def draw_run(
     path: str | Path,
     scale: str = AUTO,
     marks: Sequence[float] = (),
+    track: Poses | None = None,
 ) -> None:
     """Draw path, errors and torques of a run to a PNG or vector file.
 
@@ -61,16 +62,21 @@ def draw_run(
         path: File to write, which must not exist; its suffix chooses the format.
         scale: Of errors, see scale.SCALES.
         marks: Times at which something changed [s].
+        track: Poses of its path; None: those of the motion.
 
     Raises:
         InputError: the suffix is of no picture format.
         OSError: the file exists or cannot be written; with its name.
     """
-    save(figure_of_run(run, motion, scale, marks), path)
+    save(figure_of_run(run, motion, scale, marks, track), path)
 
 
 def figure_of_run(
-    run: Named, motion: Motion, scale: str = AUTO, marks: Sequence[float] = ()
+    run: Named,
+    motion: Motion,
+    scale: str = AUTO,
+    marks: Sequence[float] = (),
+    track: Poses | None = None,
 ) -> Any:
     """Path, errors and torques of a run as a figure of matplotlib.
 
@@ -81,6 +87,7 @@ def figure_of_run(
         motion: Its motion.
         scale: Of errors, see scale.SCALES.
         marks: Times at which something changed [s].
+        track: Poses of its path; None: those of the motion.
     """
     pose = motion.poses
     figure, path, (first, joints, torque) = panels(
@@ -90,7 +97,7 @@ def figure_of_run(
     looks = [look_of(k) for k in range(len(names))]
     error = motion.reference_position - motion.position
     if pose.planar:
-        _draw_paths(path, [pose], looks, 'end effector')
+        _draw_paths(path, [track or pose], looks, 'end effector')
         offset = (pose.reference - pose.actual)[:, :2]
         curves = _curves(motion.time, 1e6 * offset, looks, ['x', 'y'])
         _draw_errors(first, curves, 'µm', scale, 'End-effector error')

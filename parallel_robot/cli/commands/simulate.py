@@ -12,7 +12,7 @@ from typing import Any
 
 from parallel_robot.analysis import metrics, readable_metrics
 from parallel_robot.analysis.metrics import Metrics
-from parallel_robot.analysis.running_figures import RunningFigures
+from parallel_robot.analysis.simulated_figures import SimulatedFigures
 from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.cli import invocation
@@ -29,7 +29,7 @@ from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
-from parallel_robot_sim.motions import of_simulation, saturated
+from parallel_robot_sim.motions import of_simulation, saturation_of
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import RunSummary, Simulation, parts
 from trajectory_gen.motion_doubts import motion_doubts
@@ -173,7 +173,7 @@ def remarks(simulation: Simulation, summary: RunSummary) -> list[str]:
     return [
         *simulation.experiment.control.law.warnings,
         *([f'hazards: {", ".join(acting)}'] if acting else []),
-        *saturated(simulation.configuration.values, summary.saturated),
+        *saturation_of(simulation.configuration.values, summary.saturated, summary.steps),
         *remark_lines(limits, summary.faults),
     ]
 
@@ -295,7 +295,7 @@ class _Run:
 
     def __init__(self, parts: Iterator[Simulation]) -> None:
         self._parts = parts
-        self._running: RunningFigures | None = None
+        self._running: SimulatedFigures | None = None
         self.last: Simulation
         self.summary = RunSummary()
         self.figures = functools.cache(self._figures)
@@ -305,7 +305,7 @@ class _Run:
             self.last = part
             self.summary.add(part)
             if self._running is None and part.run.steps <= (part.experiment.loop.last_index or 0):
-                self._running = RunningFigures()
+                self._running = SimulatedFigures()
             if self._running is not None:
                 self._running.add(part)
             yield part

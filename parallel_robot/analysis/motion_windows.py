@@ -1,0 +1,100 @@
+"""The motions of a bag of any length, window by window."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, Recorded
+from parallel_robot.bags.recording import Recording
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import KinematicsError, ParallelRobotError
+from parallel_robot_sim.configuration import configure_plant
+from parallel_robot_sim.ideal_torque import IdealTorque
+from parallel_robot_sim.motions import Motion
+from parallel_robot_sim.plant import MUJOCO
+from trajectory_gen.configuration import trajectory_of
+
+
+class MotionWindows:
+    """The motions of windows that follow each other, as those of the whole bag.
+
+    But for a bag whose states do not tell the true joints: its plant does not move once more.
+
+    Attributes:
+        cut: Why the motion was followed up to a window alone; empty when it was not cut off.
+    """
+
+    def __init__(self, count: int) -> None:
+        """Prepare; `count`: how many states the bag has, about."""
+        self._count = count
+        self._ideal: _Ideal | None = None
+        self._motions = recorded_motions.InParts()
+        self._end = math.nan  # s, time of the last state that was followed
+        self.cut = ''
+
+    def of(self, found: Recording) -> Recorded | None:
+        """The motions of the next window; None where it has none, as after a cut.
+
+        Raises:
+            InputError: the robot of the bag cannot be built.
+            KinematicsError: the first sample of the bag has no pose.
+        """
+        log = found.log
+        if self.cut or not log.referenced.any():
+            return None
+        try:
+            part = self._motions.of(log, found.history, whole=False)
+        except KinematicsError as error:
+            if math.isnan(self._end):
+                raise
+            self.cut = f'evaluated up to t = {self._end:.3f} s: {error}'
+            return None
+        true, self._ideal = part.motions.true, self._ideal or _Ideal(log.config, self._count)
+        if true is not None:
+            part = part._replace(motions=part.motions._replace(ideal=self._ideal.of(true)))
+        self._end, self.cut = float(part.log.time[-1]), part.cut
+        return part
+
+
+class _Ideal:
+    """The ideal torque at the samples of a true motion, as long as it is the planned one."""
+
+    def __init__(self, values: Mapping[str, Any], count: int) -> None:
+        """Prepare; `count`: how many samples it has, about."""
+        self._first = self._samples = 0
+        self._known = False
+        try:
+            plant, self._trajectory = configure_plant(values), trajectory_of(values)
+            self._period = plant.loop.period
+            if (plant.loop.last_index or 0) < count - 1:  # it had no end
+                duration = (count - 1) * self._period
+                plant = plant._replace(loop=plant.loop._replace(duration=duration))
+            self._last = plant.loop.last_index or 0
+            self._torque = IdealTorque(self._trajectory, plant)
+            self._known = plant.parameters.engine != MUJOCO
+        except ParallelRobotError:
+            return
+
+    def of(self, true: Motion) -> Array | None:
+        """Torques at the next samples [N m], shape (N, n); None where they are not known."""
+        if not self._known:
+            return None
+        rows = np.rint(true.time / self._period).astype(np.int64)
+        first, last = self._first, int(rows[-1])
+        self._samples += len(rows)
+        self._known = first <= rows[0] <= last <= min(MOST_STEPS * self._samples, self._last)
+        if not self._known:
+            return None
+        try:
+            planned = self._trajectory.sample(self._period * rows).position
+            self._known = bool(np.abs(planned - true.reference_position).max() <= PLANNED)
+            self._first = last + 1
+            return self._torque.between(first, last + 1)[rows - first] if self._known else None
+        except ParallelRobotError:
+            self._known = False
+            return None
