@@ -58,7 +58,7 @@ def bag(tmp_path_factory):
 def simulation(path, **values):
     given = {'duration': 4.0, 'time_mode': 'lockstep'} | values
     resolved = config.resolve('paper_circle', given)
-    simulation_bag.write(path, resolved, simulated(resolved))
+    simulation_bag.write(path, resolved, [simulated(resolved)])
     return path
 
 

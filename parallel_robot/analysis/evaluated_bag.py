@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +20,7 @@ from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of
 from parallel_robot.analysis.running_timing import RunningTiming
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import recorded_robot, recording, run_log, stretches
+from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.bag_files import files
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.counts import TopicCount
@@ -46,7 +46,6 @@ WINDOW = 20.0  # s, that are read at once
 SHORTEST = 10  # states of a stretch of which there are figures
 INTERVALS = 1500  # of a picture of a long run, of each of which the extremes are kept
 PATH = 600.0  # s, of which the path of a long run is drawn
-NUMBER = re.compile(r'-?\d[\d.]*(e[-+]?\d+)?')
 
 
 class PartFigures(NamedTuple):
@@ -293,7 +292,7 @@ class _LongBag:
         windows, self._opened = self._opened or self._windows(), None
         for found in windows:
             if course is not None:
-                course.add(found)
+                course.add(self._bag, found)
             try:
                 part = motions.of(found)
             except KinematicsError as error:
@@ -307,7 +306,7 @@ class _LongBag:
         for job in jobs:
             job.end_of_bag()
         if course is not None:
-            for warning in course.warnings(self._bag):
+            for warning in course.warnings:
                 warn(warning)
             if motions.cut:
                 warn(motions.cut)
@@ -348,8 +347,7 @@ class _Course:
         self._known_plant = recorded_motions.of_plant(past)
         self.timing, self.alone = RunningTiming(past), MotionAlone()
         self.messages: dict[str, TopicCount] = {}
-        self._warnings: dict[str, list[str]] = {}
-        self._unreferenced, self._since = 0, math.nan
+        self._warnings = AlikeLines()
         self._motion: list[Motion] = []
         self._path: list[Poses] = []
         self.referenced = False
@@ -358,20 +356,16 @@ class _Course:
         self.followed = (math.nan, math.nan)
         self.remark = ''
 
-    def add(self, found: Recording) -> None:
-        """Take what a window says, with or without a motion."""
+    def add(self, bag: Path, found: Recording) -> None:
+        """Take what a window of a bag says, with or without a motion."""
         self.log = log = found.log
         for name, count in log.messages.items():
             before = self.messages.get(name, TopicCount(0, 0))
             self.messages[name] = TopicCount(
                 before.count + count.count, before.missing + count.missing
             )
-        for warning in log.warnings:
-            self._warnings.setdefault(NUMBER.sub('', warning), []).append(warning)
-        if not log.referenced.all() and np.isfinite(log.reference_position).any():
-            if not self._unreferenced:
-                self._since = float(log.time[np.argmin(log.referenced)])
-            self._unreferenced += int((~log.referenced).sum())
+        self._warnings.add(log.warnings)
+        self._warnings.count(bag, log)
         self.referenced |= bool(np.isfinite(log.reference_position).any())
         low, high = self.times
         self.times = min(low, float(log.time.min())), max(high, float(log.time.max()))
@@ -409,13 +403,10 @@ class _Course:
         actual, reference, planar = zip(*self._path, strict=True)
         return Poses(np.concatenate(actual), np.concatenate(reference), planar[0])
 
-    def warnings(self, bag: Path) -> Iterator[str]:
+    @property
+    def warnings(self) -> tuple[str, ...]:
         """What is wrong with the bag: what is said of several windows once, as of the first."""
-        for texts in self._warnings.values():
-            more = len({*texts}) - 1
-            yield texts[0] + (f' (and alike in {more} later parts)' if more else '')
-        if self._unreferenced and self.last:
-            yield f'{bag}: {run_log.unreferenced(self._unreferenced, self._since)}'
+        return self._warnings.lines
 
     def check(self, bag: Path) -> None:
         """Refuse a part of a run without states.

@@ -41,16 +41,17 @@ def read(
         BagError: not a bag, or one that is not of a run or takes too much.
     """
     try:
-        found = of(recording.chunks(bag, SECONDS, (), memory, motion_only, view), columns)
+        found = of(bag, recording.chunks(bag, SECONDS, (), memory, motion_only, view), columns)
     except WholeNeededError:
         found = recording.read(bag, (), memory, motion_only, view)
     return found.log, found.history
 
 
-def of(windows: Iterator[Recording], columns: Collection[str]) -> Recording:
+def of(bag: Path, windows: Iterator[Recording], columns: Collection[str]) -> Recording:
     """The run of some windows, without messages of other topics.
 
     Args:
+        bag: The bag, for warnings.
         windows: They follow each other.
         columns: As of :func:`read`.
 
@@ -67,6 +68,7 @@ def of(windows: Iterator[Recording], columns: Collection[str]) -> Recording:
         if window.log.kind != kind:
             raise WholeNeededError('the parts of the bag do not hold the same')
         told.add(window.log.warnings)
+        told.count(bag, window.log)
         for name, found in parts.items():
             found.append(getattr(window.log, name))
     if first is None:

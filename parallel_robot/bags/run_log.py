@@ -31,6 +31,7 @@ from parallel_robot_sim.imperfections import reported_age
 FEW = 5  # topics of a bag that are named
 FEW_LEAPS = 0.2  # of the states, which may be of another publisher
 EMPTY = np.zeros((0, 0))
+NO_REFERENCE = 'have no reference of their time'
 NEEDED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
 REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
@@ -413,7 +414,7 @@ def _unreferenced(
 
 def unreferenced(count: int, time: float) -> str:
     """That so many states, from a time on [s], have no reference, in words."""
-    what = f'{count} states, from t = {time:.3f} s on, have no reference of their time'
+    what = f'{count} states, from t = {time:.3f} s on, {NO_REFERENCE}'
     return f'{what}: they have no error and are left out'
 
 

@@ -51,7 +51,7 @@ def execute(arguments: argparse.Namespace) -> int:
     code, view = robot_code(arguments, values), bag_view(arguments, values)
     if arguments.foxglove:
         recording = recorded_robot.evaluated(
-            lambda windows: gathered_run.of(windows, viewer_copy.COLUMNS),
+            lambda windows: gathered_run.of(bag, windows, viewer_copy.COLUMNS),
             bag,
             memory,
             code,
@@ -63,7 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
     written = recorded_robot.evaluated(
-        lambda recordings: _write(out, recordings),
+        lambda recordings: _write(bag, out, recordings),
         bag,
         memory,
         code,
@@ -84,6 +84,12 @@ class _Written:
     columns: int = 0
     warnings: AlikeLines = field(default_factory=AlikeLines)
 
+    def seen(self, bag: Path, recordings: Iterator[Recording]) -> Iterator[Recording]:
+        """Pass the windows of the bag on."""
+        for recording in recordings:
+            self.warnings.count(bag, recording.log)
+            yield recording
+
     def passed(self, parts: Iterable[table.Table]) -> Iterator[table_file.Columns]:
         """Pass the parts of the table on."""
         for columns, warnings in parts:
@@ -92,10 +98,10 @@ class _Written:
             yield columns
 
 
-def _write(out: Path, recordings: Iterator[Recording]) -> _Written:
+def _write(bag: Path, out: Path, recordings: Iterator[Recording]) -> _Written:
     """Write the table of a bag window by window."""
     written = _Written()
-    table_file.write(out, written.passed(table.parts(recordings)))
+    table_file.write(out, written.passed(table.parts(written.seen(bag, recordings))))
     return written
 
 
