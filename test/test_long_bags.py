@@ -223,7 +223,7 @@ def test_joint_states_alone(part, bag, tmp_path, windows):
     states = content(bag / 'bag_0.mcap')[JOINT_STATES.name]
     write_foreign(tmp_path / 'bag', {JOINT_STATES: states})
     whole, long, _ = both(windows, tmp_path / 'bag', part)
-    assert isinstance(long, MotionAlone) and long.lines() == whole.lines()
+    assert isinstance(long, MotionAlone) and long.parts() == whole.parts()
 
 
 def test_a_part_without_states_costs_the_same_line(bag, windows):
