@@ -100,7 +100,7 @@ def test_compare_shows_what_was_measured(tmp_path, capsys):
     data = json.loads(report.read_text())
     assert list(data['laws']) == laws and not data['claims']
     for law in laws:
-        (row,) = re.findall(rf'^{law} .*$', captured.out, re.MULTILINE)
+        (row,) = re.findall(rf'^ *{law} .*$', captured.out, re.MULTILINE)
         rms = data['laws'][law]['steady']['xy_rms_m']
         assert shown(1e6 * rms) in row.split()
         assert {len(re.sub(r'^[0.]*|[.]', '', cell)) for cell in row.split()[1:]} <= {4, 5}
@@ -136,4 +136,4 @@ def test_a_law_in_a_fault_has_no_figures_of_merit(tmp_path, capsys):
         assert re.search(fault, err, re.MULTILINE)
         assert not any(law in claim['figures'] for claim in data['claims'])
     for law in {*data['laws']} - {*data['faults']}:
-        assert re.search(rf'^{law}  ', out, re.MULTILINE)
+        assert re.search(rf'^ *{law}  ', out, re.MULTILINE)

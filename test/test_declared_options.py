@@ -97,7 +97,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'compare': [('paper_circle',)],
 }  # fmt: skip
 WORK = (  # what a command does when it has read all options
-    'parallel_robot.cli.commands.simulate.attempt',
+    'parallel_robot.cli.commands.simulate.parts',
     'parallel_robot.cli.commands.run._supervise',
     'parallel_robot.studies.sweep.sweep.completed',
     'parallel_robot.studies.tuning.tuned.run',

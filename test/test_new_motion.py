@@ -128,7 +128,7 @@ WRONG = {
         'joint speed',
     ),
     'broken': (serialize_message(message())[:300], 'cannot be read: ends before byte'),
-    'nothing': (b'', 'a message that cannot be read: not CDR'),
+    'nothing': (b'', 'a message that cannot be read: its encapsulation is empty, not that of CDR'),
 }  # fmt: skip
 
 

@@ -44,7 +44,9 @@ def test_a_run_has_one_set_of_figures(scenario, law, values, tmp_path, capsys):
     lines = brief(found, {})
     # simulate
     failed = run.simulation.failure
-    told = command.evaluate(run.simulation)
+    made = command._Run(iter([run.simulation]))
+    assert [*made] == [run.simulation]
+    told = command.evaluate(made.last, made.summary.failure, made.figures)
     assert 'no figures' in told[0] if failed else told[-len(lines) :] == lines
     # metrics(load()), report
     for other in (notebook.metrics(notebook.load(bag)), *_reported(bag)):
