@@ -19,13 +19,20 @@ from rows import Row, row, show
 
 COMMAND = [sys.executable, '-m', 'parallel_robot']
 LENGTH = 3600.0  # s of motion
-TARGETS = {'simulate': (60.0, 700.0)}  # s of processor, MB for LENGTH
+TARGETS = {'simulate': (60.0, 700.0), 'analyze': (40.0, 700.0)}  # s of processor, MB for LENGTH
 
 
 def commands(seconds: float, folder: Path) -> dict[str, list[str]]:
     """What is measured, by name; each makes what the next ones need."""
-    motion = ['paper_circle', '--duration', f'{seconds:g}']
-    return {'simulate': [*COMMAND, 'simulate', *motion, '--out', str(folder / 'bag')]}
+    bag, motion = str(folder / 'bag'), ['paper_circle', '--duration', f'{seconds:g}']
+    files = ['--json', str(folder / 'run.json'), '--figure', str(folder / 'run.png')]
+    words = {
+        'simulate': [*motion, '--out', bag],
+        'analyze': [bag, *files],
+        'export': [bag, '--out', str(folder / 'run.parquet')],
+        'replay': [bag],
+    }
+    return {name: [*COMMAND, name, *more] for name, more in words.items()}
 
 
 def measured(command: Sequence[str]) -> tuple[float, float]:
@@ -44,7 +51,7 @@ def figures(seconds: float) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for name, command in commands(seconds, Path(folder)).items():
             time, memory = measured(command)
-            most = TARGETS[name] if seconds == LENGTH else ()
+            most = TARGETS.get(name, ()) if seconds == LENGTH else ()
             targets = [*(f'<= {each:g}' for each in most), '', '']
             lines += [
                 row(f'{name}, {seconds:g} s of motion', 's', [time], targets[0]),

@@ -94,7 +94,7 @@ class Allowance:
         if self._unpacked < 0:
             raise BagError(
                 f'{self._path} unpacks to more than {RATIO} times its size and more than '
-                f'{_gigabytes(self._memory)}; --max-memory allows more'
+                f'{_gigabytes(self._memory)}; --max-memory allows more, where a command has it'
             )
 
     def walk(self, records: int) -> None:
@@ -130,7 +130,7 @@ class Allowance:
         if COPIES * self._held > self._memory:
             raise BagError(
                 f'{self._path} takes more than {_gigabytes(self._memory)} of memory; '
-                '--max-memory allows more'
+                '--max-memory allows more, where a command has it'
             )
 
 
