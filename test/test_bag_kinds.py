@@ -172,7 +172,7 @@ def test_what_the_player_cannot_play_names_recover(tmp_path):
     ('name', 'content', 'told'),
     [
         ('run.mcap', b'', 'is empty'),
-        ('run.mcap', gzip.compress(b'x'), 'is packed by gzip: unpack it first', mtime=0),
+        ('run.mcap', gzip.compress(b'x', mtime=0), 'is packed by gzip: unpack it first'),
         ('run.db3', b'PK\3\4', 'is packed by zip: unpack it first'),
         ('metadata.yaml', b'x: 1', 'says what a bag holds: give its directory'),
     ],
