@@ -173,7 +173,8 @@ class _Source:
         self._settings = experiment.configuration(
             bag, self.found.metadata, self._past.parameters, view
         )
-        self._names = self._meant(self.found.channels)
+        # Of a broken bag index and data may differ.
+        self._names = self._meant(self.found.channels if self._reader is None else kinds)
 
     def recording(
         self, streams: Mapping[str, Sequence[Sequence[Samples]]], span: Span, last: bool = True
@@ -256,7 +257,8 @@ class _Source:
         """Decoded messages from a log time on [ns], and up to when they are all there."""
         if self._reader is None:
             streams = self.found.streams.items()
-            yield [(name, part) for name, parts in streams for part in parts], None
+            named = [(name, parts) for name, parts in streams if name in self._names]
+            yield [(name, part) for name, parts in named for part in parts], None
             return
         for parts, known in self._reader.arrays(self._names, since):
             yield (
