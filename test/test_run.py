@@ -126,8 +126,9 @@ def check_stretches(bag, capsys):
     out = capsys.readouterr().out
     assert 's_fotsmc, then pid, 8 s' in out
     (line,) = (line for line in out.splitlines() if 'changed while it ran' in line)
-    told = re.search(r't = (.*) s: s_fotsmc.G 20.0; t = (.*) s: law pid$', line).groups()
-    first, second = map(float, told)
+    told = re.search(r't = (.*) s: s_fotsmc.G 20.0; t = (.*) s: law pid$', line)
+    assert told, line
+    first, second = map(float, told.groups())
     assert 0.0 < first < second < 8.0
     assert re.search(rf'^  {second:g} to 8 s, pid: end-effector error, rms', out, re.MULTILINE)
     ((run,),) = read_runs([bag]).values()
