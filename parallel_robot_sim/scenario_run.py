@@ -23,8 +23,9 @@ from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.motions import Motions, differs, of_simulation, saturation, sensor_remarks
+from parallel_robot_sim.motions import Motions, differs, of_simulation, sensor_remarks
 from parallel_robot_sim.run_columns import JointColumns, of_joints, of_poses
+from parallel_robot_sim.saturation import saturation
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration

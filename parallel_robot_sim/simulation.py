@@ -24,6 +24,7 @@ from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run,
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course, calm, course_of, undisturbed
 from parallel_robot_sim.plant import MUJOCO
+from parallel_robot_sim.saturation import saturated
 from trajectory_gen.trajectory import Reference
 
 MAX_SAMPLES = 5_000_000  # samples of a simulation that keeps all of them in memory
@@ -181,10 +182,8 @@ class RunSummary:
         self.faults += [
             (float((part.first + k) * loop.period), part.fault_at(int(k))) for k in changes
         ]
-        effort = np.abs(run.effort)
-        limit = np.asarray(part.configuration.values['plant.torque_limit'], np.float64)
-        self.saturated += int((effort >= limit).any(axis=1).sum())
-        self._most = max(self._most, float(effort.max()))
+        self.saturated += int(saturated(part.configuration.values, run.effort).sum())
+        self._most = max(self._most, float(np.abs(run.effort).max()))
         self._loop, self._fault = loop, int(run.fault[-1])
         self.acted |= int(np.bitwise_or.reduce(run.acted))
         self.phase = int(part.phases[-1])

@@ -104,22 +104,14 @@ def test_messages_that_are_lost(messages, tmp_path, exported):
     assert len(parts) == len(whole)
 
 
-def test_poses_end_where_the_joints_have_none(bag, tmp_path, exported):
+@pytest.mark.parametrize('sample', [1500, 860], ids=['in a window', 'from its begin on'])
+def test_poses_end_where_the_joints_have_none(sample, bag, tmp_path, exported):
     found = recording.read(bag).log.position.copy()
-    found[1500:, 0] += 3.0
+    found[sample:, 0] += 3.0
     write_foreign(tmp_path / 'bag', streams(found, found, start=0))
     whole, parts = exported(tmp_path / 'bag')
     (cut,) = {line for line in whole if 'the pose of the robot is evaluated up to' in line}
-    assert cut in parts and 'sample 1500' in cut
-
-
-def test_joints_without_a_pose_from_the_begin_of_a_window_on(bag, tmp_path, exported):
-    found = recording.read(bag).log.position.copy()
-    found[860:, 0] += 3.0
-    write_foreign(tmp_path / 'bag', streams(found, found, start=0))
-    whole, parts = exported(tmp_path / 'bag')
-    (cut,) = {line for line in whole if 'the pose of the robot is evaluated up to' in line}
-    assert cut in parts
+    assert cut in parts and f'sample {sample}' in cut
 
 
 def test_a_second_run_is_read_as_a_whole(bag, messages, tmp_path, exported):

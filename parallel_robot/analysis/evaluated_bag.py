@@ -38,7 +38,8 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.messages.topics import RECORDED
-from parallel_robot_sim.motions import Motion, Motions, Poses, saturated, saturation_of
+from parallel_robot_sim.motions import Motion, Motions, Poses
+from parallel_robot_sim.saturation import saturated, saturation_of
 
 SMALL = 16_000_000  # bytes of a bag that is read as a whole without a look at its index
 LONG = 120.0  # s; a bag that is longer is read in windows
@@ -364,8 +365,7 @@ class _Course:
             self.messages[name] = TopicCount(
                 before.count + count.count, before.missing + count.missing
             )
-        self._warnings.add(log.warnings)
-        self._warnings.count(bag, log)
+        self._warnings.take(bag, log)
         self.referenced |= bool(np.isfinite(log.reference_position).any())
         low, high = self.times
         self.times = min(low, float(log.time.min())), max(high, float(log.time.max()))

@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot.bags.run_log import RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
@@ -20,8 +21,6 @@ TRUE: Literal['true'] = 'true'
 SEEN: Literal['seen'] = 'seen'
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
-STEP = 0.1  # s; what moves no longer than that is a step, of which the response is looked at
-FEW = 0.01  # share of samples at which a reference of steps moves at most
 FALLS = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
 SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
 
@@ -268,25 +267,14 @@ def nothing_between(first: float, last: float, begin: float, end: float) -> str:
 
 def rest(motion: Motion) -> float | None:
     """Time from which on the reference of a run rests to the end [s]; None where it moves on."""
-    moves = _moves(motion)
-    if not moves.size or moves[-1] + 2 == len(motion.time):
-        return None
-    return float(motion.time[moves[-1] + 1])
+    return _moves(motion).rest
 
 
-def _moves(motion: Motion) -> np.ndarray:
-    """Indices of the samples before which a reference that moves does so; none if it steps."""
-    moves = np.flatnonzero(np.diff(motion.reference_position, axis=0).any(axis=1))
-    if moves.size:
-        first, last = moves[0], moves[-1] + 1
-        if steps(motion.time[last] - motion.time[first], last - first, moves.size):
-            return moves[:0]
+def _moves(motion: Motion) -> ReferenceMoves:
+    """Where the reference of a motion moves."""
+    moves = ReferenceMoves()
+    moves.add(motion.time, motion.reference_position)
     return moves
-
-
-def steps(lasts: float, samples: int, moves: int) -> bool:
-    """Whether a reference steps: it moves so long [s], at some of so many samples."""
-    return lasts < STEP or moves < FEW * samples
 
 
 def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
@@ -308,7 +296,7 @@ def evaluate(motion: Motion, ideal: np.ndarray | None = None, all_of_it: bool = 
             None where it is not known.
         all_of_it: Whether the window is all of it, else the second half of its motion.
     """
-    first = 0 if all_of_it else next(iter(_moves(motion)), 0)
+    first = 0 if all_of_it else _moves(motion).first
     half = slice(0 if all_of_it else (first + len(motion.time)) // 2, None)
     times = motion.time[half]
     distance = distances(motion.poses)

@@ -29,11 +29,11 @@ from parallel_robot_sim.motions import (
     Motions,
     Poses,
     poses_of,
-    saturation,
     sensor_remarks,
     untrue,
 )
 from parallel_robot_sim.plant import MUJOCO
+from parallel_robot_sim.saturation import saturation
 from trajectory_gen.configuration import trajectory_of
 
 SAME = 1e-9  # rad, to which a plant that moves again tells the same

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from parallel_robot.analysis.metrics import steps
+STEP = 0.1  # s; what moves no longer than that is a step, of which the response is looked at
+FEW = 0.01  # share of samples at which a reference of steps moves at most
 
 
 class ReferenceMoves:
@@ -53,11 +54,17 @@ class ReferenceMoves:
         return self._first if self._moves else 0
 
     @property
+    def last(self) -> int:
+        """The sample after its last move."""
+        return self._after
+
+    @property
     def rest(self) -> float | None:
         """Time from which on it rests to the end [s]; None where it moves on."""
         return self._after_time if self._moves and self._after + 1 < self.rows else None
 
     @property
     def _moves(self) -> bool:
+        """Whether it does, but for steps."""
         lasts, samples = self._after_time - self._first_time, self._after - self._first
-        return bool(self._count) and not steps(lasts, samples, self._count)
+        return bool(self._count) and not (lasts < STEP or self._count < FEW * samples)

@@ -26,8 +26,8 @@ from parallel_robot.analysis.metrics import (
     distances,
     rough,
     smooth_over,
-    steps,
 )
+from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_sim.motions import Motion, Motions, Poses
@@ -78,15 +78,14 @@ class RunningMetrics:
         self._number = 0  # of the first pending one
         self._width = 0  # samples on each side of a moving mean
         self._known = True  # whether all ideal torques are known
-        self.count = 0
         self._first = self._last = self._start = math.nan
         self._largest = 0.0
         self._variation: list[float] = []
         self._since = [math.nan] * len(BOUNDS)  # NaN: from the next sample on
         self._was_above = [False] * len(BOUNDS)
         self._nowhere = False
-        self._moved: list[tuple[int, float]] = []  # first and last sample that begins a move
-        self._moves, self._fastest, self._speed = 0, 0.0, 0.0
+        self._moves = ReferenceMoves()
+        self._fastest = self._speed = 0.0
         self._sums: list[tuple[float, ...]] = []
         self._farthest = -math.inf
         self._halved: tuple[list[float], list[float]] = ([], [])
@@ -109,8 +108,13 @@ class RunningMetrics:
                 assert self._ideal is not None and ideal is not None
                 self._ideal = np.concatenate((self._ideal, ideal))
             self._take(len(self._pending.time) - self._width)
-        self.count += len(motion.time)
+        self._moves.add(motion.time, motion.reference_position)
         self._last = float(motion.time[-1])
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return self._moves.rows
 
     def finish(self, ended: bool) -> tuple[Metrics, float | None, Halves | None]:
         """Tell what was found.
@@ -125,8 +129,8 @@ class RunningMetrics:
         if self._pending is not None:
             self._take(len(self._pending.time))
             self._pending = None
-        first, rest = self._motion()
-        count = self.count if ended or rest is None else rest[0] + 1
+        first, rest = self._moves.first, self._moves.rest
+        count = self.count if ended or rest is None else self._moves.last + 1
         length = self._last - self._first
         errors, effort = self._averages()
         found = Metrics(
@@ -147,16 +151,7 @@ class RunningMetrics:
                 falls=self._falls(),
             ),
         )
-        return found, rest and rest[1], self._halves and all_of_it(count, first)
-
-    def _motion(self) -> tuple[int, tuple[int, float] | None]:
-        """The first sample that moves, and where the reference came to rest."""
-        if not self._moved:
-            return 0, None
-        (first, begin), (last, end) = self._moved
-        if steps(end - begin, last - first, self._moves):
-            return 0, None
-        return first, None if last + 1 == self.count else (last, end)
+        return found, rest, self._halves and all_of_it(count, first)
 
     def _take(self, stop: int) -> None:
         """Count the pending samples before one; what later ones do not need is given up."""
@@ -167,7 +162,7 @@ class RunningMetrics:
         kept = slice(max(0, stop - self._width - 1), None)
         self._number += kept.start
         self._done = stop - kept.start
-        self._pending = _rows(self._pending, kept)
+        self._pending = self._pending.rows(kept)
         self._ideal = None if self._ideal is None else self._ideal[kept]
 
     def _of_motion(self, motion: Motion, begin: int, stop: int) -> None:
@@ -187,13 +182,6 @@ class RunningMetrics:
             elif math.isnan(self._since[k]):
                 self._since[k] = float(time[begin])
         steps = np.diff(motion.reference_position[since], axis=0)
-        moves = since.start + np.flatnonzero(steps.any(axis=1))
-        if moves.size:
-            ends = moves[-1] + 1
-            last = self._number + int(ends), float(time[ends])
-            start = self._number + int(moves[0]), float(time[moves[0]])
-            self._moved = [self._moved[0] if self._moved else start, last]
-            self._moves += len(moves)
         if len(steps):
             speeds = np.abs(steps).max(axis=1)
             self._fastest = max(self._fastest, float(speeds.max()))
@@ -358,16 +346,4 @@ def joined(parts: Sequence[Motion]) -> Motion:
             np.concatenate([pose.reference for pose in poses]),
             poses[0].planar,
         ),
-    )
-
-
-def _rows(motion: Motion, rows: slice) -> Motion:
-    """Some samples of a motion."""
-    actual, reference, planar = motion.poses
-    return Motion(
-        motion.time[rows],
-        motion.position[rows],
-        motion.reference_position[rows],
-        motion.effort[rows],
-        Poses(actual[rows], reference[rows], planar),
     )

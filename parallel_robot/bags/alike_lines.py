@@ -40,6 +40,11 @@ class AlikeLines:
             kind.count += 1
             kind.same &= line == kind.first
 
+    def take(self, bag: Path, log: RunLog) -> None:
+        """Take what a window of a bag says of itself."""
+        self.add(log.warnings)
+        self.count(bag, log)
+
     def count(self, bag: Path, log: RunLog) -> None:
         """Count the states of a window that have no reference of their time."""
         known = log.referenced.all() or not np.isfinite(log.reference_position).any()

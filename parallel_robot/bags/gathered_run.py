@@ -67,8 +67,7 @@ def of(bag: Path, windows: Iterator[Recording], columns: Collection[str]) -> Rec
         kind = kind or window.log.kind
         if window.log.kind != kind:
             raise WholeNeededError('the parts of the bag do not hold the same')
-        told.add(window.log.warnings)
-        told.count(bag, window.log)
+        told.take(bag, window.log)
         for name, found in parts.items():
             found.append(getattr(window.log, name))
     if first is None:

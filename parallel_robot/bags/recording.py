@@ -161,20 +161,19 @@ class _Source:
         self._others = message_arrays.decoder(bag, ())
         self._status = statuses.decoder(bag)
         self._told: list[tuple[int, ControllerStatus]] = []
+        self._names: dict[str, Topic] = {}  # of the index; in a broken bag, data may differ
         self._reader = self._indexed() if indexed else None
         if self._reader is None:
             self.found = bag_reader.read(bag, RECORDED, self._condense, memory, view)
+            self._names = self._meant(self.found.channels)
         else:
-            kinds = {name: topic.type for name, topic in self._reader.topics.items()}
-            statuses_of = [name for name, topic in self._meant(kinds).items() if topic == STATUS]
-            skipped = self._reader.without(statuses_of)
+            told = [name for name, topic in self._names.items() if topic == STATUS]
+            skipped = self._reader.without(told)
             self.found = bag_reader.read(bag, (STATUS,), self._condense, memory, view, skipped)
         self._past = history.of(self.found, self._told)
         self._settings = experiment.configuration(
             bag, self.found.metadata, self._past.parameters, view
         )
-        # Of a broken bag index and data may differ.
-        self._names = self._meant(self.found.channels if self._reader is None else kinds)
 
     def recording(
         self, streams: Mapping[str, Sequence[Sequence[Samples]]], span: Span, last: bool = True
@@ -324,7 +323,7 @@ class _Source:
         except BagError:
             return None
         kinds = {name: topic.type for name, topic in reader.topics.items()}
-        meant = self._meant(kinds)
+        meant = self._names = self._meant(kinds)
         planned = any(kinds[name] == planned_motion.STATE for name in meant)
         whole = self._needed(meant.values()) <= {*meant.values()}
         return reader if whole and not planned else None

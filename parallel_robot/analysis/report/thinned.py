@@ -47,10 +47,4 @@ def thinned(motion: Motion, intervals: int) -> Motion:
     columns = [column for values in curves for column in values.T]
     ends = np.array([0, len(motion.time) - 1])
     rows = np.unique(np.concatenate([ends, *(extremes(each, intervals) for each in columns)]))
-    return Motion(
-        motion.time[rows],
-        motion.position[rows],
-        motion.reference_position[rows],
-        motion.effort[rows],
-        Poses(motion.poses.actual[rows], motion.poses.reference[rows], motion.poses.planar),
-    )
+    return motion.rows(rows)

@@ -29,8 +29,9 @@ from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
-from parallel_robot_sim.motions import of_simulation, saturation_of
+from parallel_robot_sim.motions import of_simulation
 from parallel_robot_sim.noise_doubts import noise_doubts
+from parallel_robot_sim.saturation import saturation_of
 from parallel_robot_sim.simulation import RunSummary, Simulation, parts
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.motion_length import with_duration

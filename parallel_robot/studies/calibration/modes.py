@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from parallel_robot.studies.calibration.pose_model import FREE
+from parallel_robot.studies.refused_options import refuse
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 BAG, DESIGN = 'bag', 'design'
@@ -26,12 +27,12 @@ def mode(options: Mapping[str, Any]) -> str:
         if options['scenario'] is None or options['design'] is None:
             raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
         check_free(options['free'])
-        _refuse(options, OF_BAG, '--design reads no bag: no {}')
+        refuse(options, OF_BAG, '--design reads no bag: no {}')
         return DESIGN
     check_free(options['free'])
     if options['design'] is not None:
         raise InputError('--design reads no bag')
-    _refuse(options, ('seed',), '{} goes with --design alone')
+    refuse(options, ('seed',), '{} goes with --design alone')
     if options['poses'] is not None and options['pose-topic'] is not None:
         raise InputError('--poses and --pose-topic exclude each other')
     return BAG
@@ -48,10 +49,3 @@ def check_free(free: Collection[str]) -> None:
     for each in free:
         if each not in FREE:
             raise UnknownNameError('--free', str(each), FREE)
-
-
-def _refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
-    for option in refused:
-        given = options.get(option)
-        if not (given is None or given is False or given in ([], {}, ())):
-            raise InputError(why.format(f'--{option}'))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
+from parallel_robot.studies.refused_options import refuse
 from parallel_robot_model.common.errors import InputError
 
 ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
@@ -25,18 +26,11 @@ def mode(options: Mapping[str, Any]) -> str:
         raise InputError('identify takes either a bag or --design SCENARIO')
     if options['design'] is not None:
         none = ('rest', 'validate', 'figure', 'cutoff', *OF_BAG)
-        _refuse(options, none, '--design reads no bag: no {}')
+        refuse(options, none, '--design reads no bag: no {}')
         return DESIGN
-    _refuse(options, ('trials', 'seed'), '{} goes with --design alone')
+    refuse(options, ('trials', 'seed'), '{} goes with --design alone')
     if options['rest']:
         refused, why = ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
-        _refuse(options, refused, why)
+        refuse(options, refused, why)
         return REST
     return ROBOT
-
-
-def _refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
-    for option in refused:
-        given = options.get(option)
-        if not (given is None or given is False or given in ([], {})):
-            raise InputError(why.format(f'--{option}'))
