@@ -436,6 +436,20 @@ def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simu
     assert 'nan' not in capsys.readouterr().out
 
 
+def test_states_without_a_reference_are_told_once(simulated, monkeypatch, capsys):
+    measured = simulated(**{'safety.reference_timeout': 0.05})
+    bag = measured.with_name('cut')
+    monkeypatch.setattr('parallel_robot.cli.commands.replay.SECONDS', 0.12)  # of a window
+    with BagWriter(bag, topics.RECORDED, recording.read(measured).history.facts) as writer:
+        for topic, stream in content(measured / 'bag_0.mcap').items():
+            for log_time, data in stream[:100] if topic == topics.REFERENCE.name else stream:
+                writer.write(topic, log_time, data)
+    main(['replay', str(bag)])
+    (line,) = (each for each in capsys.readouterr().err.splitlines() if 'no reference' in each)
+    log = recording.read(bag).log
+    assert (~log.referenced).sum() > 100 and f'{(~log.referenced).sum()} states, from t = ' in line
+
+
 @pytest.mark.parametrize('unknown', [{}, {'effort': [0.0, np.nan] * 3}], ids=['missing', 'NaN'])
 def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys):
     measured = simulated()

@@ -208,7 +208,7 @@ class Prepared:
             end or sign * math.inf for end, sign in zip(self.window, (-1, 1), strict=True)
         )
         for log, is_last in _with_last(self.log, self.rest or iter(())):
-            told.add(log.warnings)
+            told.take(self.bag, log)
             log, result = parts.answered(log, is_last)
             if not len(log.time):
                 continue
