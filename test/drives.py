@@ -169,7 +169,7 @@ class Drives(Node):
     def _show(self):
         joints = self._robot.measurement()
         if self._count % EVERY == 0:
-            seen = [*joints.pose, *self._peaks, *joints.position]
+            seen = [*joints.pose, *self._peaks, *joints.position, self._count]
             self._bench.publish(Float64MultiArray(data=list(map(float, seen))))
             self._peaks = np.zeros(2)
         self._count += 1
