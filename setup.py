@@ -11,7 +11,7 @@ NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 DOCS = ['mkdocs-material>=9.6,<10', 'mkdocstrings[python]>=0.30,<2']
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
-MUJOCO = ['mujoco>=3.2']
+MUJOCO = ['mujoco>=3.2.7']
 STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']
@@ -61,6 +61,8 @@ setup(
         'parallel_robot_model.common',
         'parallel_robot_model.compiler',
         'parallel_robot_model.configuration',
+        'parallel_robot_model.mechanisms',
+        'parallel_robot_model.mechanisms.description',
         'parallel_robot_model.messages',
         'parallel_robot_model.nodes',
         'parallel_robot_model.processes',
@@ -80,6 +82,7 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/laws', glob('config/laws/*.yaml')),
         (f'share/{NAME}/config/hardware', glob('config/hardware/*.*')),
+        (f'share/{NAME}/config/machines', glob('config/machines/*.xml')),
         (f'share/{NAME}/config/middleware', glob('config/middleware/*.xml')),
         (f'share/{NAME}/config/robots', glob('config/robots/*.yaml')),
         (f'share/{NAME}/config/scenarios', glob('config/scenarios/*.yaml')),

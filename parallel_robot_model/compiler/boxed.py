@@ -59,7 +59,7 @@ class Boxed:
     """
 
     def __init__(self, value: Any, kind: Any = None) -> None:
-        """Copy a tuple into memory; texts and arrays in it are kept while the process lives.
+        """Copy a tuple into memory; texts in it are kept while the process lives.
 
         Args:
             value: The tuple.
@@ -113,11 +113,28 @@ def _write(value: Any, address: int) -> None:
 def _write_in_kernels(context: Any, value: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = context.get_value_type(value).as_pointer()
-        context.nrt.incref(builder, value, values[0])  # the copy owns its texts and arrays
-        builder.store(values[0], builder.inttoptr(values[1], pointer))
+        copy = _held(context, builder, value, values[0])
+        builder.store(copy, builder.inttoptr(values[1], pointer))
         return context.get_dummy_value()
 
     return types.none(value, types.intp), generate
+
+
+def _held(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Emit a copy of a value that owns its texts; its arrays live as long as the Boxed."""
+    if isinstance(kind, types.BaseTuple):
+        for i, part in enumerate(kind.types):
+            held = _held(context, builder, part, builder.extract_value(value, i))
+            value = builder.insert_value(value, held, i)
+        return value
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo, array.parent = (
+            ir.Constant(pointer.type, None) for pointer in (array.meminfo, array.parent)
+        )
+        return array._getvalue()
+    context.nrt.incref(builder, kind, value)
+    return value
 
 
 @kernel

@@ -50,7 +50,12 @@ Dumper.add_implicit_resolver(*FLOAT)
 def text_of(value: Any) -> str:
     """A number, a text, a truth value or a list of those as one line of YAML."""
     text = yaml.dump(
-        value, Dumper=Dumper, default_flow_style=True, width=math.inf, allow_unicode=True
+        value,
+        Dumper=Dumper,
+        default_flow_style=True,
+        default_style='"' if isinstance(value, str) and '\n' in value else None,
+        width=math.inf,
+        allow_unicode=True,
     )
     return str(text).removesuffix('...\n').rstrip('\n')
 
@@ -123,6 +128,18 @@ def text(path: Path, most: int = plain_data.MAX_LENGTH) -> str:
         InputError: there is none, it cannot be read, is too large or is not a text.
     """
     try:
+        return content(path, most).decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise InputError(f'{path} is not a text in UTF-8') from None
+
+
+def content(path: Path, most: int) -> bytes:
+    """The bytes of a regular file, at most so many.
+
+    Raises:
+        InputError: there is none, it cannot be read or is too large.
+    """
+    try:
         if not path.is_file():  # a pipe or a device may never end
             what = 'is not a file' if path.exists() else 'does not exist'
             raise InputError(f'{path} {what}')
@@ -133,10 +150,7 @@ def text(path: Path, most: int = plain_data.MAX_LENGTH) -> str:
         raise InputError(f'{path} cannot be read: {reason}') from None
     if len(content) > most:
         raise InputError(f'{path} has more than {most} bytes')
-    try:
-        return content.decode('utf-8-sig')
-    except UnicodeDecodeError:
-        raise InputError(f'{path} is not a text in UTF-8') from None
+    return content
 
 
 def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: Placed) -> None:

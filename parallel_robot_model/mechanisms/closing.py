@@ -1,0 +1,204 @@
+"""The posture at given positions of the actuated joints: continued from the one before.
+
+The passive joints follow on their branch. What is found depends on the posture before by no more
+than rounding: it is rounded to a grid, from which the last step is the same for all.
+"""
+
+from __future__ import annotations
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.closure_rates import bias, derive
+from parallel_robot_model.mechanisms.closures import errors, settle
+from parallel_robot_model.mechanisms.copying import clear, copy
+from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
+from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.memory import (
+    arrive,
+    begin_at_memory,
+    correct,
+    go_back,
+    remember,
+)
+from parallel_robot_model.mechanisms.moving import accelerations, motions
+from parallel_robot_model.mechanisms.placing import place
+from parallel_robot_model.mechanisms.tool import follow
+from parallel_robot_model.mechanisms.workspace import SIGN, Workspace
+
+ATTEMPTS = 1000  # steps of one way, those that failed included
+SHORTEST = 2.0**-30  # step, of the rest of the way, that is tried
+LONGEST = 0.5  # rad, change of a passive joint in a step
+CHORDS = 12  # corrections of a step
+BENT = 0.4  # change of the Jacobian in a step, relative, at which corrections converge well
+FAST = 1e3  # rates of passive joints over those of actuated ones, at the end of the reach
+ON_THE_WAY = 1e-7  # accuracy of a posture in between
+EXACT = 2e-14  # and of one that is rounded to the grid next
+NOISE = 1e-11  # corrections below it need not become smaller
+
+
+@kernel
+def close(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
+    """Find the posture at positions of the actuated joints, near that of the memory.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace; the memory is the posture found, and stays in a fault.
+        q: Actuated joints [rad or m], shape (n,).
+
+    Returns:
+        FOUND, NOT_CLOSED, SINGULAR or NOT_FINITE.
+    """
+    fault = begin_at_memory(mechanism, workspace)
+    if fault != FOUND or _same(q, workspace.q):
+        return fault
+    if not finite(q):
+        return NOT_FINITE
+    angle = workspace.angle[0]
+    if len(workspace.error) == 0 and workspace.layout.turns == 0:
+        for j in range(len(q)):
+            workspace.trial[mechanism.actuated[j]] = q[j]
+        place(mechanism, workspace)
+        fault = FOUND
+    else:
+        fault = _go(mechanism, workspace, q)
+    if fault == FOUND:
+        remember(mechanism, workspace)
+    else:
+        go_back(mechanism, workspace, angle)
+    return fault
+
+
+@inner
+def _same(a: Array, b: Array) -> bool:
+    same = True
+    for i in range(len(a)):
+        same &= a[i] == b[i]
+    return same
+
+
+@inner
+def finite(x: Array) -> bool:
+    """Whether all elements are numbers."""
+    total = 0.0
+    for i in range(len(x)):
+        total += 0.0 * x[i]
+    return total == 0.0
+
+
+@inner
+def _go(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
+    """Go from the memory to positions of the actuated joints, step by step."""
+    copy(workspace.all, workspace.here)
+    share = 1.0
+    bent, length = _direct(mechanism, workspace, q)
+    for _ in range(ATTEMPTS):
+        if share < SHORTEST:
+            break
+        last = share >= 1.0
+        failed = FOUND
+        if not _step(mechanism, workspace, q, share, bent, length):
+            failed = NOT_CLOSED
+        elif last:
+            sign = workspace.state[SIGN]
+            failed = arrive(mechanism, workspace)
+            if failed == FOUND and workspace.state[SIGN] != sign:
+                workspace.state[SIGN] = sign
+                failed = SINGULAR
+        elif settle(mechanism, workspace) != workspace.state[SIGN]:
+            failed = SINGULAR
+        if failed == FOUND and not follow(mechanism, workspace):
+            failed = NOT_CLOSED
+        if failed == FOUND and last:
+            return FOUND
+        if failed == FOUND:
+            copy(workspace.trial, workspace.here)
+            derive(mechanism, workspace)
+            bent, length = _direct(mechanism, workspace, q)
+            share = 2.0 * share / (1.0 - share)
+            share = share if share < 0.9 else 1.0
+            continue
+        if last or failed == SINGULAR:
+            _return_here(mechanism, workspace)
+        share *= 0.5
+    return _what_stops(mechanism, workspace, length)
+
+
+@inner
+def _what_stops(mechanism: Mechanism, workspace: Workspace, length: float) -> int:
+    """Why a way ends at `here`: beyond its reach a machine would move ever faster."""
+    driven = 0.0
+    for j in range(len(mechanism.actuated)):
+        i = mechanism.actuated[j]
+        driven = max(driven, abs(workspace.way[0, i]) / workspace.layout.scale[i])
+    return NOT_CLOSED if not length <= FAST * driven else SINGULAR
+
+
+@inner
+def _return_here(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Have the factors of the last posture of the way again."""
+    copy(workspace.here, workspace.trial)
+    settle(mechanism, workspace)
+
+
+@inner
+def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float, float]:
+    """Write the derivatives of the way to q.
+
+    Returns:
+        How much the Jacobian changes on it, relative, and the way of the passive joints.
+    """
+    way, W, here = workspace.way, workspace.W, workspace.here
+    clear(way[0])
+    for i in range(len(here)):
+        for j in range(len(q)):
+            way[0, i] += W[i, j] * (q[j] - here[mechanism.actuated[j]])
+    if len(workspace.error) == 0:
+        clear(way[1])
+        return 0.0, 0.0
+    motions(mechanism, workspace, way[0])
+    clear(way[1])
+    accelerations(mechanism, workspace, way[0], way[1])
+    bias(mechanism, workspace, way[1])
+    first, second = 0.0, 0.0
+    for c in range(len(workspace.layout.passive)):
+        i = workspace.layout.passive[c]
+        way[1, i] *= 0.5
+        first = max(first, abs(way[0, i]) / workspace.layout.scale[i])
+        second = max(second, abs(way[1, i]) / workspace.layout.scale[i])
+    return 2.0 * second / first if first > 0.0 else 0.0, first
+
+
+@inner
+def _step(
+    mechanism: Mechanism, workspace: Workspace, q: Array, share: float, bent: float, length: float
+) -> bool:
+    """Go a share of the way, and close the loops there with the factors from its begin."""
+    trial, here, way = workspace.trial, workspace.here, workspace.way
+    bent *= share
+    length *= share
+    if not (bent <= BENT and length <= LONGEST):
+        return False
+    for i in range(len(trial)):
+        trial[i] = here[i] + share * (way[0, i] + share * way[1, i])
+    if share >= 1.0:
+        for j in range(len(q)):
+            trial[mechanism.actuated[j]] = q[j]
+    if len(workspace.error) == 0:
+        place(mechanism, workspace)
+        return True
+    enough = EXACT if share >= 1.0 else ON_THE_WAY
+    before = length + 10.0 * ON_THE_WAY  # the posture where the way begins is not closed better
+    for k in range(CHORDS):
+        place(mechanism, workspace)
+        errors(mechanism, workspace)
+        size = correct(workspace)
+        if not size <= (BENT * before if k > 0 else before) + NOISE:
+            return False
+        if k > 0 and before > NOISE:
+            bent = max(bent, size / before)
+        if size * bent <= enough:
+            return True
+        if size <= NOISE and size >= BENT * before:
+            return True
+        before = size
+    return False

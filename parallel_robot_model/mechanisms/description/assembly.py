@@ -1,0 +1,193 @@
+"""A tree with its loops and its tool, as numbers in one unit and as a mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.mechanisms.description.closures import (
+    Equation,
+    equations,
+    jacobian,
+    missed,
+)
+from parallel_robot_model.mechanisms.description.freedoms import Freedoms
+from parallel_robot_model.mechanisms.description.parts import BALL, Description, Frame
+from parallel_robot_model.mechanisms.description.tool import Tool
+from parallel_robot_model.mechanisms.description.tree import AXES, Posture, Tree, place, turn
+from parallel_robot_model.mechanisms.mechanism import (
+    BASE,
+    COUPLING,
+    HINGE,
+    POINT,
+    SLIDE,
+    TURN,
+    Index,
+    Mechanism,
+)
+
+
+class Assembly(NamedTuple):
+    """A tree, what closes it and what it moves.
+
+    Attributes:
+        tree: The links.
+        equations: What closes their loops, redundant ones, too.
+        tool: What is controlled.
+        home: Positions of the links [rad or m], shape (N,).
+        length: By which angles and lengths are compared [m].
+        unit: What makes each residual a length [1 or rad/m], shape (R,).
+    """
+
+    tree: Tree
+    equations: tuple[Equation, ...]
+    tool: Tool
+    home: Array
+    length: float
+    unit: Array
+
+    def missed(self, q: Array) -> Array:
+        """By how much positions miss each equation [m], angles times the length, shape (R,)."""
+        return np.abs(missed(self.equations, self.tree, q) / self.unit)
+
+    def gap(self, q: Array) -> float:
+        """The greatest of them."""
+        return float(self.missed(q).max(initial=0.0))
+
+    def distance(self, q: Array) -> float:
+        """The greatest distance of what should coincide [m]."""
+        points = np.array([equation.kind == POINT for equation in self.equations], dtype=bool)
+        return float(self.missed(q)[points].max(initial=0.0))
+
+    def closures(self, scaled: bool = True) -> Array:
+        """Derivative of the equations by the positions at home, shape (R, N).
+
+        Args:
+            scaled: Whether lengths count as angles; else the positions have their units.
+        """
+        matrix = jacobian(self.equations, place(self.tree, self.home)) / self.unit[:, None]
+        return matrix / self.length * self.steps if scaled else matrix
+
+    def motion_of(self, frame: Frame) -> Array:
+        """Motion of a frame of a link at home, lengths counted as angles, shape (6, N)."""
+        rate, turning = place(self.tree, self.home).rates(frame)
+        return np.vstack([rate / self.length, turning]) * self.steps
+
+    @property
+    def steps(self) -> Array:
+        """What moves points of the machine by about its length, by joint, shape (N,)."""
+        return np.array([1.0 if link.kind == HINGE else self.length for link in self.tree.links])
+
+
+class Inertia(NamedTuple):
+    """Masses of the N links.
+
+    Attributes:
+        mass: Masses [kg], shape (N,).
+        centre: Centres of mass in the frames of the links [m], shape (N, 3).
+        inertia: About them in these frames [kg m^2], shape (N, 3, 3).
+    """
+
+    mass: Array
+    centre: Array
+    inertia: Array
+
+
+def assembled(description: Description, tree: Tree, at: Posture) -> Assembly:
+    """A tree in a posture, its loops still open, without a tool.
+
+    Args:
+        description: The robot.
+        tree: Its links.
+        at: Positions of its joints.
+    """
+    closing = equations(description, tree)
+    values = (0.0 if link.joint.kind == BALL else at[link.joint.name] for link in tree.links)
+    home = np.array([value for value in values if not isinstance(value, tuple)])
+    length = _length(tree, closing, home)
+    unit = [1.0 if _is_length(equation, tree) else 1.0 / length for equation in closing]
+    return Assembly(tree, closing, Tool('', Frame(BASE)), home, length, np.array(unit))
+
+
+def rebased(parts: Assembly, closed: Array) -> Assembly:
+    """The same at home in a posture, where all balls are at zero, their hinges orthogonal."""
+    links, home = list(parts.tree.links), closed.copy()
+    for i, link in enumerate(links):
+        if link.joint.kind == BALL and link.name.endswith(AXES[0]):
+            turned = link.rotation
+            for step in range(3):
+                turned = turned @ turn(links[i + step].axis, closed[i + step])
+            links[i] = link._replace(rotation=turned)
+            home[i : i + 3] = 0.0
+    return parts._replace(tree=parts.tree._replace(links=tuple(links)), home=home)
+
+
+def _is_length(equation: Equation, tree: Tree) -> bool:
+    slides = equation.kind == COUPLING and tree.links[equation.first.body].kind == SLIDE
+    return slides or equation.kind == POINT
+
+
+def _length(tree: Tree, closing: tuple[Equation, ...], home: Array) -> float:
+    """The greatest distance of joints and loops from their middle [m], two digits."""
+    places = place(tree, home)
+    frames = [frame for e in closing if e.kind == POINT for frame in (e.first, e.second)]
+    points = [*places.position, *(places.frame(frame)[1] for frame in frames)]
+    spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
+    return float(f'{spread:.2g}') or 1.0
+
+
+def as_mechanism(
+    description: Description,
+    parts: Assembly,
+    freedoms: Freedoms,
+    inertia: Inertia,
+    coordinate: tuple[int, ...],
+) -> Mechanism:
+    """The value that kernels take."""
+    links = parts.tree.links
+    chosen = [parts.equations[i] for i in freedoms.rows]
+    tool = parts.tool.frame
+    turned = [
+        e.first.rotation @ e.second.rotation.T if e.kind == TURN else np.eye(3) for e in chosen
+    ]
+    return Mechanism(
+        parent=_index(link.parent for link in links),
+        kind=_index(link.kind for link in links),
+        rotation=_array((link.rotation for link in links), 3, 3),
+        origin=_array((link.origin for link in links), 3),
+        axis=_array((link.axis for link in links), 3),
+        mass=inertia.mass,
+        centre=inertia.centre,
+        inertia=inertia.inertia,
+        armature=_array(link.joint.armature for link in links),
+        gravity=np.array(description.gravity, dtype=float),
+        closure=_index(e.kind for e in chosen),
+        first=_index(e.first.body for e in chosen),
+        second=_index(e.second.body for e in chosen),
+        first_point=_array((e.first.position for e in chosen), 3),
+        second_point=_array((e.second.position for e in chosen), 3),
+        turned=_array(turned, 3, 3),
+        direction=_array((e.direction for e in chosen), 3),
+        ratio=_array(e.ratio for e in chosen),
+        offset=_array(e.offset for e in chosen),
+        actuated=_index(freedoms.actuated),
+        passive=_index(freedoms.passive),
+        home=parts.home,
+        tool=tool.body,
+        tool_point=np.array(tool.position),
+        tool_rotation=np.array(tool.rotation),
+        tool_home=place(parts.tree, parts.home).frame(tool)[0],
+        coordinate=_index(coordinate),
+        length=parts.length,
+    )
+
+
+def _index(values: Iterable[int]) -> Index:
+    return np.array(list(values), dtype=np.int64)
+
+
+def _array(values: Iterable[Any], *shape: int) -> Array:
+    return np.array(list(values), dtype=float).reshape(-1, *shape)

@@ -1,0 +1,147 @@
+"""The posture in which a machine begins: named, given, or the zero of its file; then closed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.mechanisms.description.assembly import Assembly
+from parallel_robot_model.mechanisms.description.bounds import LARGEST
+from parallel_robot_model.mechanisms.description.closures import jacobian, residuals
+from parallel_robot_model.mechanisms.description.parts import BALL, Description
+from parallel_robot_model.mechanisms.description.tree import Posture, place
+
+NAME = 'home'  # of the keyframe that is taken if none is named
+MET = 1e-5  # what closures that contradict each other may leave open, relative to the length
+SPREADS = 0.0, 0.1, 0.3, 0.5, 1.0, 1.0  # rad or m, of starts where one leads nowhere
+DIGITS = 9  # of positions that were searched
+ROUNDS = 100  # of a search for a closed posture
+EXACT = 1e-14  # relative to the length
+BETTER, PATIENCE = 0.98, 8  # what a round should reach, and rounds without that in which it ends
+DAMPING = 1e-3
+LONGEST = 0.3  # rad, or of the length, of a step
+
+
+def posture(description: Description, home: str | Mapping[str, float]) -> Posture:
+    """Positions of the joints before the loops are closed.
+
+    Args:
+        description: The robot.
+        home: Empty: the keyframe called home, or the zero of the file; the name of a keyframe; or
+            positions of joints, the others at zero, e.g. ``'elbow=1.2, wrist=0'``.
+
+    Raises:
+        InputError: there is no such keyframe or joint, or a position is no number.
+    """
+    known = description.keyframes
+    zero: dict[str, float | tuple[float, ...]] = {
+        joint.name: joint.zero for joint in description.joints if joint.kind != BALL
+    }
+    if isinstance(home, str) and '=' not in home:
+        name = home or NAME
+        if name in known:
+            return known[name]
+        if home:
+            raise UnknownNameError('keyframe', home, known)
+        return zero
+    given = _positions(home) if isinstance(home, str) else home
+    for name, value in given.items():
+        if name not in zero:
+            raise UnknownNameError('joint', name, zero)
+        if not abs(value) < LARGEST:
+            raise InputError(f'home: {printable(name)} must be a finite number, not {value:g}')
+    return zero | dict(given)
+
+
+def _positions(text: str) -> dict[str, float]:
+    positions = {}
+    for part in text.split(','):
+        name, _, value = part.rpartition('=')
+        try:
+            positions[name.strip()] = float(value)
+        except ValueError:
+            raise InputError(
+                f'home: {printable(part.strip())!r} must be a joint and its position, as in '
+                'elbow=1.2'
+            ) from None
+    return positions
+
+
+def close(parts: Assembly, actuated: list[int], held: list[int]) -> Array:
+    """The closed posture near home, with the actuated joints where they are if possible.
+
+    Args:
+        parts: The machine.
+        actuated: Joints that are kept if the loops can be closed without them.
+        held: Joints that are kept.
+
+    Returns:
+        Positions [rad or m], shape (N,): those that meet the equations best.
+    """
+    q = parts.home
+    free = [i for i in range(len(q)) if i not in held]
+    best = fitted(parts, q, [i for i in free if i not in actuated])
+    random = np.random.default_rng(0)
+    for spread in SPREADS:
+        if parts.gap(best) < MET * parts.length:
+            break
+        start = q.copy()
+        start[free] += (spread * random.uniform(-1.0, 1.0, len(q)) * parts.steps)[free]
+        moved = fitted(parts, start, free)
+        best = moved if parts.gap(moved) < 0.5 * parts.gap(best) else best
+    return best
+
+
+def fitted(parts: Assembly, q: Array, free: list[int]) -> Array:
+    """Positions that miss the equations least, near others, by damped steps of least length.
+
+    Args:
+        parts: The machine.
+        q: Where to begin [rad or m], shape (N,).
+        free: Joints that move.
+
+    Source:
+        Sugihara (2011), Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt
+        method, IEEE Transactions on Robotics 27(5): the damping follows the residual.
+    """
+    best, least, steps, stalled = q, np.inf, parts.steps[free], 0
+    scale = parts.unit * parts.length
+    for _ in range(ROUNDS if free else 0):
+        places = place(parts.tree, q)
+        missing = residuals(parts.equations, places, q) / scale
+        size = float(np.linalg.norm(missing))
+        stalled = 0 if size < BETTER * least else stalled + 1
+        if size < least:
+            best, least = q, size
+        if size < EXACT or stalled == PATIENCE:
+            break
+        matrix = jacobian(parts.equations, places)[:, free] / scale[:, None] * steps
+        damping = (DAMPING * size**2 + EXACT) * np.eye(len(matrix))
+        step = matrix.T @ np.linalg.solve(matrix @ matrix.T + damping, missing)
+        q = q.copy()
+        q[free] -= step * (LONGEST / max(np.abs(step).max(), LONGEST)) * steps
+    return best
+
+
+def on_grid(q: Array, start: Array) -> Array:
+    """Positions rounded where they moved, so that noise of other libraries does not matter."""
+    return np.where(q == start, q, np.round(q, DIGITS))
+
+
+def polished(parts: Assembly, rows: list[int], passive: list[int]) -> Array:
+    """Home with the chosen equations met to the last digits, by Newton's method, shape (N,)."""
+    q, chosen = parts.home, tuple(parts.equations[i] for i in rows)
+    best, least = q, np.inf
+    for _ in range(ROUNDS if rows else 0):
+        places = place(parts.tree, q)
+        missing = residuals(chosen, places, q)
+        if np.abs(missing).max() >= least:
+            break
+        best, least = q, np.abs(missing).max()
+        q = q.copy()
+        q[passive] -= np.linalg.solve(jacobian(chosen, places)[:, passive], missing)
+    return best

@@ -1,0 +1,181 @@
+"""A tree of hinges and slides made of bodies and joints, and where it is at a posture.
+
+Run a few times when a description is read: plain NumPy, no kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.mechanisms.description.parts import (
+    BALL,
+    SLIDE,
+    WORLD,
+    Description,
+    Frame,
+    Joint,
+)
+from parallel_robot_model.mechanisms.mechanism import BASE
+from parallel_robot_model.mechanisms.mechanism import HINGE as TURNING
+from parallel_robot_model.mechanisms.mechanism import SLIDE as SLIDING
+
+AXES = 'xyz'
+
+Posture = Mapping[str, float | tuple[float, ...]]  # joint to position, of a ball a quaternion
+
+
+class Link(NamedTuple):
+    """What one hinge or slide of the tree moves.
+
+    Attributes:
+        name: Of the joint; of a ball with the axis, e.g. ``ball.x``.
+        joint: The joint of the description.
+        body: Index of its body in the description.
+        parent: Index of the link before, or BASE.
+        kind: TURNING or SLIDING.
+        rotation: Frame at position zero, seen from the parent's, shape (3, 3).
+        origin: Its origin in the frame of the parent [m], shape (3,).
+        axis: Unit vector in its frame, shape (3,).
+    """
+
+    name: str
+    joint: Joint
+    body: int
+    parent: int
+    kind: int
+    rotation: Array
+    origin: Array
+    axis: Array
+
+
+class Tree(NamedTuple):
+    """Links, and where the bodies of the description are on them.
+
+    Attributes:
+        links: Each after its parent.
+        hosts: By body: the frame of the link that carries it, whose `body` is the index of the
+            link, or BASE.
+    """
+
+    links: tuple[Link, ...]
+    hosts: tuple[Frame, ...]
+
+    def on_link(self, frame: Frame) -> Frame:
+        """A frame on a body as one on its link."""
+        return frame if frame.body == WORLD else joined(self.hosts[frame.body], frame)
+
+
+class Places(NamedTuple):
+    """Where the links of a tree are.
+
+    Attributes:
+        rotation: Frames in the world, shape (N, 3, 3).
+        position: Their origins [m], shape (N, 3).
+        axis: Axes in the world, shape (N, 3).
+        path: Whether link j moves link i, shape (N, N).
+        turning: Whether links turn, not slide, shape (N,).
+    """
+
+    rotation: Array
+    position: Array
+    axis: Array
+    path: Array
+    turning: Array
+
+    def frame(self, frame: Frame) -> tuple[Array, Array]:
+        """Rotation, shape (3, 3), and origin [m], shape (3,), of a frame of a link."""
+        if frame.body == BASE:
+            return frame.rotation, frame.position
+        rotation = self.rotation[frame.body]
+        return rotation @ frame.rotation, self.position[frame.body] + rotation @ frame.position
+
+    def rates(self, frame: Frame) -> tuple[Array, Array]:
+        """Rate of the origin of a frame of a link and its angular rate by joint, (3, N) each."""
+        if frame.body == BASE:
+            return np.zeros((3, len(self.axis))), np.zeros((3, len(self.axis)))
+        moves = self.path[frame.body][:, None]
+        arm = self.frame(frame)[1] - self.position
+        turning = self.turning[:, None]
+        rate = np.where(turning, np.cross(self.axis, arm), self.axis) * moves
+        return rate.T, np.where(turning, self.axis, 0.0).T * moves.T
+
+
+def joined(first: Frame, second: Frame) -> Frame:
+    """A frame that is known from another one, seen from what the other is seen from."""
+    return Frame(
+        first.body,
+        first.rotation @ second.rotation,
+        first.position + first.rotation @ second.position,
+    )
+
+
+def turn(axis: Array, angle: float) -> Array:
+    """Rotation about an axis, shape (3, 3); exactly none for an angle of zero."""
+    return Rotation.from_rotvec(axis * angle).as_matrix() if angle else np.eye(3)
+
+
+def build(description: Description, posture: Posture) -> Tree:
+    """The tree of a description.
+
+    Args:
+        description: Its bodies and joints.
+        posture: Balls turn from here: all three hinges of one are zero at its quaternion.
+    """
+    links: list[Link] = []
+    hosts: list[Frame] = []
+    joints = description.joints
+    for i, body in enumerate(description.bodies):
+        frame = Frame(body.parent, body.rotation, body.position)
+        frame = frame if body.parent == WORLD else joined(hosts[body.parent], frame)
+        for joint in (joint for joint in joints if joint.body == i):
+            frame = _add(links, i, joint, frame, posture.get(joint.name))
+        hosts.append(frame)
+    return Tree(tuple(links), tuple(hosts))
+
+
+def _add(links: list[Link], body: int, joint: Joint, frame: Frame, value: object) -> Frame:
+    """Append the links of a joint that moves a frame; return the frame on the last of them."""
+    at = joined(frame, Frame(WORLD, position=joint.anchor))
+    rotation, origin = at.rotation, at.position
+    if joint.kind == BALL:
+        if isinstance(value, tuple):
+            rotation = rotation @ Rotation.from_quat(value, scalar_first=True).as_matrix()
+        steps = [(f'{joint.name}.{AXES[i]}', TURNING, np.eye(3)[i]) for i in range(3)]
+    elif joint.kind == SLIDE:
+        origin = origin - rotation @ joint.axis * joint.zero
+        steps = [(joint.name, SLIDING, joint.axis)]
+    else:
+        rotation = rotation @ turn(joint.axis, -joint.zero)
+        steps = [(joint.name, TURNING, joint.axis)]
+    parent = frame.body
+    for name, kind, axis in steps:
+        links.append(Link(name, joint, body, parent, kind, rotation, origin, axis))
+        parent, rotation, origin = len(links) - 1, np.eye(3), np.zeros(3)
+    return Frame(parent, position=-joint.anchor)
+
+
+def place(tree: Tree, q: Array) -> Places:
+    """Where the links are at positions [rad or m], shape (N,)."""
+    count = len(tree.links)
+    rotation, position = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    path = np.zeros((count, count), dtype=bool)
+    for i, link in enumerate(tree.links):
+        before, origin = (np.eye(3), np.zeros(3))
+        if link.parent != BASE:
+            before, origin = rotation[link.parent], position[link.parent]
+            path[i] = path[link.parent]
+        path[i, i] = True
+        rotation[i] = before @ link.rotation
+        position[i] = origin + before @ link.origin
+        if link.kind == SLIDING:
+            position[i] += rotation[i] @ link.axis * q[i]
+        else:
+            rotation[i] = rotation[i] @ turn(link.axis, q[i])
+    axis = np.array([rotation[i] @ link.axis for i, link in enumerate(tree.links)])
+    turning = np.array([link.kind == TURNING for link in tree.links], dtype=bool)
+    return Places(rotation, position, axis.reshape(-1, 3), path, turning)

@@ -1,0 +1,200 @@
+"""URDF, with what closes loops: mimic, constraint, loop, coupling, closed_loop, two parents."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+import numpy as np
+
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.configuration.xml_tree import Node, children, refused
+from parallel_robot_model.mechanisms.description import urdf_closures
+from parallel_robot_model.mechanisms.description.graph import Edge, Link, built
+from parallel_robot_model.mechanisms.description.parts import (
+    BALL,
+    HINGE,
+    SLIDE,
+    WORLD,
+    Actuator,
+    Coupling,
+    Description,
+    Frame,
+    Joint,
+)
+from parallel_robot_model.mechanisms.description.telling import listed
+from parallel_robot_model.mechanisms.description.values import (
+    MOMENTS,
+    attribute,
+    child,
+    name_of,
+    number,
+    origin,
+    symmetric,
+    unique,
+    unit,
+    unknown,
+    vector,
+)
+
+KINDS = {
+    'revolute': HINGE, 'continuous': HINGE, 'prismatic': SLIDE, 'fixed': '', 'spherical': BALL,
+    'ball': BALL,
+}  # fmt: skip
+FREE = {'floating': 'floats', 'planar': 'slides in a plane'}
+CLOSING = re.compile('closing|closed_?loop', re.IGNORECASE)  # what exporters name ends of loops
+GRAVITY = 0.0, 0.0, -9.81  # m/s^2
+KNOWN = {
+    'link', 'joint', 'transmission', 'ros2_control', 'name_mot', 'joint_type', *urdf_closures.TAGS,
+}  # fmt: skip
+
+
+def read(robot: Node, source: str) -> Description:
+    """A description from URDF.
+
+    Args:
+        robot: The element <robot>.
+        source: What the file is called in messages.
+
+    Raises:
+        InputError: it is no valid URDF, or the robot has what this suite does not know.
+    """
+    links = {name: _link(node) for name, node in unique(children(robot, 'link')).items()}
+    joints = unique(children(robot, 'joint'))
+    kinds = urdf_closures.kinds(robot, joints)
+    edges = [_edge(node, links, kinds.get(name)) for name, node in joints.items()]
+    edges += urdf_closures.edges(robot, links)
+    actuators = _actuators(robot, joints)
+    carried = {edge.child for edge in edges if edge.node.tag == 'joint'}
+    roots = [name for name in links if name not in carried]
+    if not links:
+        raise InputError(f'{source} has no links')
+    graph = built(source, list(links.values()), edges, roots, False, {a.joint for a in actuators})
+    frames = {name: Frame(body) for name, body in graph.places.items()}
+    ends = {edge.name: Frame(graph.places[edge.child]) for edge in edges} | frames
+    return Description(
+        source=source,
+        bodies=tuple(graph.bodies),
+        joints=tuple(graph.joints),
+        loops=(*graph.loops, *urdf_closures.loops(robot, ends)),
+        couplings=(*_mimics(joints), *urdf_closures.couplings(robot, edges)),
+        actuators=tuple(actuators),
+        frames=frames,
+        keyframes={},
+        gravity=np.array(GRAVITY),
+        doubts=tuple(_doubts(robot, roots, links)),
+    )
+
+
+def _link(node: Node) -> Link:
+    inertial = child(node, 'inertial')
+    if inertial is None:
+        return Link(name_of(node))
+    frame, moments = origin(child(inertial, 'origin')), child(inertial, 'inertia')
+    inertia = symmetric(np.array([number(moments, key) for key in MOMENTS]))
+    mass = number(child(inertial, 'mass'), 'value')
+    if mass < 0.0:
+        raise refused(node, f'has a negative mass, {mass:g} kg')
+    return Link(name_of(node), mass, frame.position, frame.rotation @ inertia @ frame.rotation.T)
+
+
+def _edge(node: Node, links: dict[str, Link], steps: tuple[Joint, ...] | None) -> Edge:
+    ends = []
+    for tag in ('parent', 'child'):
+        end = child(node, tag)
+        if end is None:
+            raise refused(node, f'has no {tag}')
+        name = attribute(end, 'link')
+        if name not in links:
+            raise unknown(node, 'link', name)
+        ends.append(name)
+    if ends[0] == ends[1]:
+        raise refused(node, f'joins the link {printable(ends[0])!r} with itself')
+    at = origin(child(node, 'origin'))
+    steps = (_step(node),) if steps is None else steps
+    steps = tuple(step for step in steps if step.kind)
+    return Edge(node, name_of(node), ends[0], ends[1], at, Frame(WORLD), steps)
+
+
+def _step(node: Node) -> Joint:
+    """The hinge, slide or ball of a joint; of a fixed one without a kind."""
+    kind = attribute(node, 'type')
+    if kind in FREE:
+        raise refused(node, f'{FREE[kind]}; a robot must be fixed to the world')
+    if kind not in KINDS:
+        known = ', '.join(KINDS)
+        raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
+    if not KINDS[kind]:
+        return Joint('', WORLD, '', np.zeros(3))
+    limit, dynamics = child(node, 'limit'), child(node, 'dynamics')
+    limited = kind in ('revolute', 'prismatic')
+    return Joint(
+        name='',
+        body=WORLD,
+        kind=KINDS[kind],
+        axis=unit(node, vector(child(node, 'axis'), 'xyz', (1.0, 0.0, 0.0))),
+        lower=number(limit, 'lower', -np.inf) if limited else -np.inf,
+        upper=number(limit, 'upper', np.inf) if limited else np.inf,
+        effort=number(limit, 'effort') or np.inf,
+        velocity=number(limit, 'velocity') or np.inf,
+        viscous=number(dynamics, 'damping'),
+        coulomb=number(dynamics, 'friction'),
+    )
+
+
+def _mimics(joints: dict[str, Node]) -> list[Coupling]:
+    """The joints that follow others."""
+    found = []
+    for name, node in joints.items():
+        mimic = child(node, 'mimic')
+        if mimic is None or node.get('type') == 'fixed':
+            continue
+        other = attribute(mimic, 'joint')
+        if other not in joints or other == name:
+            raise unknown(node, 'joint', other)
+        ratio, offset = number(mimic, 'multiplier', 1.0), number(mimic, 'offset')
+        found.append(Coupling(f'mimic of {name}', name, other, ratio, offset))
+    return found
+
+
+def _actuators(robot: Node, joints: dict[str, Node]) -> list[Actuator]:
+    """What drives joints: name_mot, else command interfaces and transmissions, else independent.
+
+    Raises:
+        InputError: one names a joint that does not exist.
+    """
+    named = [(node, attribute(node, 'joint')) for node in children(robot, 'name_mot')]
+    if not named:
+        named = [
+            (node, name_of(node))
+            for parent in children(robot, 'transmission') + children(robot, 'ros2_control')
+            for node in children(parent, 'joint')
+            if parent.tag == 'transmission' or children(node, 'command_interface')
+        ]
+    if not named and any(node.get('independent') for node in joints.values()):
+        named = [
+            (node, name)
+            for name, node in joints.items()
+            if node.get('independent', 'true') == 'true' and node.get('type') != 'fixed'
+        ]
+    for node, name in named:
+        if name not in joints:
+            raise unknown(node, 'joint', name)
+    following = {name for name, node in joints.items() if children(node, 'mimic')}
+    still = {name for name, node in joints.items() if node.get('type') == 'fixed'}
+    names = dict.fromkeys(name for _, name in named if name not in following | still)
+    return [Actuator(name, name) for name in names]
+
+
+def _doubts(robot: Node, roots: list[str], links: Collection[str]) -> list[str]:
+    """What people should know of how the file was read."""
+    doubts = []
+    if len(roots) > 1:
+        doubts.append(f'links without a parent are fixed to the world: {listed(roots)}')
+    if tags := dict.fromkeys(f'<{node.tag}>' for node in children(robot) if node.tag not in KNOWN):
+        doubts.append(f'unknown elements are left out: {listed(tags)}')
+    ends = [name for name in links if CLOSING.search(name)]
+    if ends and not any(children(robot, tag) for tag in urdf_closures.TAGS):
+        doubts.append(f'nothing closes the loops that links are named after: {listed(ends)}')
+    return doubts

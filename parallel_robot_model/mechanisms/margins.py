@@ -1,0 +1,64 @@
+"""How far a machine is from its singularities."""
+
+from __future__ import annotations
+
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.copying import clear_matrix
+from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.singular_values import evenness
+from parallel_robot_model.mechanisms.tool import place_tool, tool_jacobian, tool_unit, turning
+from parallel_robot_model.mechanisms.workspace import Workspace
+
+
+@kernel
+def margins(mechanism: Mechanism, workspace: Workspace) -> tuple[float, float]:
+    """Distances from singularities at the closed posture.
+
+    Both are the smallest singular value of a Jacobian over the root mean square of all: 0 where
+    it is singular, 1 where no direction is better than another. Lengths are measured in the length
+    of the mechanism, so that they compare with angles.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace.
+
+    Returns:
+        That of the closures by the passive joints: at 0 the machine yields though its actuated
+        joints are held (type 2); 1 without loops. That of the pose by the actuated joints: at 0
+        the tool cannot move in some direction (type 1); 1 if the pose is the joints.
+    """
+    closed, free = 1.0, 1.0
+    if len(workspace.error) > 0:
+        closed = _of_closures(workspace)
+    if len(mechanism.coordinate) > 0:
+        place_tool(mechanism, workspace)
+        tool_jacobian(mechanism, workspace, turning(mechanism, workspace, (0.0, 0.0, 0.0)))
+        free = _of_tool(mechanism, workspace)
+    return closed, free
+
+
+@inner
+def _of_closures(workspace: Workspace) -> float:
+    r, a, gram = len(workspace.error), workspace.jacobian, workspace.closure_gram
+    clear_matrix(gram)
+    for row in range(r):
+        for i in range(r):
+            x = a[row, i]
+            if x != 0.0:
+                for k in range(i + 1):
+                    gram[i, k] += x * a[row, k]
+    return evenness(gram, workspace.tridiagonal)
+
+
+@inner
+def _of_tool(mechanism: Mechanism, workspace: Workspace) -> float:
+    n, a, gram = len(workspace.q), workspace.tool_jacobian, workspace.tool_gram
+    scale, actuated = workspace.layout.scale, mechanism.actuated
+    for i in range(n):
+        for k in range(i + 1):
+            total = 0.0
+            for row in range(len(a)):
+                unit = tool_unit(mechanism, row)
+                total += unit * a[row, i] * unit * a[row, k]
+            gram[i, k] = scale[actuated[i]] * total * scale[actuated[k]]
+    return evenness(gram, workspace.tridiagonal)

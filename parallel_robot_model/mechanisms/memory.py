@@ -1,0 +1,105 @@
+"""The posture that a workspace keeps, and how a new one becomes it.
+
+Its last bits do not tell where it was looked for: passive positions are rounded to a grid, from
+which the last step is the same for all.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parallel_robot_model.compiler import inner
+from parallel_robot_model.mechanisms.closure_rates import derive
+from parallel_robot_model.mechanisms.closures import settle
+from parallel_robot_model.mechanisms.copying import copy
+from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, SINGULAR
+from parallel_robot_model.mechanisms.linear_solve import solve_vector
+from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.placing import place
+from parallel_robot_model.mechanisms.tool import follow
+from parallel_robot_model.mechanisms.workspace import PLACED, SIGN, Workspace
+
+CLOSED = 1e-12  # error of a closed posture, in units of the length
+POLISHED = 1e-13  # and at which no further step is needed
+
+
+@inner
+def begin_at_memory(mechanism: Mechanism, workspace: Workspace) -> int:
+    """Place the joints at the memory if that is not done yet."""
+    if workspace.state[PLACED] != 0:
+        return FOUND
+    copy(workspace.all, workspace.trial)
+    copy(workspace.all, workspace.here)
+    fault = arrive(mechanism, workspace)
+    if fault == FOUND:
+        follow(mechanism, workspace)
+        remember(mechanism, workspace)
+        workspace.state[PLACED] = 1
+    return fault
+
+
+@inner
+def remember(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Let the memory be the trial."""
+    copy(workspace.trial, workspace.all)
+    for j in range(len(workspace.q)):
+        workspace.q[j] = workspace.trial[mechanism.actuated[j]]
+
+
+@inner
+def go_back(mechanism: Mechanism, workspace: Workspace, angle: float) -> None:
+    """Place the joints at the memory again."""
+    workspace.angle[0] = angle
+    copy(workspace.all, workspace.trial)
+    settle(mechanism, workspace)
+    derive(mechanism, workspace)
+
+
+@inner
+def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
+    """Close the loops near the trial, such that its last bits do not matter; write W."""
+    r = len(workspace.error)
+    if r == 0:
+        place(mechanism, workspace)
+        workspace.state[SIGN] = 1
+        return FOUND
+    passive, grid, trial = workspace.layout.passive, workspace.layout.grid, workspace.trial
+    for c in range(r):
+        i = passive[c]
+        trial[i] = grid[i] * np.rint(trial[i] / grid[i])
+    for k in range(4):
+        sign = settle(mechanism, workspace)
+        if sign == 0:
+            return SINGULAR
+        largest = 0.0
+        for row in range(r):
+            largest = max(largest, abs(workspace.error[row]))
+        if k > 0 and largest <= (POLISHED if k < 3 else CLOSED):
+            workspace.state[SIGN] = sign
+            derive(mechanism, workspace)
+            return FOUND
+        correct(workspace)
+    return NOT_CLOSED
+
+
+@inner
+def correct(workspace: Workspace) -> float:
+    """Correct the trial by its errors.
+
+    Returns:
+        The largest correction of a joint, in its units.
+    """
+    single, layout = workspace.single, workspace.layout
+    for k in range(len(single)):
+        single[k] = workspace.error[k]
+    solve_vector(workspace.factors, single)
+    size = 0.0
+    for c in range(len(single)):
+        i = layout.passive[c]
+        workspace.trial[i] -= layout.scale[i] * single[c]
+        size = max(size, abs(single[c]))
+        if math.isnan(single[c]):
+            return np.nan
+    return size

@@ -1,0 +1,224 @@
+"""Inverse kinematics: the posture of a pose, continued from the one before, and its motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.closing import (
+    ATTEMPTS,
+    BENT,
+    FAST,
+    LONGEST,
+    NOISE,
+    SHORTEST,
+    close,
+    finite,
+)
+from parallel_robot_model.mechanisms.closure_rates import derive
+from parallel_robot_model.mechanisms.closures import settle
+from parallel_robot_model.mechanisms.copying import clear, copy
+from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
+from parallel_robot_model.mechanisms.linear_solve import solve_vector
+from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.memory import arrive, begin_at_memory, go_back, remember
+from parallel_robot_model.mechanisms.tool import (
+    factor_tool,
+    follow,
+    place_tool,
+    solve_tool,
+    tool_jacobian,
+    tool_unit,
+    turning,
+)
+from parallel_robot_model.mechanisms.tool_way import add_tool_rate, aim, miss
+from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace
+
+NEWTONS = 8  # corrections of a step
+SMALL = 1e-8  # correction after which the next one is below rounding
+
+
+@kernel
+def solve_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
+    """Find the posture at a pose, near that of the memory.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace; the memory is the posture found, and stays in a fault.
+        pose: Pose [m, rad], shape (m,).
+
+    Returns:
+        FOUND, NOT_CLOSED, SINGULAR or NOT_FINITE.
+    """
+    if len(mechanism.coordinate) == 0:
+        fault = close(mechanism, workspace, pose)
+        if fault == FOUND:
+            copy(pose, workspace.pose)
+        return fault
+    fault = begin_at_memory(mechanism, workspace)
+    if fault != FOUND:
+        return fault
+    if not finite(pose):
+        return NOT_FINITE
+    angle = workspace.angle[0]
+    fault = _go(mechanism, workspace, pose)
+    if fault == FOUND:
+        remember(mechanism, workspace)
+        copy(pose, workspace.pose)
+    else:
+        go_back(mechanism, workspace, angle)
+    return fault
+
+
+@inner
+def _go(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
+    """Go from the memory to a pose, step by step."""
+    copy(workspace.all, workspace.here)
+    aim(mechanism, workspace, pose)
+    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, (0.0, 0.0, 0.0)))
+    workspace.state[TOOL_SIGN] = factor_tool(mechanism, workspace)
+    if workspace.state[TOOL_SIGN] == 0:
+        return SINGULAR
+    length = _direct(mechanism, workspace)
+    done, share = 0.0, 1.0
+    for _ in range(ATTEMPTS):
+        if share < SHORTEST:
+            break
+        last = done + share >= 1.0
+        failed = _step(mechanism, workspace, pose, done, share, length)
+        if failed == FOUND and last:
+            failed = _arrive(mechanism, workspace, pose)
+        if failed == FOUND and not follow(mechanism, workspace):
+            failed = NOT_CLOSED
+        if failed != FOUND:
+            share *= 0.5
+            continue
+        if last:
+            return FOUND
+        copy(workspace.trial, workspace.here)
+        done += share
+        share = min(1.0 - done, 2.0 * share)
+        if not _linearise(mechanism, workspace, pose, done):
+            return SINGULAR
+        length = _direct(mechanism, workspace)
+    return _what_stops(mechanism, workspace, length)
+
+
+@inner
+def _what_stops(mechanism: Mechanism, workspace: Workspace, length: float) -> int:
+    """Why a way ends at `here`: beyond its reach the joints would move ever faster."""
+    driven = 0.0
+    for k in range(len(workspace.pose)):
+        driven = max(driven, tool_unit(mechanism, k) * abs(workspace.tool_way[1, k]))
+    return NOT_CLOSED if not length <= FAST * driven else SINGULAR
+
+
+@inner
+def _linearise(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> bool:
+    """Write errors of closures and tool at the trial, and their derivatives.
+
+    Returns:
+        Whether their determinants have the signs that they had.
+    """
+    if settle(mechanism, workspace) != workspace.state[SIGN]:
+        return False
+    derive(mechanism, workspace)
+    place_tool(mechanism, workspace)
+    x = miss(mechanism, workspace, pose, share)
+    tool_jacobian(mechanism, workspace, x)
+    return factor_tool(mechanism, workspace) == workspace.state[TOOL_SIGN]
+
+
+@inner
+def _direct(mechanism: Mechanism, workspace: Workspace) -> float:
+    """Write the derivative of all joints by the share of the way.
+
+    Returns:
+        Length of the whole way, of the joint that moves most, in its units.
+    """
+    way = workspace.way
+    for k in range(len(workspace.pose)):
+        workspace.tool_error[k] = workspace.tool_way[1, k]
+    solve_tool(mechanism, workspace, workspace.tool_bias)
+    length = 0.0
+    for i in range(len(workspace.trial)):
+        way[0, i] = 0.0
+        for j in range(len(workspace.pose)):
+            way[0, i] += workspace.W[i, j] * workspace.tool_bias[j]
+        length = max(length, abs(way[0, i]) / workspace.layout.scale[i])
+    return length
+
+
+@inner
+def _step(
+    mechanism: Mechanism,
+    workspace: Workspace,
+    pose: Array,
+    done: float,
+    share: float,
+    length: float,
+) -> int:
+    """Go a share of the way, and correct joints until loops are closed and the tool is there."""
+    before = share * length
+    if not before <= LONGEST:
+        return NOT_CLOSED
+    for i in range(len(workspace.trial)):
+        workspace.trial[i] = workspace.here[i] + share * workspace.way[0, i]
+    for _ in range(NEWTONS):
+        if not _linearise(mechanism, workspace, pose, done + share):
+            return SINGULAR
+        size = _correct(mechanism, workspace)
+        if not size <= BENT * before + NOISE:
+            return NOT_CLOSED
+        if size <= SMALL:
+            return FOUND
+        before = size
+    return NOT_CLOSED
+
+
+@inner
+def _correct(mechanism: Mechanism, workspace: Workspace) -> float:
+    """Correct the trial by the errors of closures and tool together.
+
+    Returns:
+        The largest correction of a joint, in its units.
+    """
+    layout, single, trial = workspace.layout, workspace.single, workspace.trial
+    rate, size = workspace.rate, 0.0
+    clear(rate)
+    for k in range(len(single)):
+        single[k] = workspace.error[k]
+    solve_vector(workspace.factors, single)
+    for c in range(len(single)):
+        rate[layout.passive[c]] = -layout.scale[layout.passive[c]] * single[c]
+    add_tool_rate(mechanism, workspace, rate)
+    solve_tool(mechanism, workspace, workspace.tool_bias)
+    for i in range(len(trial)):
+        for j in range(len(workspace.pose)):
+            rate[i] -= workspace.W[i, j] * workspace.tool_bias[j]
+        trial[i] += rate[i]
+        if not math.isfinite(rate[i]):
+            return np.inf
+        size = max(size, abs(rate[i]) / layout.scale[i])
+    return size
+
+
+@inner
+def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
+    """Reach the pose such that the last bits of the trial do not matter; write W."""
+    trial, grid, moving = workspace.trial, workspace.layout.grid, workspace.layout.moving
+    for c in range(len(moving)):
+        trial[moving[c]] = grid[moving[c]] * np.rint(trial[moving[c]] / grid[moving[c]])
+    if not _linearise(mechanism, workspace, pose, 1.0):
+        return SINGULAR
+    if not _correct(mechanism, workspace) < np.inf:
+        return NOT_FINITE
+    sign = workspace.state[SIGN]
+    fault = arrive(mechanism, workspace)
+    if fault == FOUND and workspace.state[SIGN] != sign:
+        workspace.state[SIGN] = sign
+        return SINGULAR
+    return fault

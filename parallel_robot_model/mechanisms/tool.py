@@ -1,0 +1,220 @@
+"""The pose of the tool and its derivatives, at a closed posture."""
+
+from __future__ import annotations
+
+import math
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.copying import clear, clear_matrix
+from parallel_robot_model.mechanisms.linear_solve import factor, solve_vector
+from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
+from parallel_robot_model.mechanisms.rotation import jacobian_rate, rotation_vector, vector_rate
+from parallel_robot_model.mechanisms.spatial import (
+    Triple,
+    crossed,
+    in_world,
+    minus,
+    plus,
+    second_triple,
+    triple,
+    velocity,
+)
+from parallel_robot_model.mechanisms.workspace import Workspace
+
+ROTATIONS = 3  # the first coordinate of the rotation vector
+
+
+@kernel
+def tool_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
+    """Write the pose at the closed posture, shape (m,)."""
+    place_tool(mechanism, workspace)
+    read_pose(mechanism, workspace, pose)
+
+
+@kernel
+def tool_motion(
+    mechanism: Mechanism, workspace: Workspace, speed: Array, pose: Array, rate: Array
+) -> None:
+    """Write pose and rate, and the Jacobian `tool_jacobian`, at a closed posture.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace.
+        speed: Rates of the actuated joints [rad/s or m/s], shape (n,).
+        pose: Pose [m, rad], shape (m,).
+        rate: Its rate, shape (m,).
+    """
+    place_tool(mechanism, workspace)
+    read_pose(mechanism, workspace, pose)
+    tool_jacobian(mechanism, workspace, principal_rotation(mechanism, workspace))
+    for k in range(len(rate)):
+        total = 0.0
+        for j in range(len(speed)):
+            total += workspace.tool_jacobian[k, j] * speed[j]
+        rate[k] = total
+
+
+@inner
+def place_tool(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write point and frame of the tool at the present frames."""
+    fixed, frame, i = mechanism.tool_rotation, workspace.tool_frame, mechanism.tool
+    x = (mechanism.tool_point[0], mechanism.tool_point[1], mechanism.tool_point[2])
+    point = in_world(workspace.rotation, workspace.origin, i, x)
+    workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2] = point
+    for a in range(3):
+        for b in range(3):
+            if i == BASE:
+                frame[0, a, b] = fixed[a, b]
+            else:
+                R = workspace.rotation[i]
+                frame[0, a, b] = (
+                    R[a, 0] * fixed[0, b] + R[a, 1] * fixed[1, b] + R[a, 2] * fixed[2, b]
+                )
+
+
+@inner
+def principal_rotation(mechanism: Mechanism, workspace: Workspace) -> Triple:
+    """Rotation vector of the tool, of an angle up to pi [rad]; zeros if it is not asked for."""
+    for k in range(len(mechanism.coordinate)):
+        if mechanism.coordinate[k] >= ROTATIONS:
+            return rotation_vector(workspace.tool_frame[0], mechanism.tool_home)
+    return 0.0, 0.0, 0.0
+
+
+@inner
+def turning(mechanism: Mechanism, workspace: Workspace, apart: Triple) -> Triple:
+    """Rotation vector whose rate counts: that from home where only a part of it is asked for.
+
+    Else its rate is the angular velocity, where the tool is not `apart` from where it should be.
+    """
+    if workspace.layout.rotations == 3:
+        return apart
+    return principal_rotation(mechanism, workspace)
+
+
+@inner
+def read_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
+    """Write the pose at the present frames of joints and tool."""
+    coordinate = mechanism.coordinate
+    if len(coordinate) == 0:
+        for k in range(len(pose)):
+            pose[k] = workspace.trial[mechanism.actuated[k]]
+        return
+    x = principal_rotation(mechanism, workspace)
+    for k in range(len(coordinate)):
+        if coordinate[k] < ROTATIONS:
+            pose[k] = workspace.tool_point[coordinate[k]]
+        elif workspace.layout.turns != 0:
+            pose[k] = continued(x[coordinate[k] - ROTATIONS], workspace.angle[0])
+        else:
+            pose[k] = x[coordinate[k] - ROTATIONS]
+
+
+@inner
+def continued(angle: float, before: float) -> float:
+    """The angle plus whole turns that is nearest to one before [rad]."""
+    return angle + 2.0 * math.pi * math.floor((before - angle) / (2.0 * math.pi) + 0.5)
+
+
+@inner
+def follow(mechanism: Mechanism, workspace: Workspace) -> bool:
+    """Let the only rotation coordinate follow from the posture `here`, beyond pi, too.
+
+    Returns:
+        Whether the joints turn little enough to know how the tool does.
+    """
+    turns = workspace.layout.turns
+    if turns == 0:
+        return True
+    turned = 0.0
+    for i in range(len(mechanism.kind)):
+        if workspace.layout.carries[i] and mechanism.kind[i] == HINGE:
+            turned += abs(workspace.trial[i] - workspace.here[i])
+    if not turned < math.pi:
+        return False
+    place_tool(mechanism, workspace)
+    x = principal_rotation(mechanism, workspace)
+    workspace.angle[0] = continued(x[turns - ROTATIONS], workspace.angle[0])
+    return True
+
+
+@inner
+def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Triple) -> None:
+    """Write the rate of the pose by the actuated joints; `x` is the rotation vector [rad]."""
+    out, W, coordinate = workspace.tool_jacobian, workspace.W, mechanism.coordinate
+    clear_matrix(out)
+    if len(coordinate) == 0:
+        for k in range(len(out)):
+            out[k, k] = 1.0
+        return
+    point = (workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2])
+    i = mechanism.tool
+    while i != BASE:
+        turn = triple(workspace.S, i)
+        slide = velocity(turn, second_triple(workspace.S, i), point)
+        rotation = vector_rate(x, turn)
+        for k in range(len(coordinate)):
+            c = coordinate[k]
+            part = slide[c] if c < ROTATIONS else rotation[c - ROTATIONS]
+            for j in range(out.shape[1]):
+                out[k, j] += part * W[i, j]
+        i = mechanism.parent[i]
+
+
+@inner
+def tool_bias(mechanism: Mechanism, workspace: Workspace, x: Triple, out: Array) -> None:
+    """Write the acceleration of the pose at none of the actuated joints, shape (m,).
+
+    V and A are the motions and such accelerations of the bodies; `x` is the rotation vector.
+    """
+    coordinate, i = mechanism.coordinate, mechanism.tool
+    clear(out)
+    if len(coordinate) == 0 or i == BASE:
+        return
+    point = (workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2])
+    turning, angular = triple(workspace.V, i), triple(workspace.A, i)
+    moving = velocity(turning, second_triple(workspace.V, i), point)
+    linear = plus(
+        velocity(angular, second_triple(workspace.A, i), point), crossed(turning, moving)
+    )
+    rate = vector_rate(x, turning)
+    rotation = vector_rate(x, minus(angular, jacobian_rate(x, rate)))
+    for k in range(len(coordinate)):
+        c = coordinate[k]
+        out[k] = linear[c] if c < ROTATIONS else rotation[c - ROTATIONS]
+
+
+@inner
+def factor_tool(mechanism: Mechanism, workspace: Workspace) -> int:
+    """Write the LU of `tool_jacobian`, in units that make its elements numbers.
+
+    Returns:
+        Sign of its determinant; 0 where it is singular.
+    """
+    out = workspace.tool_factors.a
+    for k in range(len(out)):
+        unit = tool_unit(mechanism, k)
+        for j in range(len(out)):
+            scale = workspace.layout.scale[mechanism.actuated[j]]
+            out[k, j] = unit * workspace.tool_jacobian[k, j] * scale
+    return factor(workspace.tool_factors)
+
+
+@inner
+def tool_unit(mechanism: Mechanism, k: int) -> float:
+    """What makes a coordinate of the pose a number."""
+    if len(mechanism.coordinate) > 0 and mechanism.coordinate[k] < ROTATIONS:
+        return 1.0 / mechanism.length
+    return 1.0
+
+
+@inner
+def solve_tool(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
+    """Replace a rate of the pose in `tool_error` by that of the actuated joints in `out`."""
+    right = workspace.tool_error
+    for k in range(len(right)):
+        right[k] *= tool_unit(mechanism, k)
+    solve_vector(workspace.tool_factors, right)
+    for j in range(len(right)):
+        out[j] = workspace.layout.scale[mechanism.actuated[j]] * right[j]
