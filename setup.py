@@ -39,6 +39,7 @@ setup(
     packages=[
         'parallel_robot',
         'parallel_robot.analysis',
+        'parallel_robot.analysis.machine',
         'parallel_robot.analysis.replay',
         'parallel_robot.analysis.report',
         'parallel_robot.analysis.video',
@@ -67,6 +68,7 @@ setup(
         'parallel_robot_model.nodes',
         'parallel_robot_model.processes',
         'parallel_robot_model.robots',
+        'parallel_robot_model.robots.described',
         'parallel_robot_model.robots.planar_3rrr',
         'parallel_robot_sim',
         'trajectory_gen',

@@ -188,7 +188,7 @@ def _distances(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance from the reference, and way from one state to the next, each shape (N,)."""
     steps = made.steps
-    if configuration.control.robot.module.PLANAR:
+    if configuration.control.robot.planar:
         place, wanted = made.pose[:steps, :2], reference.pose[:steps, :2]
     else:
         place, wanted = made.joints[:steps], reference.position[:steps]

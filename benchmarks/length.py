@@ -19,6 +19,7 @@ from rows import Row, row, show
 
 COMMAND = [sys.executable, '-m', 'parallel_robot']
 LENGTH = 3600.0  # s of motion
+RATE, FRAMES = 25.0, 300  # frames a second of the video, of all of it
 TARGETS = {'simulate': (60.0, 700.0), 'analyze': (40.0, 700.0)}  # s of processor, MB for LENGTH
 
 
@@ -31,6 +32,14 @@ def commands(seconds: float, folder: Path) -> dict[str, list[str]]:
         'analyze': [bag, *files],
         'export': [bag, '--out', str(folder / 'run.parquet')],
         'replay': [bag],
+        'report': [bag, '--out', str(folder / 'report')],
+        'video': [
+            bag,
+            '--out',
+            str(folder / 'run.mp4'),
+            '--speed',
+            f'{seconds / FRAMES * RATE:g}',
+        ],
     }
     return {name: [*COMMAND, name, *more] for name, more in words.items()}
 

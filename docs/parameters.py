@@ -12,6 +12,9 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Parameter, parameters, words
 from parallel_robot_model.robots import planar_3rrr
+from parallel_robot_model.robots.configuration import resolve
+from parallel_robot_model.robots.described.parameters import MotionLimits, SafetyMargins
+from parallel_robot_model.robots.described.parameters import Parameters as Described
 from parallel_robot_sim.parameter_groups import groups
 
 HEAD = """# Parameters
@@ -19,7 +22,8 @@ HEAD = """# Parameters
 Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
 (`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults, with
 their units, are those of `paper_circle`; [other robots](robots.md) have other groups `robot`,
-limits and margins. A number in place of a list is for all joints. [nodes.md](nodes.md) says what
+limits and margins. A number in place of a list is for all joints; joints that are slides have m
+and N where rad and N m stand here, as `show` says. [nodes.md](nodes.md) says what
 can be [changed while the loop runs](nodes.md#switched-while-the-robot-moves). This file is written
 by `make docs`.
 
@@ -28,14 +32,20 @@ its value is no change. On a busy machine a request may get no answer ("client w
 response" in the log), as the middleware drops one whose receiver it has not found within 0.1 s:
 call again.
 """
+DESCRIBED = [('robot', Described), ('safety', SafetyMargins), ('trajectory', MotionLimits)]
 LAST = [('recorder', RecorderParameters), ('monitor', MonitorParameters)]
+MACHINES = 'Machines from a description, in place of those of the robot above, here of `delta`'
 LONGEST_LIST = 4  # that is shown as a whole
-GROUPS = {**groups(planar_3rrr, LAWS), 'Recorder and monitor': LAST}
+GROUPS = {
+    **groups(planar_3rrr, LAWS),
+    'Recorder and monitor': LAST,
+    MACHINES: DESCRIBED,
+}
 
 
 def text() -> str:
     """The whole page."""
-    values = config.resolve('paper_circle')
+    values = resolve('delta_circle') | config.resolve('paper_circle')
     parts = [HEAD]
     for title, members in GROUPS.items():
         rows = _gains(members, values) if title == 'Laws' else _keys(members, values)

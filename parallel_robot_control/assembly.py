@@ -68,7 +68,9 @@ def assemble(
         )
     )
     if estimator.lock_in.on:
-        delay_identification.check(estimator.lock_in, limits.value, _inertia(configuration))
+        delay_identification.check(
+            estimator.lock_in, limits.value, _inertia(configuration), robot.joint_units
+        )
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
     return Control(
         prepared,

@@ -47,7 +47,7 @@ from parallel_robot_control.shared_arrays import (
     UNTIL,
 )
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS
 from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import OLDEST
@@ -81,6 +81,7 @@ class Controller(ControllerState):
         super().__init__(configuration)
         preset_of(configuration.loop)  # its files are read now, not while the robot moves
         loop, joints = configuration.loop, configuration.loop.joints
+        self._units = configuration.robot.joint_units
         self._state_layout = layouts.joint_state(joints)
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
@@ -116,11 +117,17 @@ class Controller(ControllerState):
     @property
     def status(self) -> Status:
         """What the controller is doing."""
-        delay = delay_text(self._core.estimator, int(self._numbers[PHASE]))
+        delay = delay_text(self._core.estimator, int(self._numbers[PHASE]), self._units)
         number, lost = self._fault_of(self._common)
         fault = self._faults.get(number)
         pose = LOST if lost else self._told
         return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
+
+    @property
+    def joint_unit(self) -> dict[str, str]:
+        """What diagnostics tell of the unit of the joints: nothing of hinges."""
+        unit = self._units.of('rad')
+        return {} if unit == 'rad' else {OF_JOINTS: unit}
 
     def waits(self) -> str:
         """Which reference is missing for long (lockstep); empty for none."""

@@ -72,7 +72,11 @@ class ControllerNode(SuiteNode):
         super().__init__('controller', resolve)
         self.configuration = configured = configure(self.values)
         robot, laws = configured.robot.module, configured.laws
-        self.declare_groups(('robot', robot.Parameters), *declared(robot, laws))
+        self.declare_groups(
+            ('robot', robot.Parameters),
+            *declared(robot, laws),
+            units=configured.robot.joint_units,
+        )
         self._laws = ', '.join(laws)
         self._controller = Controller(configured)
         self.counts = self._controller.counts
@@ -163,6 +167,7 @@ class ControllerNode(SuiteNode):
             'law': self._controller.law.name,
             'laws': self._laws,
             'joints': ', '.join(self.loop.joints),
+            **self._controller.joint_unit,
             'limits that acted': limits_text(self._controller.status.acted),
             'answered': str(self._controller.log.answered),
             'skipped': str(self._controller.log.rhythm.skipped),

@@ -26,6 +26,7 @@ from parallel_robot_control.lock_in import (
 from parallel_robot_control.safety import Limits
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 
@@ -78,13 +79,14 @@ def lock_in_of(
     )
 
 
-def check(lock_in: LockIn, limits: Limits, inertia: Array) -> None:
+def check(lock_in: LockIn, limits: Limits, inertia: Array, units: JointUnits = HINGES) -> None:
     """Refuse a sine for which the safety limits leave no room.
 
     Args:
         lock_in: The lock-in.
         limits: Limits of torque, rate and speed.
         inertia: Inertia matrix at the beginning [kg m^2], shape (n, n).
+        units: Units of the joints.
 
     Raises:
         InputError: it takes more than half of a limit.
@@ -100,9 +102,11 @@ def check(lock_in: LockIn, limits: Limits, inertia: Array) -> None:
         if over.size:
             i = int(over[0])
             value = float(torque[i]) * LIMIT_SHARE * float(limit[i]) / float(takes[i])
+            told = units.one(i).of
             raise InputError(
-                f'lock_in.torque must be at most {value:.3g} N m at joint {i + 1}, not '
-                f'{torque[i]:g}: it takes {takes[i]:.3g} {unit} of safety.{key}, {limit[i]:g}',
+                f'lock_in.torque must be at most {value:.3g} {told("N m")} at joint {i + 1}, not '
+                f'{torque[i]:g}: it takes {takes[i]:.3g} {told(unit)} of safety.{key}, '
+                f'{limit[i]:g}',
                 'lock_in.torque',
             )
 
@@ -155,7 +159,9 @@ def phases(
     return np.where(samples >= outcome.end - 1, outcome.phase, doing) if outcome.end else doing
 
 
-def text(lock_in: LockIn, outcome: Result, assumed: float, phase: int) -> str:
+def text(
+    lock_in: LockIn, outcome: Result, assumed: float, phase: int, units: JointUnits = HINGES
+) -> str:
     """What it is doing, for people; empty where the delay is not identified.
 
     Args:
@@ -163,13 +169,16 @@ def text(lock_in: LockIn, outcome: Result, assumed: float, phase: int) -> str:
         outcome: What has been found.
         assumed: The delay without it [s].
         phase: OFF, WAITING, UNDER_WAY, FOUND or KEPT.
+        units: Units of the joints.
     """
     low, high = 1e3 * outcome.of_joints.min(), 1e3 * outcome.of_joints.max()
     tell = f'by joint {low:.3f} to {high:.3f} ms'
     known = f'{1e3 * assumed:g} ms assumed'
     if phase == UNDER_WAY:
         size = ', '.join(f'{each:g}' for each in np.unique(lock_in.torque))
-        what = f'{size} N m at {lock_in.frequency / 2.0 / math.pi:g} Hz are added for'
+        what = (
+            f'{size} {units.of("N m")} at {lock_in.frequency / 2.0 / math.pi:g} Hz are added for'
+        )
         return f'{known}, being identified: {what} {lock_in.length * lock_in.period:g} s'
     if phase == FOUND:
         cycle = 2e3 * math.pi / lock_in.frequency

@@ -15,6 +15,7 @@ from parallel_robot_control.kalman_memory import MOST
 from parallel_robot_control.lock_in import LockIn
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.compiler import Space, clip, kernel, select, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.configuration.zero_angles import ZeroAngle
@@ -169,12 +170,12 @@ def estimator_of(
     )
 
 
-def delay_text(estimator: Estimator, phase: int) -> str:
+def delay_text(estimator: Estimator, phase: int, units: JointUnits = HINGES) -> str:
     """What is known of the age of the states in a phase of the lock-in, for people."""
     lock_in = estimator.lock_in
     if not lock_in.on:
         return ''
-    return text(lock_in, result(lock_in), estimator.delay, phase)
+    return text(lock_in, result(lock_in), estimator.delay, phase, units)
 
 
 @kernel

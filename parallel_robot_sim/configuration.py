@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from parallel_robot_control import configuration as control
 from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
 from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.groups import Declared, Groups, build
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.placed import locating
@@ -110,7 +111,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
         guess = groups[ControllerParameters].guess or trajectory.first_pose
         controller = control.control_from(loop, groups, nominal, laws, guess)
         return Configuration(
-            values, loop, trajectory, controller, _plant_from(loop, robot, groups)
+            values, loop, trajectory, controller, _plant_from(loop, robot, groups, values)
         )
 
 
@@ -123,11 +124,17 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
     loop = loop_of(values)
     with locating(values):
         robot = module_of(loop)
-        return _plant_from(loop, robot, build(values, declared(robot)))
+        return _plant_from(loop, robot, build(values, declared(robot)), values)
 
 
-def _plant_from(loop: LoopParameters, robot: Robot, groups: Groups) -> PlantConfiguration:
+def _plant_from(
+    loop: LoopParameters, robot: Robot, groups: Groups, values: Mapping[str, Any]
+) -> PlantConfiguration:
     """Build the configuration of the plant from typed groups."""
+    for key in ('true_robot.actuated', 'true_robot.held'):  # of a described machine
+        nominal = values.get(key.removeprefix('true_'))
+        if values.get(key, nominal) != nominal:
+            raise InputError(f'{key} must be {key.removeprefix("true_")}, {nominal}', key)
     parameters = groups.at('true_robot', robot.Parameters)
     sensor, actuator = groups[SensorParameters], groups[ActuatorParameters]
     return PlantConfiguration(

@@ -63,9 +63,10 @@ def fastest(configuration: Configuration) -> Fastest:
     k, joint = np.unravel_index(both.argmin(), both.shape)
     scale, name = float(both[k, joint]), configuration.loop.joints[joint]
     at_speed = by_speed[k, joint] <= by_torque[k, joint]
-    limit, unit = (speed, 'rad/s') if at_speed else (torque, 'N m')
+    units = trajectory.robot.joint_units.one(int(joint))
+    limit, unit = (speed, units.of('rad/s')) if at_speed else (torque, units.of('N m'))
     if not scale:
-        raise InputError(f'{torque[joint]:g} N m do not hold {name} on the motion', FACTOR)
+        raise InputError(f'{torque[joint]:g} {unit} do not hold {name} on the motion', FACTOR)
     # 3. What does not depend on the speed, as reach, is checked as ever.
     factor = scale * trajectory.parameters.speed_factor * (1.0 - RESERVE)
     faster = trajectory.at_speed(factor)

@@ -12,7 +12,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_model.robots import poses as forward
@@ -40,12 +40,21 @@ class Poses(NamedTuple):
     Attributes:
         actual: Poses of the joints, shape (N, m).
         reference: Poses of the desired joints, shape (N, m).
-        planar: Whether they begin with x and y [m] in a plane, so that distances are defined.
+        place: Number of their first coordinates that are a place [m]; 0: no distance is defined.
+        units: Units of the joints of the robot.
+        turns: Components of a rotation vector that follow a place in space, 0 to 2.
     """
 
     actual: np.ndarray
     reference: np.ndarray
-    planar: bool = True
+    place: int = 2
+    units: JointUnits = HINGES
+    turns: tuple[int, ...] = ()
+
+    @property
+    def in_space(self) -> bool:
+        """Whether the place is one in space, not in a plane."""
+        return self.place == len('xyz')
 
 
 class Left(NamedTuple):
@@ -85,13 +94,13 @@ class Motion(NamedTuple):
 
     def rows(self, rows: slice | np.ndarray) -> Motion:
         """Some samples, by a slice or by their numbers."""
-        actual, reference, planar = self.poses
+        poses = self.poses
         return Motion(
             self.time[rows],
             self.position[rows],
             self.reference_position[rows],
             self.effort[rows],
-            Poses(actual[rows], reference[rows], planar),
+            poses._replace(actual=poses.actual[rows], reference=poses.reference[rows]),
         )
 
 
@@ -173,7 +182,7 @@ def poses_of(
     wanted = forward.poses_of(desired, reference, guess, first=first)
     near = wanted[0] if near is None else near
     found = forward.poses_of(actual, position, near, first=first)
-    return Poses(found, wanted, desired.module.PLANAR)
+    return Poses(found, wanted, desired.place, desired.joint_units, desired.turns)
 
 
 def of_simulation(made: Simulation) -> Motions:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,10 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.optional_library import optional
 from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_sim.mujoco_bodies import STEP, MujocoBodies
 
-STEP = 1e-4  # s, of the integration
 
-
-class MujocoRobot:
+class MujocoRobot(MujocoBodies):
     """A robot at rest, moved by torques."""
 
     def __init__(
@@ -33,20 +32,17 @@ class MujocoRobot:
         Raises:
             InputError: MuJoCo is not installed, or the robot is a custom one.
         """
-        mujoco = optional('mujoco')
+        optional('mujoco')
         if robot.name not in BUILT:
             names = ', '.join(BUILT)
             raise InputError(f'only {names} can be built in MuJoCo, not {robot.name}')
-        self._engine = mujoco
-        self._model = BUILT[robot.name](robot.parameters, friction_viscous, step)
-        self._data = mujoco.MjData(self._model)
         closed = robot.name == 'planar_3rrr'
-        self._actuated = slice(3, None, 2) if closed else slice(None)
+        model = BUILT[robot.name](robot.parameters, friction_viscous, step)
+        super().__init__(model, slice(3, None, 2) if closed else slice(None))
         self._tip = robot.name == 'serial_2r'
         start = robot.module.start(robot.parameters, np.asarray(pose))
-        self._data.qpos = coordinates_of(robot.parameters, pose) if closed else start
         self._shown = slice(3) if closed else slice(None)
-        mujoco.mj_forward(self._model, self._data)
+        self._put(coordinates_of(robot.parameters, pose) if closed else start)
 
     @property
     def pose(self) -> Array:
@@ -59,35 +55,6 @@ class MujocoRobot:
     def motion(self) -> tuple[Array, Array]:
         """The present coordinates of the suite's plant and their derivative, each shape (c,)."""
         return self._data.qpos[self._shown], self._data.qvel[self._shown]
-
-    def advance(self, torque: Array, period: float) -> None:
-        """Hold torques [N m], shape (n,), over a period [s], a multiple of the step."""
-        self._data.qfrc_applied[self._actuated] = torque
-        self._step(period)
-
-    def advance_under(self, load: Callable[[Array, float], Array], period: float) -> None:
-        """Advance by a period [s], a multiple of the step, under torques that change within it.
-
-        Args:
-            load: Function of the rates of the actuated joints [rad/s], shape (n,), and the time
-                since the start [s] that returns their torques [N m], shape (n,).
-            period: How long.
-        """
-
-        def control(_: Any, data: Any) -> None:
-            velocity = data.qvel[self._actuated]
-            data.qfrc_applied[self._actuated] = load(velocity, data.time)
-
-        self._engine.set_mjcb_control(control)  # called by the integrator at each of its stages
-        try:
-            self._step(period)
-        finally:
-            self._engine.set_mjcb_control(None)
-
-    def _step(self, period: float) -> None:
-        steps = round(period / self._model.opt.timestep)
-        self._engine.mj_step(self._model, self._data, steps)
-        self._engine.mj_kinematics(self._model, self._data)
 
 
 def planar_3rrr(robot: Any, friction_viscous: Sequence[float], step: float) -> Any:

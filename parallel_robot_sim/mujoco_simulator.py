@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import entry_point, vector
 from parallel_robot_model.robots.joint_load import net_torque
+from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import PlantConfiguration
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant import MUJOCO, torques
@@ -32,7 +35,7 @@ class MujocoSimulator(Simulator):
         still = [0.0] * len(configuration.loop.joints)  # friction is the suite's
         pose = np.array(configuration.parameters.initial_pose)
         step = self._period / max(2, math.ceil(self._period / MAX_STEP))
-        self._bodies = MujocoRobot(self.robot, pose, still, step)
+        self._bodies = _bodies(self.robot, pose, still, step)
         state, torque = self.state, self.state.torque
         self._torques = entry_point(torques, self._setup, state, torque, self._period)
         self._take = entry_point(take, self._core, np.zeros(len(torque)), True)
@@ -56,6 +59,15 @@ class MujocoSimulator(Simulator):
         ):
             kept[:] = found
         return True
+
+
+def _bodies(robot: RobotModel, pose: Array, friction: Sequence[float], step: float) -> Any:
+    """The robot in MuJoCo, see MujocoRobot."""
+    if not hasattr(robot.module, 'mechanism'):
+        return MujocoRobot(robot, pose, friction, step)
+    from parallel_robot_sim.mujoco_machine import MujocoMachine  # it takes long to load
+
+    return MujocoMachine(robot, pose, friction, step)
 
 
 def simulator_of(configuration: PlantConfiguration) -> Simulator:

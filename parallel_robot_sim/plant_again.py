@@ -64,7 +64,36 @@ def under_commands(
     torque = np.zeros_like(reference.position)
     since = np.searchsorted(rows, np.arange(len(torque)), side='right')
     torque[since > 0] = commands[np.minimum(since[since > 0], len(commands)) - 1]
-    return Again(*_moved_by(plant.setup, plant.state, heard, torque, period), heard)
+    joints, seen, effort, _ = _moved_by(plant.setup, plant.state, heard, torque, period)
+    return Again(joints, seen, effort, heard)
+
+
+class UnderCommands:
+    """A plant without hazards under commands that come in parts, see :func:`under_commands`."""
+
+    def __init__(self, configuration: PlantConfiguration) -> None:
+        """Put it together.
+
+        Raises:
+            InputError: it cannot be.
+        """
+        self._plant, self._period = assemble_plant(configuration), configuration.loop.period
+        self._state = self._plant.state
+
+    def moved(self, commands: Array) -> tuple[Array, Array, Array]:
+        """Move by the next commands, one for each sample [N m], shape (N, n).
+
+        Returns:
+            Joints at the samples, and as states tell them [rad], each shape (N, n); fewer where
+            they stop to be finite. The torque of the motors there [N m], likewise.
+        """
+        all_ = np.ones(len(commands), bool)
+        heard = Heard(all_, all_, np.zeros(len(all_), np.int64), np.zeros(len(all_)))
+        plant = self._plant.setup
+        joints, seen, effort, self._state = _moved_by(
+            plant, self._state, heard, commands, self._period
+        )
+        return joints, seen, effort
 
 
 def under_torques(configuration: PlantConfiguration, effort: Array, reference: Reference) -> Again:
@@ -90,15 +119,16 @@ def under_torques(configuration: PlantConfiguration, effort: Array, reference: R
     period = configuration.loop.period
     heard = course_of(plant, reference, period).heard
     torque = np.vstack([effort[1:], effort[-1:]])
-    return Again(*_moved_by(plant.setup, plant.state, heard, torque, period), heard)
+    joints, seen, effort, _ = _moved_by(plant.setup, plant.state, heard, torque, period)
+    return Again(joints, seen, effort, heard)
 
 
 def _moved_by(
     setup: PlantSetup, state: PlantState, heard: Heard, torque: Array, period: float
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, PlantState]:
     waiting = not_waiting(torque.shape[1])
     value = FirstClass(step, setup, state, state.torque, period)
-    states: tuple[Array, Array, Array] = _loop(
+    states: tuple[Array, Array, Array, PlantState] = _loop(
         value, setup, state, heard.told, heard.answered, waiting, torque, period
     )
     return states
@@ -114,14 +144,14 @@ def _loop(
     waiting: Waiting,
     torque: Array,
     period: float,
-) -> tuple[Array, Array, Array]:
-    """Joints, what is told of them, and torques: as in closed_loop, without a controller."""
+) -> tuple[Array, Array, Array, PlantState]:
+    """Joints, what is told of them, torques, and the state then, without a controller."""
     row = state.torque
     joints, seen, effort = np.empty_like(torque), np.empty_like(torque), np.empty_like(torque)
     for k in range(len(torque)):
         true = plant.measure(plant.robot, state.coordinates, state.rate)
         if not is_finite(true.velocity):
-            return joints[:k], seen[:k], effort[:k]
+            return joints[:k], seen[:k], effort[:k], state
         angles, rates = true.position, true.velocity
         if plant.imperfections.on:
             angles, rates = sensed(plant, true, state.time, period)
@@ -139,4 +169,4 @@ def _loop(
                 plant.patience, waiting, came, newest, true.position, true.velocity
             )
         state = step(plant, state, asked, period)
-    return joints, seen, effort
+    return joints, seen, effort, state

@@ -47,7 +47,8 @@ class PlantNode(SuiteNode):
         """Put the robot at its initial pose and start to publish."""
         super().__init__('plant', resolve)
         configuration = configure_plant(self.values)
-        self.declare_groups(*declared(configuration.robot.module))
+        robot = configuration.robot
+        self.declare_groups(*declared(robot.module), units=robot.joint_units)
         simulator = simulator_of(configuration)
         simulator.warm()
         self.run = PlantRun(
@@ -194,14 +195,14 @@ class PlantNode(SuiteNode):
         if index % topics.SLOW == 0 and self._shows_pose():
             joints = self.run.simulator.measurement()
             pose = joints.pose
-            fields = pose_fields(pose[np.newaxis])
+            fields = pose_fields(self.run.simulator.robot, pose[np.newaxis])
             self._poses.publish(self._pose_message.encode(stamp, **fields))
             if index % topics.MARKERS_EVERY == 0 and self._markers.get_subscription_count():
                 self._markers.publish(self._marker_builder.build(stamp, pose, joints.position))
 
     def _shows_pose(self) -> bool:
         """Whether a pose is to be published, where that is due."""
-        return self.run.simulator.robot.module.PLANAR and self.run.simulator.shown
+        return self.run.simulator.robot.place > 0 and self.run.simulator.shown
 
     def _on_time_out(self) -> None:
         self.counts['command time-outs'] += 1

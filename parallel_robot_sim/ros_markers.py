@@ -23,8 +23,8 @@ class RobotMarkers:
     """Builds the markers; remembers the path."""
 
     def __init__(self, robot: RobotModel) -> None:
-        """Prepare for one robot, which must be planar."""
-        self._robot = robot
+        """Prepare for one robot, whose pose must be a place."""
+        self._robot, self._place = robot, robot.place
         self._path: deque[Point] = deque(maxlen=500)  # 10 s at 50 Hz
 
     def build(self, stamp: int, pose: np.ndarray, position: np.ndarray) -> MarkerArray:
@@ -36,10 +36,12 @@ class RobotMarkers:
             position: Actuated joints [rad], shape (n,).
         """
         segments = self._robot.module.segments(self._robot.parameters, pose, position)
-        self._path.append(_point(pose))
+        self._path.append(_point(pose[: self._place]))
         time = Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
         markers = [
-            _marker(time, part, Marker.LINE_LIST, WIDTH, map(_point, ends.reshape(-1, 2)))
+            _marker(
+                time, part, Marker.LINE_LIST, WIDTH, map(_point, ends.reshape(-1, self._place))
+            )
             for part, ends in segments.items()
         ]
         markers.append(_marker(time, 'path', Marker.LINE_STRIP, 0.3 * WIDTH, self._path))
@@ -58,5 +60,5 @@ def _marker(time: Time, part: str, kind: int, width: float, points: Iterable[Poi
     return marker
 
 
-def _point(xy: np.ndarray) -> Point:
-    return Point(x=float(xy[0]), y=float(xy[1]))
+def _point(place: np.ndarray) -> Point:
+    return Point(**dict(zip('xyz', map(float, place), strict=False)))

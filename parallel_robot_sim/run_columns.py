@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.robots.contract import Coordinate
+from parallel_robot_model.robots.turning import angles_between, turns_of
 
 Columns = dict[str, NDArray[Any]]
 
@@ -40,7 +42,11 @@ class JointColumns(NamedTuple):
 
 
 def of_joints(
-    time: Array, stamps: NDArray[np.int64], joints: Sequence[str], found: JointColumns
+    time: Array,
+    stamps: NDArray[np.int64],
+    joints: Sequence[str],
+    found: JointColumns,
+    units: JointUnits = HINGES,
 ) -> Columns:
     """Time and joints as columns: name with unit to numbers, shape (N,).
 
@@ -49,6 +55,7 @@ def of_joints(
         stamps: Stamps of the states [ns], shape (N,).
         joints: Names of the joints.
         found: What they did.
+        units: Their units.
     """
     quantities = {
         'position_rad': found.position,
@@ -64,7 +71,7 @@ def of_joints(
         'sliding_variable': found.sliding_variable,
     }
     return {'time_s': time, 'stamp_ns': stamps} | {
-        f'{joint}_{quantity}': numbers[:, k]
+        f'{joint}_{units.one(k).key(quantity)}': numbers[:, k]
         for quantity, numbers in quantities.items()
         for k, joint in enumerate(joints)
     }
@@ -72,36 +79,43 @@ def of_joints(
 
 def of_poses(
     coordinates: Sequence[Coordinate],
-    planar: bool,
+    place: int,
     actual: Array,
     reference: Array,
     seen: Array | None = None,
 ) -> Columns:
     """Poses as columns, named after their coordinates.
 
-    Those of a robot that moves in a plane are of its platform, with its distance from the desired
-    one.
+    Those that begin with a place are of the platform, with its distance from the desired one, and
+    in space with the angle by which it is turned from that.
 
     Args:
         coordinates: Names and units of the coordinates.
-        planar: Whether a pose begins with x and y [m] in a plane.
+        place: Number of its coordinates that are the place of the end effector [m].
         actual: True poses where the plant is known, else those seen, shape (N, m).
         reference: Desired poses, shape (N, m).
         seen: Poses as sensors and nominal robot show them; None where `actual` are those.
     """
-    prefix = 'platform' if planar else 'pose'
+    prefix = 'platform' if place else 'pose'
     names = [f'{name}_{unit}' for name, unit in coordinates]
     columns = {f'{prefix}_{name}': actual[:, k] for k, name in enumerate(names)}
     columns |= {f'{prefix}_reference_{name}': reference[:, k] for k, name in enumerate(names)}
-    if planar:
-        columns['platform_error_m'] = _distance(actual, reference)
+    if place:
+        columns |= _errors('', actual, reference, place, coordinates)
     if seen is not None:
         columns |= {f'seen_{prefix}_{name}': seen[:, k] for k, name in enumerate(names)}
-        if planar:
-            columns['seen_platform_error_m'] = _distance(seen, reference)
+        if place:
+            columns |= _errors('seen_', seen, reference, place, coordinates)
     return columns
 
 
-def _distance(actual: Array, reference: Array) -> Array:
-    """Distance in the plane [m], shape (N,)."""
-    return np.asarray(np.linalg.norm((actual - reference)[:, :2], axis=1))
+def _errors(
+    prefix: str, actual: Array, reference: Array, place: int, coordinates: Sequence[Coordinate]
+) -> Columns:
+    """Distance of two places [m], and angle between two poses in space [rad], shape (N,)."""
+    distance = np.asarray(np.linalg.norm((actual - reference)[:, :place], axis=1))
+    columns = {f'{prefix}platform_error_m': distance}
+    if turns := turns_of(coordinates):
+        angle = angles_between(actual, reference, turns)
+        columns[f'{prefix}platform_turn_error_rad'] = angle
+    return columns

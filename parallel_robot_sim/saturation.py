@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-SATURATED = 'the motors were at their limit (plant.torque_limit, {0} N m) in {1} % of the samples'
+from parallel_robot_model.robots.configuration import units_of
+
+SATURATED = 'the motors were at their limit (plant.torque_limit, {0} {2}) in {1} % of the samples'
 
 
 def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
@@ -35,4 +37,4 @@ def saturation_of(values: Mapping[str, Any], count: int, of: int) -> list[str]:
         return []
     limit = np.asarray(values['plant.torque_limit'], np.float64)
     told = ', '.join(f'{each:g}' for each in np.unique(limit))
-    return [SATURATED.format(told, f'{100.0 * (count / of):.3g}')]
+    return [SATURATED.format(told, f'{100.0 * (count / of):.3g}', units_of(values).of('N m'))]

@@ -17,10 +17,10 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import parameter_file
 from parallel_robot_model.configuration.placed import Placed, merged
-from parallel_robot_model.robots.configuration import is_known, robot_of
+from parallel_robot_model.robots.configuration import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motions, differs, of_simulation, sensor_remarks
@@ -57,7 +57,7 @@ class Run:
         reference_acceleration: Desired accelerations of the joints [rad/s^2], shape (N, n).
         command: Torque that answered the state [N m], NaN without an answer, shape (N, n).
         sliding_variable: In the unit of the law, NaN where it is not known, shape (N, n).
-        planar: Whether a pose begins with x and y [m] in a plane.
+        place: Number of coordinates of a pose that are a place [m].
         fault: Time [s] and text of the first fault, None without one.
         limits: Limits that acted, by name; empty when none did.
         warnings: What to know of the run, one line each.
@@ -83,7 +83,7 @@ class Run:
     reference_acceleration: Array
     command: Array
     sliding_variable: Array
-    planar: bool = True
+    place: int = 2
     fault: tuple[float, str] | None = None
     limits: str = ''
     warnings: tuple[str, ...] = ()
@@ -91,6 +91,11 @@ class Run:
     motions: Motions | None = None
     name: str = ''
     has_efforts: bool = True
+
+    @property
+    def units(self) -> JointUnits:
+        """Units of the joints: rad and N m, or m and N of slides."""
+        return units_of(self.values)
 
     @property
     def error(self) -> Array:
@@ -123,12 +128,12 @@ class Run:
             self.command,
             self.sliding_variable,
         )
-        columns = of_joints(self.time, self.stamps, self.joints, found)
+        columns = of_joints(self.time, self.stamps, self.joints, found, self.units)
         if is_known(self.values):
             robot = robot_of(self.values)
             coordinates = robot.module.coordinates(robot.parameters)
             poses = self.pose, self.pose_reference
-            columns |= of_poses(coordinates, self.planar, *poses, self._seen())
+            columns |= of_poses(coordinates, self.place, *poses, self._seen())
         frame: Frame = pandas().DataFrame(columns)
         return frame
 
@@ -164,7 +169,7 @@ class Run:
         rms = 1e6 * np.sqrt(np.mean(self.error**2))
         lines = [
             f'Run of {names}: {duration:g} s, {len(self.time)} states of {len(self.joints)} joints'
-            f', joint error {rms:.4g} µrad rms'
+            f', joint error {rms:.4g} {self.units.of("µrad")} rms'
         ]
         if self.fault is not None:
             lines.append(f'fault at t = {self.fault[0]:.3f} s: {printable(self.fault[1])}')
@@ -255,7 +260,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         measured.acceleration,
         record.command,
         record.sliding_variable,
-        made.experiment.trajectory.robot.module.PLANAR,
+        made.experiment.trajectory.robot.place,
         None if fault is None else (fault[0], fault[1].text),
         limits_text(acted) if acted else '',
         (

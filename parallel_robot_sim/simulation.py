@@ -150,7 +150,10 @@ class Simulation(NamedTuple):
             return faults.of(self.experiment.trajectory.robot.module)[number].text
         joint = int(fast[0])
         value, limit = apart(float(speeds[joint]), float(limits[joint]))
-        return f'{loop.joints[joint]} at {value} rad/s is above safety.speed_limit, {limit} rad/s'
+        unit = self.experiment.trajectory.robot.joint_units.one(joint).of('rad/s')
+        return (
+            f'{loop.joints[joint]} at {value} {unit} is above safety.speed_limit, {limit} {unit}'
+        )
 
 
 class RunSummary:
@@ -173,6 +176,7 @@ class RunSummary:
         self._loop: LoopParameters | None = None
         self._fault = faults.NONE  # at the last row
         self._most = 0.0  # N m, of the motors
+        self._torque = 'N m'  # unit of torques
         self.saturated = 0  # rows at which a motor gave all it can
 
     def add(self, part: Simulation) -> None:
@@ -185,6 +189,7 @@ class RunSummary:
         self.saturated += int(saturated(part.configuration.values, run.effort).sum())
         self._most = max(self._most, float(np.abs(run.effort).max()))
         self._loop, self._fault = loop, int(run.fault[-1])
+        self._torque = part.experiment.trajectory.robot.joint_units.of('N m')
         self.acted |= int(np.bitwise_or.reduce(run.acted))
         self.phase = int(part.phases[-1])
         self.loop_time += part.loop_time
@@ -213,7 +218,11 @@ class RunSummary:
         assert loop is not None
         if self.steps <= (loop.last_index or 0):
             fault = self.fault_text
-            cause = f'fault before: {fault}' if fault else f'under up to {self._most:.3g} N m'
+            cause = (
+                f'fault before: {fault}'
+                if fault
+                else f'under up to {self._most:.3g} {self._torque}'
+            )
             return f'{loop.law}: {DRIVEN_OUT} after t = {self.duration:.3f} s, {cause}'
         reason = faults.failure(self.faults, self.duration)
         return reason and f'{loop.law}: {reason}'

@@ -29,7 +29,7 @@ PROCESSES = (  # tests that start processes
     *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
     *('first_power_up', 'forked_process'),
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
-    *('joins', 'kernel_cache', 'life_cycle'),
+    *('joins', 'kernel_cache', 'life_cycle', 'mechanism_bits'),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
     *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),

@@ -173,7 +173,7 @@ def test_more_joints_than_styles_are_drawn(bags, tmp_path):
     columns = np.arange(count) % 5
     fields = ('position', 'reference_position', 'effort')
     many = {field: getattr(run.motion, field)[:, columns] for field in fields}
-    poses = metrics.Poses(many['position'], many['reference_position'], planar=False)
+    poses = metrics.Poses(many['position'], many['reference_position'], place=0)
     motion = run.motion._replace(poses=poses, **many)
     log = run.log._replace(joints=tuple(f'q{k}' for k in range(count)))
     drawn = charts([run._replace(log=log, motion=motion, cross_coupling=None)])

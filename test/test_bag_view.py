@@ -213,7 +213,7 @@ def test_python_takes_the_same_options(tmp_path):
 def test_a_bag_without_configuration_is_shown(tmp_path):
     bag = write(tmp_path / 'bag', {'': renamed(AXES)})
     with ExitStack() as stack:
-        source = open_bag(stack, bag, False, 1 << 30, asked(joints=AXES))
+        source = open_bag(stack, bag, False, asked(joints=AXES))
         assert source.texts() and source.look()
 
 

@@ -36,7 +36,7 @@ def files(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize('scenario', config.scenarios())
 def test_every_scenario_gives_complete_groups(scenario):
-    values = config.resolve(scenario)
+    values = configuration.resolve(scenario)
     for kind, prefix in [
         (PlantParameters, 'plant'),
         (FrictionParameters, 'friction'),

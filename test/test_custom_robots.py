@@ -13,6 +13,7 @@ from untried import detach, forget
 from vectors import OnVectors
 
 from parallel_robot import simulate
+from parallel_robot.analysis.readable_metrics import as_data
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording
 from parallel_robot.bags.recorded_robot import RobotCode
@@ -70,13 +71,13 @@ def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
     assert expected.steady.xy_rms_m > 0.0
     assert main(['analyze', str(bag), *words, '--json', str(tmp_path / 'found.json')]) == 0
     found = json.loads((tmp_path / 'found.json').read_text())
-    assert found['steady'] == pytest.approx(expected.steady._asdict(), rel=1e-12)
+    assert found['steady'] == pytest.approx(as_data(expected)['steady'], rel=1e-12)
     code = RobotCode(True) if words == CODES[0] else RobotCode(files=(str(EXAMPLE),))
     again = load(bag, trust=code.trust, custom_robots=code.files)
     assert metrics(again) == expected and np.array_equal(again.pose, run.pose)
     assert 'platform_error_m' in again.to_frame() and 'not known' not in repr(again)
     ((report,),) = read_runs([bag], code=code).values()
-    assert report.metrics == expected and report.motion.poses.planar
+    assert report.metrics == expected and report.motion.poses.place == 2
     columns, warnings = table_of(bag, code=code)
     assert np.array_equal(columns['platform_x_m'], run.pose[:, 0]) and not warnings
     words = [str(bag), '--rate', '1', '--out', str(tmp_path / 'robot.gif'), *words]
@@ -92,7 +93,7 @@ def test_without_its_file_a_bag_has_no_pose(bag, tmp_path, capsys):
     for text in (out, (tmp_path / 'report' / 'report.html').read_text()):
         assert 'example_robot is not known' in text and '--trust runs its file' in text
     run = load(bag)
-    assert np.isnan(run.pose).all() and not run.planar and '--trust' in repr(run)
+    assert np.isnan(run.pose).all() and not run.place and '--trust' in repr(run)
     assert run.error.any() and not any('pose' in column for column in run.to_frame())
     columns, (warning,) = table_of(bag)
     assert not any('pose' in column or 'platform' in column for column in columns)
@@ -111,9 +112,9 @@ def test_a_robot_whose_digest_is_noted_is_known(bag, tmp_path, monkeypatch):
     noted = tmp_path / 'parallel_robot' / 'trusted_laws'
     noted.parent.mkdir()
     noted.write_text(hashlib.sha256(EXAMPLE.read_bytes()).hexdigest())
-    assert not load(bag).planar
+    assert not load(bag).place
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
-    assert load(bag).planar
+    assert load(bag).place == 2
 
 
 def test_a_file_that_is_not_its_own_is_refused(bag, tmp_path, capsys):

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from parallel_robot.analysis.report.decimation import envelope, extremes
+from parallel_robot.analysis.decimation import INTERVALS, Curves, envelope, extremes
 
 CURVES = arrays(float, st.integers(1, 200), elements=st.floats(-1e3, 1e3))
 
@@ -31,3 +31,12 @@ def test_the_envelope_is_the_larger_of_two_neighbours(values):
     for i in range(len(values)):
         pair = np.abs(values[i - i % 2 : i - i % 2 + 2])
         assert found[i] == pair.max()
+
+
+def test_the_begin_of_a_curve_that_grows_stays():
+    values = np.random.default_rng(5).normal(size=(400_000, 1))
+    curve = Curves()
+    for k, part in enumerate(np.split(values, 40)):
+        curve.add(10_000.0 * k + np.arange(10_000), part)
+    assert np.histogram(curve.time, 8, (0.0, 4e5))[0].min() > INTERVALS // 8
+    assert curve.values.max() == values.max() and curve.values.min() == values.min()

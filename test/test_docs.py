@@ -45,7 +45,9 @@ def test_every_key_has_its_row():
     rows = re.findall(r'`([^`]+)`', ' '.join(first_cells))
     for gain, laws in re.findall(r'^\| `(\w+)` \| (.+?) \|', gains, re.MULTILINE):
         rows += [f'{law}.{gain}' for law in re.findall(r'`(\w+)`', laws) if law in LAWS]
-    keys = {k for k in config.resolve('paper_circle') if not k.startswith('true_robot.')}
+    keys = [k for k in config.resolve('paper_circle') if not k.startswith('true_robot.')]
+    for prefix, group in script('parameters').DESCRIBED:  # of machines from a description
+        keys += [f'{prefix}.{parameter.key}' for parameter in parameters(group)]
     assert sorted(rows) == sorted(keys)
 
 

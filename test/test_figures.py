@@ -102,7 +102,7 @@ def test_runs_are_drawn_over_one_another(log, monkeypatch):
     distance = 1e6 * metrics.distances(both['near'][1].poses)
     np.testing.assert_allclose(error.lines[0].get_ydata(), distance)
     bare = {
-        name: (run, motion._replace(poses=motion.poses._replace(planar=False)))
+        name: (run, motion._replace(poses=motion.poses._replace(place=0)))
         for name, (run, motion) in both.items()
     }
     assert len(figures.figure_of_runs(bare).axes) == 3

@@ -15,6 +15,7 @@ import pytest
 from bags import content, full_disk
 from warm_process import WarmProcess
 
+from parallel_robot.analysis import cross_coupling
 from parallel_robot.analysis.report import runs
 from parallel_robot.bags import recording, recovery
 from parallel_robot.bags.indexed_reader import BagReader
@@ -152,7 +153,7 @@ def test_recover_keeps_what_it_has_when_its_last_look_fails(make, tmp_path, monk
     """Commands of another length, once an IndexError; and whatever nobody thought of."""
     recovery.recover(make('commands of four'), tmp_path / 'four')
     assert list((tmp_path / 'four').glob('*.mcap'))
-    monkeypatch.setattr(recording, 'read', lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(recording, 'chunks', lambda *_, **__: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         recovery.recover(tmp_path / 'four', tmp_path / 'again')
     messages = [content(next((tmp_path / name).glob('*.mcap'))) for name in ('four', 'again')]
@@ -166,7 +167,7 @@ def test_a_report_reads_what_analyze_reads(name, make, good, tmp_path):
         hostile_bags.put(good, tmp_path / 'bag', data=good.data[:-100])
     bag = tmp_path / 'bag' if name == 'unclosed' else make(name)
     read = [recording.read(path, (CROSS_COUPLING_ERROR,)) for path in (tmp_path / 'good', bag)]
-    found = [runs.cross_coupling(log, extra[CROSS_COUPLING_ERROR]) for log, _, extra in read]
+    found = [cross_coupling.of(log, extra[CROSS_COUPLING_ERROR]) for log, _, extra in read]
     assert len(found[0].time) == 7
     assert np.array_equal(found[0].time, found[1].time)
     assert np.array_equal(found[0].values, found[1].values)
@@ -224,10 +225,10 @@ def test_memory_is_asked_for(good, tmp_path, capsys):
     more = [message for message in good.messages if message[0] == 'reference'] * 800
     data = hostile_bags.bag(good, messages=[*good.messages, *more])
     hostile_bags.put(good, tmp_path / 'bag', data=data)
-    words = ['export', str(tmp_path / 'bag'), '--out', str(tmp_path / 'run.csv'), '--max-memory']
+    words = ['identify', str(tmp_path / 'bag'), '--rest', '--max-memory']
     assert main([*words, '0.01']) == 2
     assert 'takes more than 0.01 GB of memory; --max-memory allows more' in capsys.readouterr().err
-    assert main([*words, '0.1']) == 0
+    assert main([*words, '0.1']) == 2 and 'no phase of rest' in capsys.readouterr().err
     for wrong in ('0', '-1', 'nan', 'x', 'inf'):
         assert main([*words, wrong]) == 2
         error = capsys.readouterr().err

@@ -17,6 +17,7 @@ from parallel_robot.studies.identification.measured_motion import MeasuredMotion
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.units import HINGES
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.friction import FrictionParameters
 
@@ -291,7 +292,8 @@ def log_of(case, **parts):
     stamps = 10**9 + np.arange(len(case.run.position)) * 10**6
     arrays = {'stamps': stamps, 'position': case.run.position, 'effort': case.run.effort} | parts
     time = (arrays['stamps'] - 10**9) / 1e9
-    return SimpleNamespace(joints=('joint1', 'joint2', 'joint3'), time=time, **arrays)
+    joints = ('joint1', 'joint2', 'joint3')
+    return SimpleNamespace(joints=joints, units=HINGES, time=time, **arrays)
 
 
 LIMIT = np.full(3, 200.0)
@@ -318,7 +320,7 @@ def test_a_gap_separates_two_stretches(excited):
     kept[7000:7600] = False
     parts = {
         name: value[kept] for name, value in vars(log_of(excited)).items() if name not in
-        ('joints', 'time')
+        ('joints', 'units', 'time')
     }  # fmt: skip
     found = measured_motion.of(log_of(excited, **parts), (), LIMIT)
     pieces = measured_motion.stretches(found, 100)

@@ -311,7 +311,7 @@ def test_a_bag_that_is_not_of_its_plant_tells_what_is_seen_alone(tmp_path):
     np.testing.assert_array_equal(good.motions.true.position, run.simulation.run.joints)
     other = recorded_motions.of_bag(log._replace(command=0.9 * log.command), past)
     assert other.motions.true is None and 'does not tell the true motion' in other.remark
-    assert np.isnan(STEADY[2].value(metrics.figures(other.motions)))
+    assert np.isnan(STEADY[3].value(metrics.figures(other.motions)))
     unknown = recorded_motions.of_bag(log, past._replace(facts={}))
     assert unknown.motions.true is None and 'not known' in unknown.remark
 

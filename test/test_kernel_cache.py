@@ -286,8 +286,8 @@ def test_a_cache_that_others_may_write_is_not_used(how, tmp_path):
 
 
 MOVE = """
-from trajectory_gen.circle import Parameters, motion
-motion(Parameters((0.0, 0.0), 1.0, 1.0, 0.0), 0.5)
+from trajectory_gen.circle import Parameters, motion, prepare
+motion(prepare(Parameters((0.0, 0.0), 1.0, 1.0, 0.0, (0.0, 0.0, 1.0))), 0.5)
 print(sum(motion.stats.cache_hits.values()), motion.stats.cache_path)
 """
 

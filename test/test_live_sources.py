@@ -6,9 +6,12 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from parallel_robot.analysis import evaluated_bag
 from parallel_robot.analysis.frames import Frames
 from parallel_robot.bags import recording
+from parallel_robot.bags.bag_view import BagView
 from parallel_robot.cli.command_line import main
+from parallel_robot.live import bag_source, bag_windows
 from parallel_robot.live.bag_source import BagSource, open_bag
 from parallel_robot.live.frames import HEADER
 from parallel_robot.live.graph_source import GraphSource
@@ -35,7 +38,7 @@ def clock():
 @pytest.fixture
 def source(bag, clock):
     with ExitStack() as stack:
-        made = open_bag(stack, bag, False, 1 << 30)
+        made = open_bag(stack, bag, False)
         parts = (made._log, made._past, made._configuration)
         yield BagSource(*parts, lambda: clock[0])
 
@@ -78,10 +81,11 @@ def test_what_may_not_be_the_true_motion_is_called_seen(key, tmp_path, capsys):
     words = ['simulate', 'paper_circle', '--duration', '0.1', '--set', key, '--out', str(bag)]
     assert main(words) == 0
     with ExitStack() as stack:
-        assert open_bag(stack, bag, False, 1 << 30).texts()['setup']['seen'] == seen
+        assert open_bag(stack, bag, False).texts()['setup']['seen'] == seen
     assert main(['export', str(bag), '--foxglove', str(tmp_path / 'copy')]) == 0
     assert ('frames of the robot, seen' in capsys.readouterr().out) == seen
-    _, path = Frames(recording.read(bag).log, seen)._paths(0).markers
+    whole = recording.read(bag).log
+    _, path = Frames(lambda: iter([whole]), len(whole.time), seen)._paths(0).markers
     assert path.ns == 'end effector' + ', seen' * seen
 
 
@@ -284,3 +288,43 @@ def test_a_gain_has_the_range_that_its_own_node_tells_and_is_no_shape_of_the_mot
          'high': 9.0},
     ]  # fmt: skip
     assert set(found['shapes']) == {'circle', 'line'}
+
+
+def test_a_long_bag_plays_from_windows(tmp_path, monkeypatch):
+    """It shows what it shows as a whole, and holds a few seconds of it."""
+    bag = tmp_path / 'bag'
+    assert main(['simulate', 'paper_circle', '--duration', '6', '--out', str(bag)]) == 0
+    monkeypatch.setattr(evaluated_bag, 'LONG', 1.0)
+    monkeypatch.setattr(bag_windows, 'AHEAD', 0.7)
+    for name, seconds in (('AHEAD', 0.7), ('PAST', 0.5), ('NEAR', 0.2)):
+        monkeypatch.setattr(bag_source, name, seconds)
+    steps = [
+        ('play', True, 0.0), ('speed', 1.0, 0.5), ('speed', 2.0, 0.5), ('seek', 4.0, 0.0),
+        ('step', 1.0, 0.1), ('step', -1.0, 0.0), ('step', -1.0, 0.0), ('play', True, 0.4),
+        ('ghost', 'smc', 0.3), ('seek', 0.3, 0.3), ('ghost', '', 0.3), ('seek', 5.5, 0.9),
+        ('play', True, 0.2),
+    ]  # fmt: skip
+    shown, clock = [], [100.0]
+    for small in (1 << 40, 0):
+        monkeypatch.setattr(evaluated_bag, 'SMALL', small)
+        clock[0] = 100.0
+        with ExitStack() as stack:
+            source = open_bag(stack, bag, False, clock=lambda: clock[0])
+            frames = [source.look()]
+            for action, value, passed in steps:
+                act(source, action, value)
+                clock[0] += passed
+                frames += [source.look(), source.texts()]
+                held = len(source._log.time)
+                assert held < 3000 or small
+        shown.append(frames)
+    assert shown[0] == shown[1]
+
+
+def test_a_part_of_a_long_bag_begins_and_ends_where_it_was_asked_for(bag, monkeypatch):
+    monkeypatch.setattr(evaluated_bag, 'SMALL', 0)
+    monkeypatch.setattr(evaluated_bag, 'LONG', 0.1)
+    with ExitStack() as stack:
+        source = open_bag(stack, bag, False, BagView(start=0.2, stop=0.3))
+        assert heads(source.look())[0][1] == 0.2
+        assert source.texts()['bag']['duration'] == 0.3

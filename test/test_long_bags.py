@@ -8,7 +8,7 @@ from assembly import simulated
 from bags import MS, content, write_foreign
 from test_timing import FACTS, NOTHING, N, loop
 
-from parallel_robot.analysis import evaluated_bag, quantiles, timing
+from parallel_robot.analysis import evaluated_bag, plant_windows, quantiles, timing
 from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.quantiles import Quantiles
@@ -191,17 +191,42 @@ def test_a_robot_that_is_not_as_it_is_taken_to_be(tmp_path, windows):
     assert whole.metrics.seen is not None and whole.metrics.effort.excess_chattering_nm > 0.0
 
 
-def test_a_bag_whose_plant_moves_again_is_read_as_a_whole(tmp_path, windows, monkeypatch):
-    """Unless it is too large: then its true motion is not known."""
-    path = simulation(tmp_path / 'bag', **{'sensor.position_noise': 1e-6})
+@pytest.mark.parametrize(
+    'values',
+    [
+        {'sensor.position_noise': 1e-6},
+        {'sensor.delay': 0.002, 'sensor.jitter': 0.001, 'sensor.resolution': 1e-5},
+        {'sensor.position_noise': 1e-6, 'true_robot.l1': 0.2501, 'disturbance.noise': 0.1},
+    ],
+)
+def test_a_plant_that_moves_again(values, tmp_path, windows):
+    whole = assert_same(windows, simulation(tmp_path / 'bag', **values))
+    assert whole.metrics.source == 'true' and whole.metrics.seen is not None
+    assert not whole.remarks and whole.metrics.effort.excess_chattering_nm > 0.0
+
+
+@pytest.mark.parametrize('lost', ['states', 'commands', 'another plant'])
+def test_a_plant_that_cannot_move_again_in_windows(lost, tmp_path, windows, monkeypatch):
+    """The bag is read as a whole; one that is too large has no true motion."""
+    noisy = simulation(tmp_path / 'noisy', **{'sensor.position_noise': 1e-6})
+    found = content(next(noisy.glob('*.mcap')))
+    if lost == 'another plant':
+        monkeypatch.setattr(plant_windows, 'SAME', 0.0)
+        monkeypatch.setattr(plant_windows, 'FEW', -1.0)
+        path = noisy
+    else:
+        topic, rows = LOST[lost]
+        kept = [entry for k, entry in enumerate(found[topic.name]) if k not in rows]
+        path = changed(tmp_path / 'bag', noisy, found | {topic.name: kept})
     whole, long, _ = both(windows, path)
     assert_alike(long.metrics, whole.metrics)
-    assert whole.metrics.source == 'true' and not whole.remarks
+    assert len(long.log.time) == len(whole.log.time) or lost == 'states'
     read = recorded_robot.read
     monkeypatch.setattr(recorded_robot, 'read', lambda *a, **b: read(*a, memory=1 << 20, **b))
-    seen = evaluate(path)
-    assert seen.metrics.source == 'seen' and 'too long for its plant' in seen.remarks[0]
-    assert_alike(seen.metrics.seen.steady, whole.metrics.seen.steady)
+    if lost != 'states':
+        seen = evaluate(path)
+        assert seen.metrics.source == 'seen' and 'too long for its plant' in seen.remarks[0]
+        assert_alike(seen.metrics.seen.steady, whole.metrics.seen.steady)
 
 
 def test_bags_of_others(bag, tmp_path, windows):

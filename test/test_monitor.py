@@ -52,7 +52,7 @@ def expected(setup, rows):
     pose = metrics.Poses(poses_of(robot, run, guess), poses_of(robot, reference, guess))
     time = np.arange(len(run)) * 1e-3
     return [
-        *metrics.errors(metrics.distances(pose), reference - run),
+        *metrics.errors(metrics.distances(pose), reference - run)[:4],
         *metrics.torque(time, simulation.run.effort[rows]),
     ]
 

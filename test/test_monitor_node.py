@@ -31,7 +31,7 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
     log = recording.read(tmp_path / 'bag').log
     pose = metrics.poses(log)
     errors = metrics.errors(metrics.distances(pose), log.reference_position - log.position)
-    expected = [*errors, *metrics.torque(log.time, log.effort)]
+    expected = [*errors[:4], *metrics.torque(log.time, log.effort)]
 
     process = launch('parallel_robot.analysis.monitor_node')
     heard = [

@@ -88,7 +88,7 @@ def test_joint_states_alone_are_exported_analysed_and_shown(tmp_path, capsys):
     assert main(['report', bag, '--out', str(tmp_path / 'report')]) == 2
     assert 'no messages on reference' in capsys.readouterr().err
     with ExitStack() as stack:
-        assert open_bag(stack, tmp_path / 'bag', False, 1 << 30).look()
+        assert open_bag(stack, tmp_path / 'bag', False).look()
 
 
 def test_states_and_references_without_commands_are_analysed(tmp_path, capsys):

@@ -142,7 +142,7 @@ REFUSED = {
     ),
     'text': ({'circle__radius': 'wide'}, "circle.radius must be a number, not 'wide'"),
     'a list': ({'circle__radius': [0.03, 0.03]}, 'circle.radius must be a number, not'),
-    'a number': ({'circle__center': 0.5}, 'circle.center must be a list of 2 numbers, not 0.5'),
+    'a number': ({'circle__center': 0.5}, 'circle.center must be a list of numbers, not 0.5'),
     'texts': ({'hold__pose': ['a']}, "hold.pose[0] must be a number, not 'a'"),
     'negative': ({'circle__radius': -0.03}, 'circle.radius must be at least 0 m, not -0.03'),
     'no time': ({'trajectory__transition': 0.0}, 'trajectory.transition must be from 0.01 to'),

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from parallel_robot import simulate
+from parallel_robot.analysis.readable_metrics import as_data
 from parallel_robot.cli.command_line import main
 from parallel_robot.python.notebook import metrics
 from parallel_robot.studies.sweep import study
@@ -82,7 +83,7 @@ def test_figures_of_a_motion_are_the_same_with_a_hold(tmp_path, capsys):
     compare = ['compare', 'paper_circle', '--laws', 's_fotsmc', *words, '--hold', '0.3']
     assert main([*compare, '--json', str(out)]) == 0
     steady = json.loads(out.read_text())['laws']['s_fotsmc']['steady']
-    assert steady == expected.steady._asdict()
+    assert steady == as_data(expected)['steady']
     assert main(['simulate', 'paper_circle', *words, '--hold', '0.3', '--out', str(bag)]) == 0
     told = capsys.readouterr().out
     assert told.count('over the second half of its motion, 0.2 to 0.4 s; else it is at rest') == 2

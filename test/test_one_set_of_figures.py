@@ -103,7 +103,7 @@ def test_compare_has_the_same_figures(tmp_path, capsys):
     assert main(['compare', 'paper_circle', *words, *options]) == 0
     found = notebook.metrics(notebook.simulate('paper_circle', law='pid', duration=0.2, **values))
     assert json.loads(out.read_text())['laws']['pid'] == as_data(found)
-    assert {AS_SEEN[2], AS_SEEN[4]} < set(defined(METRICS, found))
+    assert {AS_SEEN[2], AS_SEEN[5]} < set(defined(METRICS, found))
 
 
 def test_a_robot_of_another_geometry_is_as_far_away_as_it_is():

@@ -205,7 +205,7 @@ def test_a_node_says_in_one_line_what_is_wrong(launch, domain, here):
         ('estimator.kind: levnat', 1, "did you mean 'levant'?"),
         ('joints: [a, a, b]', 1, 'joints must be different names'),
         ('circle.center: [0.4, a]', 1, "circle.center[1] must be a number, not 'a'"),
-        ('circle:\n  center: [0.4]', 2, 'circle.center must be a list of 2 numbers'),
+        ('circle:\n  center: [0.4]', 2, 'circle.center must be [x, y], or a pose'),
         ('robot:\n  l1: 0.4\n  m1: -1', 3, 'robot.m1 must be positive'),
         ('true_robot.lc1: 7.0', 1, 'true_robot.lc1 must lie on its link'),
         ('plant.initial_pose: [9.0, 9.0, 0.0]', 1, 'plant.initial_pose [9.0, 9.0, 0.0] is out of'),

@@ -10,7 +10,7 @@ from parallel_robot_model.common.errors import InputError, MotionError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.planar_3rrr import MotionLimits
 from parallel_robot_sim.configuration import configure
-from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.configuration import resolve, trajectory_of
 from trajectory_gen.preflight import check
 
 PERIOD = 1e-3  # s
@@ -49,7 +49,7 @@ def refusal(motion, limits):
 
 @pytest.mark.parametrize('scenario', config.scenarios())
 def test_every_scenario_is_allowed(scenario):
-    values = config.resolve(scenario)
+    values = resolve(scenario)
     check(trajectory_of(values), values['period'])
 
 

@@ -8,7 +8,6 @@ import pytest
 from parallel_robot.analysis.report import runs
 from parallel_robot.bags import progress
 from parallel_robot.bags.progress import CLEAR, Progress, tracked
-from parallel_robot.bags.recording import Recording
 from parallel_robot.cli.commands import run
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes import cache_directory
@@ -72,12 +71,12 @@ def test_nothing_to_do_and_more_than_expected(terminal):
 def test_a_report_says_how_many_bags_are_read(terminal, monkeypatch):
     log = SimpleNamespace(scenario='line', law='smc', joints=('a',), config={'robot_model': 'one'})
 
-    def read(bag, *_):
+    def evaluate(bag, *_, **__):
         if bag.name == 'third':
             raise BagError('broken')
-        return Recording(log, SimpleNamespace(sources={'custom_laws': {}}), {})
+        return SimpleNamespace(log=log, past=SimpleNamespace(sources={'custom_laws': {}}))
 
-    monkeypatch.setattr(runs.recorded_robot, 'read', read)
+    monkeypatch.setattr(runs.evaluated_bag, 'evaluate', evaluate)
     with pytest.raises(BagError, match='broken'):
         runs.read_runs(['first', 'second', 'third'])
     assert '2 of 3 bags read' in terminal.getvalue()

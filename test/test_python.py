@@ -142,7 +142,7 @@ def test_a_run_without_a_duration_has_two_turns_of_the_circle():
 
 def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
     run = simulate('axes_step', duration=0.2)
-    assert run.planar is False
+    assert run.place == 0
     assert run.error.shape == (201, len(run.joints))
     assert np.isnan(notebook.metrics(run).steady.xy_rms_m)
     assert notebook.plot(run)._repr_png_().startswith(b'\x89PNG')
@@ -556,7 +556,7 @@ def test_every_function_is_on_the_page_and_has_an_example():
 def test_every_array_of_a_run_is_on_the_page():
     text = (ROOT / 'docs' / 'python.md').read_text()
     names = [field.name for field in fields(Run)] + ['error', 'velocity_error', 'pose_error']
-    assert all(f'`{name}`' in text for name in names if name != 'planar')
+    assert all(f'`{name}`' in text for name in [*names, 'units'])
 
 
 def test_a_bag_that_ended_early_says_so(tmp_path, capsys):

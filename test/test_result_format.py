@@ -12,6 +12,7 @@ import pytest
 from bags import content, write_foreign
 from mcap.reader import make_reader
 from table_readers import latex_tables, markdown_tables
+from test_fronts import tuning
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
@@ -40,6 +41,9 @@ WORDS = {  # command to its words; {0} is another place for each call
     'calibrate': 'calibrate {serial} --poses {poses}',
     'replay': 'replay {bag} --set smc.z=20 --figure {0}.png',
     'recover': 'recover {broken} --out {0}',
+    'identify --design': 'identify --design excitation --trials 3 --out {0}',
+    'calibrate --design': 'calibrate --scenario serial_2r_circle --design 4',
+    'fronts': 'fronts {tuned} --out {0}.png',
     'verify': 'verify --set robot_model=axes',
     'show': 'show axes_step',
 }
@@ -69,7 +73,7 @@ def places(tmp_path_factory):
     study.write_text(STUDY)
     return SimpleNamespace(**{
         'bag': bag, 'alone': alone, 'excited': excited, 'serial': serial, 'broken': broken,
-        'poses': poses, 'study': study,
+        'poses': poses, 'study': study, 'tuned': tuning(folder, 'tuned'),
     })  # fmt: skip
 
 
@@ -214,3 +218,14 @@ def test_names_of_columns_and_index_are_escaped_too():
 def test_what_has_no_table_costs_one_line(call, reason):
     with pytest.raises(InputError, match=reason):
         call()
+
+
+def test_a_rerun_is_told_in_every_format(places, tmp_path, capsys):
+    for form in ('json', 'markdown', 'latex'):
+        words = ['rerun', str(places.bag), '--out', str(tmp_path / form), '--format', form]
+        assert main(words) == 0
+        out = capsys.readouterr().out
+        if form == 'json':
+            found = json.loads(out)
+            assert found['identical'] and found['difference'] is None
+        assert f'{found["messages"]}' in out and str(tmp_path) not in out

@@ -17,7 +17,7 @@ from parallel_robot_model.robots.registry import ROBOTS as MODULES
 
 ROBOTS = {name: OnVectors(module) for name, module in MODULES.items()}
 CONFIG = Path(__file__).parents[1] / 'config'
-FILES = sorted(CONFIG.glob('robots/*.yaml'))
+FILES = [file for file in sorted(CONFIG.glob('robots/*.yaml')) if file.stem in ROBOTS]
 H = 1e-5  # s, of central differences
 STATES = 10  # random states of each robot
 

@@ -1,5 +1,6 @@
 """The command `run`: real nodes, real bags, and nothing left behind."""
 
+import json
 import os
 import pty
 import re
@@ -92,7 +93,7 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
 
 
 def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tmp_path, capsys):
-    process = start('bag', 8.0, '--time-mode', 'lockstep')
+    process = start('bag', 8.0, '--time-mode', 'lockstep', '--format', 'json')
     for size, key, value in ((60_000, 's_fotsmc.G', 20.0), (600_000, 'law', 'pid')):
         under_way(process, tmp_path / 'bag', size)
         changed = [Parameter(key, value=value).to_parameter_msg()]
@@ -103,6 +104,8 @@ def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tm
         assert answer.results[0].successful
         process.until(lambda key=key: noted(tmp_path / 'bag', key))
     assert process.wait() == 0, process.stderr
+    told = json.loads(process.stdout)
+    assert told['law'] == 's_fotsmc, then pid' and told['steady']['xy_rms_m'] > 0.0
     past = recording.read(tmp_path / 'bag').history
     assert set(past.parameters) == {'/controller', '/plant', '/trajectory'}
     assert past.parameters['/controller']['s_fotsmc.G'] == 10.0
@@ -137,7 +140,7 @@ def check_stretches(bag, capsys):
     for layout in over_time:
         assert {shape['x0'] for shape in layout['shapes']} == {*run.marks}
     with ExitStack() as stack:
-        texts = open_bag(stack, bag, False, 1 << 30).texts()
+        texts = open_bag(stack, bag, False).texts()
     assert texts['bag']['changes'] == [
         [run.marks[0], 's_fotsmc.G 20.0'],
         [run.marks[1], 'law pid'],

@@ -137,7 +137,11 @@ def test_each_source_has_the_value_that_counts(write, scenario):
     for key, source in sources.items():
         if key in ('scenario', 'preset'):
             continue
-        if source in values:
+        if key == 'robot_description':
+            assert source == 'robot_model'
+        elif source == 'robot_description':
+            assert values[source].lstrip().startswith('<mujoco')
+        elif source in values:
             assert values[source] == values[key] and key == f'true_{source}'
         elif source == config.OVERRIDE:
             assert changed[key] == values[key]

@@ -32,7 +32,7 @@ def same(values, others):
 def test_the_scenario_it_writes_is_the_same_one(scenario, tmp_path, capsys):
     file = tmp_path / 'again.yaml'
     file.write_text(shown(capsys, scenario, '--format', 'yaml'))
-    assert same(config.resolve(str(file)), config.resolve(scenario))
+    assert same(resolve(str(file)), resolve(scenario))
     assert shown(capsys, str(file), '--format', 'yaml').count('\n') == file.read_text().count('\n')
 
 
@@ -138,3 +138,22 @@ def test_a_wrong_value_is_refused_as_in_a_run(capsys):
     assert capsys.readouterr().err == (
         "parallel_robot show: circle.radius must be a number, not 'many'\n"
     )
+
+
+def test_the_text_of_a_description_is_cut_for_people_and_whole_in_files(capsys, tmp_path):
+    values = resolve('five_bar_circle')
+    description = values['robot_description']
+    assert main(['show', 'five_bar_circle']) == 0
+    shown = capsys.readouterr().out
+    assert f'({len(description)} characters)' in shown
+    assert max(map(len, shown.splitlines())) < 400
+    assert main(['show', 'five_bar_circle', '--format', 'json']) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told['robot_description']['value'] == description
+    assert main(['show', 'five_bar_circle', '--format', 'yaml']) == 0
+    file = tmp_path / 'mine.yaml'
+    file.write_text(capsys.readouterr().out)
+    again = resolve(str(file))
+    assert {key: again[key] for key in values if key not in ('scenario', 'preset')} == {
+        key: value for key, value in values.items() if key not in ('scenario', 'preset')
+    }

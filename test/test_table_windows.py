@@ -5,6 +5,7 @@ import pytest
 from assembly import simulated
 from bags import content, full_disk, streams, write_foreign
 
+from parallel_robot.analysis import frames
 from parallel_robot.bags import indexed_reader, recorded_robot, recording, simulation_bag
 from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.cli.command_line import main
@@ -153,8 +154,10 @@ def test_a_part_without_states_is_refused_as_ever(bag, tmp_path, capsys):
     assert 'has no state between --from and --to: its states go from' in capsys.readouterr().err
 
 
-def test_a_copy_for_viewers_is_the_same(bag, tmp_path, monkeypatch):
+@pytest.mark.parametrize('points', [10_000, 70])
+def test_a_copy_for_viewers_is_the_same(points, bag, tmp_path, monkeypatch):
     monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    monkeypatch.setattr(frames, 'ALL', points)
     copies = []
     for seconds in (1000.0, WIDTH):
         monkeypatch.setattr(recorded_robot, 'SECONDS', seconds)

@@ -116,7 +116,7 @@ def test_a_robot_that_is_not_planar_has_no_video(tmp_path, capsys):
     assert main(['simulate', 'axes_step', '--duration', '0.2', '--out', bag]) == 0
     capsys.readouterr()
     assert main(['video', bag, '--out', str(tmp_path / 'x.gif')]) == 2
-    assert 'does not move in a plane' in capsys.readouterr().err
+    assert 'the pose of its robot is not a place' in capsys.readouterr().err
 
 
 def test_a_full_disk_leaves_no_file(bags, tmp_path, capsys):

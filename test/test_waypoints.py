@@ -295,7 +295,7 @@ def test_anybodys_table_is_read_as_the_same_points(name, tmp_path):
 @pytest.mark.parametrize(
     ('options', 'reason'),
     [
-        ({'columns': ['t=t', 'x=X']}, 'waypoints.columns must name t and coordinates'),
+        ({'columns': ['t=t', 'w=x']}, 'waypoints.columns must name t and coordinates'),
         ({'columns': ['t=t', 'x=X', 'y=b']}, "has no column 'X', only 't, x, y, phi'"),
         ({'columns': ['t=9', 'x=x', 'y=y']}, "has no column '9'"),
         ({'columns': 'x'}, "waypoints.columns must be a list of texts, not 'x'"),

@@ -6,10 +6,13 @@ from assembly import simulated
 from bags import content, write_foreign, write_mcap
 
 from parallel_robot.bags import (
+    bag_difference,
     bag_files,
+    gathered_run,
     indexed_reader,
     mcap_records,
     recording,
+    recovery,
     simulation_bag,
     window_streams,
 )
@@ -242,3 +245,35 @@ def test_a_part_of_a_bag_of_others_has_the_same_windows(part, bag, messages, tmp
     parts = [*recording.chunks(tmp_path / 'bag', WIDTH, motion_only=True, view=view)]
     assert_together(parts, whole)
     assert {warning for each in parts for warning in each.log.warnings} == {*whole.log.warnings}
+
+
+def test_the_end_of_a_run_is_known_without_its_states(bag, monkeypatch):
+    monkeypatch.setattr(gathered_run, 'SECONDS', WIDTH)
+    log, past, count = gathered_run.ends(bag)
+    whole = recording.read(bag)
+    assert count == len(whole.log.stamps) and log.stamps[-1] == whole.log.stamps[-1]
+    assert len(log.stamps) <= DURATION / WIDTH + 1.0 and past == whole.history
+
+
+def test_the_difference_of_two_runs_is_found_in_windows(bag, tmp_path, monkeypatch):
+    """They end at different times."""
+    given = {'duration': 3.1, 's_fotsmc.G': 11.0, 'time_mode': 'lockstep'}
+    values = config.resolve('paper_circle', given)
+    simulation_bag.write(tmp_path / 'other', values, [simulated(values)])
+    monkeypatch.setattr(bag_difference, 'SECONDS', WIDTH)
+    one, two = (recording.read(each).log for each in (bag, tmp_path / 'other'))
+    count = len(two.time)
+    angle, torque = (
+        np.abs(first[:count] - second[:count]).max()
+        for first, second in ((one.position, two.position), (one.command, two.command))
+    )
+    wanted = f'joints by up to {angle:.2g} rad, commands by up to {torque:.2g} N m'
+    assert bag_difference.size(bag, tmp_path / 'other') == wanted
+
+
+def test_what_a_recovered_bag_lacks_is_counted_in_windows(bag, messages, tmp_path, monkeypatch):
+    monkeypatch.setattr(recovery, 'SECONDS', WIDTH)
+    lost = without(messages, JOINT_STATES, {*range(428, 433), *range(2000, 2600)})
+    write_foreign(tmp_path / 'bag', lost)
+    missing = recovery.recover(tmp_path / 'bag', tmp_path / 'whole').missing
+    assert missing[JOINT_STATES.name] == 605

@@ -23,6 +23,7 @@ from trajectory_gen.configuration import motions_of
 
 NOTE = 'warm_for_tests'
 SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each robot
+MACHINE = 'five_bar_circle'  # of all machines that are described
 
 
 def of_nodes(scenario):
@@ -56,6 +57,10 @@ def main():
         jobs += [pool.apply_async(of_the_analysis, (scenario,)) for scenario in SCENARIOS]
         for scenario in SCENARIOS:
             jobs += [pool.apply_async(of_simulations, (scenario, law)) for law in LAWS]
+        jobs += [
+            pool.apply_async(of_nodes, (MACHINE,)),
+            pool.apply_async(of_simulations, (MACHINE, 's_fotsmc')),
+        ]
         for job in jobs:
             job.get()
     cache_directory.mark(NOTE, version)

@@ -1,43 +1,61 @@
-"""Circle at constant speed and constant platform angle (the paper's case 1)."""
+"""Circle at constant speed, all else of the pose constant (the paper's case 1)."""
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
+from trajectory_gen.plane import Plane, drawn, plane_of
 
 
 class Parameters(NamedTuple):
-    """x = cx + r cos(w t), y = cy + r sin(w t), phi constant."""
+    """center + r cos(w t) u + r sin(w t) v with the axes u, v of its plane."""
 
-    center: Annotated[tuple[float, float], Field('m', 'centre of the circle')]
+    center: Annotated[tuple[float, ...], Field('m', 'centre: x, y, or a pose in space')]
     radius: Annotated[float, Field('m', 'radius of the circle', 0.0)]
     rate: Annotated[float, Field('rad/s', 'angular rate along the circle, signed')]
-    phi: Annotated[float, Field('rad', 'platform angle')]
+    phi: Annotated[float, Field('rad', 'platform angle, with a centre x, y')]
+    normal: Annotated[
+        tuple[float, float, float], Field('', 'normal of its plane, with a centre in space')
+    ]
+
+
+class Circle(NamedTuple):
+    """A circle in its plane; radius [m], rate [rad/s]."""
+
+    plane: Plane
+    radius: float
+    rate: float
+
+
+def prepare(parameters: Parameters) -> Circle:
+    """The circle of the parameters.
+
+    Raises:
+        InputError: the centre is no pose, or the normal is zero.
+    """
+    center, radius, rate, phi, normal = parameters
+    return Circle(plane_of('circle.center', center, phi, normal), radius, rate)
 
 
 @kernel
-def motion(parameters: Parameters, t: float) -> PoseMotion:
+def motion(circle: Circle, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s].
 
     Source:
         Doan, Le, Vo (2019), section 4, case 1.
     """
-    w = parameters.rate
-    cosine = parameters.radius * math.cos(w * t)
-    sine = parameters.radius * math.sin(w * t)
-    return PoseMotion(
-        np.array([parameters.center[0] + cosine, parameters.center[1] + sine, parameters.phi]),
-        np.array([-w * sine, w * cosine, 0.0]),
-        np.array([-w * w * cosine, -w * w * sine, 0.0]),
+    w = circle.rate
+    cosine = circle.radius * math.cos(w * t)
+    sine = circle.radius * math.sin(w * t)
+    return drawn(
+        circle.plane, (cosine, sine), (-w * sine, w * cosine), (-w * w * cosine, -w * w * sine)
     )
 
 
-def span(parameters: Parameters) -> float:
+def span(circle: Circle) -> float:
     """Time after which nothing new happens [s]: one turn."""
-    return 2.0 * math.pi / abs(parameters.rate) if parameters.rate else 0.0
+    return 2.0 * math.pi / abs(circle.rate) if circle.rate else 0.0

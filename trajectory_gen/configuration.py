@@ -25,6 +25,7 @@ from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 OF_FILE = (points_file.FILE, points_file.THINNED, points_table.COLUMNS, points_table.UNITS)
 FIXED = ('trajectory.lookahead', *OF_FILE)  # at the start
 INITIAL = 'plant.initial_pose'
+QUATERNIONS = 'quaternions'
 
 
 class Motions(NamedTuple):
@@ -117,7 +118,7 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
 
 
 def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
-    """Refuse points of a file that are places in a plane, where the robot does not move in one.
+    """Refuse points of a file that are poses of another kind of robot.
 
     Args:
         values: A resolved configuration.
@@ -132,11 +133,14 @@ def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
     module, columns = robot.module, place.columns
     axes = module.coordinates(robot.parameters)
     own = columns == tuple(axis.name for axis in axes)
-    if own or columns[0] != 'x' or module.PLANAR or len(columns) != len(axes):
-        return
+    plane = columns in (points_table.PLANE, points_table.PLANE[:2])
+    other = points_table.is_joint(columns[0]) or columns[-1] == points_table.QUATERNION[-1]
+    if own or other or (plane and (robot.planar or len(columns) != len(axes))):
+        return  # or it is told elsewhere
     names = ', '.join(f'{axis.name} [{axis.unit}]' for axis in axes)
+    kind = 'a place in a plane' if plane else 'of another robot'
     raise InputError(
-        f'{points_file.FILE}: columns {", ".join(columns)} are a place in a plane; a point must '
+        f'{points_file.FILE}: columns {", ".join(columns)} are {kind}; a point must '
         f'be a pose of {robot.name}, {names}',
         points_file.POINTS,
     )
@@ -212,6 +216,10 @@ def _placed(
     given = groups.at(name, shape.Parameters)
     if name == 'hold' and not given.pose:
         given = hold.Parameters(robot.pose_of(INITIAL, here))
+    if getattr(given, 'space', '') == QUATERNIONS:
+        from trajectory_gen.orientation_path import as_poses  # scipy takes long to load
+
+        given = given._replace(points=as_poses(robot, given.points), space='pose')
     return given
 
 

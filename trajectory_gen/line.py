@@ -6,6 +6,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
@@ -15,25 +17,43 @@ from trajectory_gen.time_law import quintic
 class Parameters(NamedTuple):
     """From `start` to `end` in `duration`, then at rest; phi constant."""
 
-    start: Annotated[tuple[float, float], Field('m', 'first point')]
-    end: Annotated[tuple[float, float], Field('m', 'last point')]
+    start: Annotated[tuple[float, ...], Field('m', 'first point: x, y, or a pose in space')]
+    end: Annotated[tuple[float, ...], Field('m', 'last point: x, y, or a pose in space')]
     duration: Annotated[float, Field('s', 'time from the first to the last point', 1e-3)]
-    phi: Annotated[float, Field('rad', 'platform angle')]
+    phi: Annotated[float, Field('rad', 'platform angle, with points x, y')]
+
+
+class Line(NamedTuple):
+    """First pose, and way to the last one, each shape (m,); duration [s]."""
+
+    start: Array
+    way: Array
+    duration: float
+
+
+def prepare(parameters: Parameters) -> Line:
+    """The line of the parameters.
+
+    Raises:
+        InputError: the points are no poses of one robot.
+    """
+    start, end, duration, phi = parameters
+    if len(start) != len(end) or len(start) < len('xy'):
+        what = 'must be [x, y] both, or poses that begin with x, y, z'
+        raise InputError(f'line.start and line.end {what}', 'line')
+    first = np.array([*start, phi] if len(start) == len('xy') else start)
+    way = np.zeros_like(first)
+    way[: len(start)] = np.array(end) - np.array(start)
+    return Line(first, way, duration)
 
 
 @kernel
-def motion(parameters: Parameters, t: float) -> PoseMotion:
+def motion(line: Line, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
-    s, s_dot, s_ddot = quintic(parameters.duration, t)
-    dx = parameters.end[0] - parameters.start[0]
-    dy = parameters.end[1] - parameters.start[1]
-    return PoseMotion(
-        np.array([parameters.start[0] + s * dx, parameters.start[1] + s * dy, parameters.phi]),
-        np.array([s_dot * dx, s_dot * dy, 0.0]),
-        np.array([s_ddot * dx, s_ddot * dy, 0.0]),
-    )
+    s, s_dot, s_ddot = quintic(line.duration, t)
+    return PoseMotion(line.start + s * line.way, s_dot * line.way, s_ddot * line.way)
 
 
-def span(parameters: Parameters) -> float:
+def span(line: Line) -> float:
     """Time after which nothing new happens [s]."""
-    return parameters.duration
+    return line.duration

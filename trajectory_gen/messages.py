@@ -8,11 +8,17 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.trajectory import Reference
 
 
-def pose_fields(poses: np.ndarray) -> dict[str, Any]:
-    """Fields of geometry_msgs/PoseStamped of poses (x, y, phi) or (x, y), one per row."""
+def pose_fields(robot: RobotModel, poses: np.ndarray) -> dict[str, Any]:
+    """Fields of geometry_msgs/PoseStamped of poses that are places, one per row."""
+    if not robot.planar:
+        module: Any = robot.module
+        turned = module.orientations(robot.parameters, poses)
+        names = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
+        return dict(zip(names, (*poses[:, :3].T, *turned.T), strict=True))
     angle = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(poses))
     # math, not numpy: its result does not depend on the position of a number in an array
     sine = [math.sin(0.5 * phi) for phi in angle]
@@ -20,9 +26,10 @@ def pose_fields(poses: np.ndarray) -> dict[str, Any]:
     return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine, 'qw': cosine}
 
 
-def pose_messages(stamps: Any, poses: np.ndarray) -> np.ndarray:
-    """geometry_msgs/PoseStamped of poses in a plane, see :func:`pose_fields`."""
-    return layouts.pose_stamped(topics.FRAME).records(len(poses), stamps, **pose_fields(poses))
+def pose_messages(robot: RobotModel, stamps: Any, poses: np.ndarray) -> np.ndarray:
+    """geometry_msgs/PoseStamped of poses that are places, see :func:`pose_fields`."""
+    fields = pose_fields(robot, poses)
+    return layouts.pose_stamped(topics.FRAME).records(len(poses), stamps, **fields)
 
 
 def reference_messages(joints: tuple[str, ...], stamps: Any, reference: Reference) -> np.ndarray:

@@ -1,46 +1,83 @@
-"""A motion in a plane, drawn about a centre along axes that are turned by an angle."""
+"""A motion in a plane of the robot's pose, drawn about a centre along two axes."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.robots.contract import PoseMotion
 
 Vector = tuple[float, float]
+SPACE = 3  # coordinates of a place in space, with which a pose of three or more begins
+
+
+class Plane(NamedTuple):
+    """Origin, first and second axis in coordinates of the pose, each shape (m,)."""
+
+    origin: Array
+    first: Array
+    second: Array
+
+
+def plane_of(
+    key: str,
+    center: tuple[float, ...],
+    phi: float,
+    normal: tuple[float, float, float],
+    angle: float = 0.0,
+) -> Plane:
+    """The plane of a motion.
+
+    Args:
+        key: Key of the centre, for messages.
+        center: x and y [m], with `phi` the pose of a robot in a plane; or a pose that begins with
+            x, y and z [m] and keeps all else.
+        phi: Platform angle [rad].
+        normal: Normal of the plane in space; any length but zero.
+        angle: Direction of the first axis [rad]; from x, or in space from x as the plane sees it.
+
+    Raises:
+        InputError: the centre is a single number, or the normal is zero.
+    """
+    c, s = math.cos(angle), math.sin(angle)
+    if len(center) == len('xy'):
+        origin = np.array([*center, phi])
+        return Plane(origin, np.array([c, s, 0.0]), np.array([-s, c, 0.0]))
+    if len(center) < SPACE:
+        what = f'{key} must be [x, y], or a pose that begins with x, y, z, not {list(center)}'
+        raise InputError(what, key)
+    length = float(np.linalg.norm(normal))
+    if not length > 0.0:
+        named = f'{key.partition(".")[0]}.normal'
+        raise InputError(f'{named} must have a direction, not {list(normal)}', named)
+    n = np.array(normal) / length
+    x = np.eye(SPACE)[int(abs(n[0]) > math.cos(math.pi / 6.0))]  # not along the normal
+    u = x - (x @ n) * n
+    u /= np.linalg.norm(u)
+    v = np.cross(n, u)
+    first, second = np.zeros((2, len(center)))
+    first[:SPACE], second[:SPACE] = c * u + s * v, c * v - s * u
+    return Plane(np.array(center), first, second)
 
 
 @kernel
-def turned(
-    center: Vector, angle: float, phi: float, place: Vector, rate: Vector, acceleration: Vector
-) -> PoseMotion:
-    """Motion of the platform from that along the turned axes; phi constant.
+def drawn(plane: Plane, place: Vector, rate: Vector, acceleration: Vector) -> PoseMotion:
+    """Motion of the pose from that in the plane.
 
     Args:
-        center: Origin of the axes [m].
-        angle: Direction of the first axis [rad].
-        phi: Platform angle [rad].
+        plane: The plane.
         place: Along the first and the second axis [m].
         rate: Its first derivative.
         acceleration: Its second derivative.
     """
-    c, s = math.cos(angle), math.sin(angle)
+    u, v = plane.first, plane.second
     return PoseMotion(
-        np.array(
-            [
-                center[0] + c * place[0] - s * place[1],
-                center[1] + s * place[0] + c * place[1],
-                phi,
-            ]
-        ),
-        np.array([c * rate[0] - s * rate[1], s * rate[0] + c * rate[1], 0.0]),
-        np.array(
-            [
-                c * acceleration[0] - s * acceleration[1],
-                s * acceleration[0] + c * acceleration[1],
-                0.0,
-            ]
-        ),
+        plane.origin + place[0] * u + place[1] * v,
+        0.0 + rate[0] * u + rate[1] * v,
+        0.0 + acceleration[0] * u + acceleration[1] * v,
     )

@@ -50,7 +50,10 @@ def _check(trajectory: Trajectory, times: np.ndarray) -> None:
     text = 'joint speed {} rad/s is above trajectory.max_joint_speed, {} rad/s'
     too_fast = first_sample(speeds > fastest, speeds, text, fastest)
     if too_fast is not None:
-        failures = [*failures, too_fast]
+        units = (
+            robot.joint_units if too_fast.part is None else robot.joint_units.one(too_fast.part)
+        )
+        failures = [*failures, too_fast._replace(reason=units.of(too_fast.reason))]
     if failures:
         first = min(failures, key=lambda failure: failure.sample)
         where = robot.module.PARTS[first.part is None]

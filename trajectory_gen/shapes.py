@@ -20,6 +20,7 @@ from trajectory_gen import (
     hold,
     line,
     move,
+    pick_and_place,
     trapezoid,
     waypoints,
 )
@@ -43,6 +44,7 @@ SHAPES: dict[str, Shape] = {
     'figure_eight': figure_eight,
     'line': line,
     'trapezoid': trapezoid,
+    'pick_and_place': pick_and_place,
     'hold': hold,
     'move': move,
     'waypoints': waypoints,

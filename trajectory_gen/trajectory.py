@@ -105,7 +105,7 @@ class Trajectory:
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
         self.size = size = len(shape.motion(self.shape, 0.0).pose)
-        in_plane = self.robot.module.PLANAR and self._size < size == 3
+        in_plane = self.robot.planar and self._size < size == 3
         if size != self._size and not in_plane:
             names = ', '.join(
                 axis.name for axis in self.robot.module.coordinates(self.robot.parameters)

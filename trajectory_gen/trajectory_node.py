@@ -61,8 +61,15 @@ class TrajectoryNode(SuiteNode):
         self._present = self._present_pose()
         trajectory, robot = self._motions.trajectory, self._motions.robot.module
         self._settable = frozenset(key for key, _ in settings(self._motions))
-        groups = declared(robot, self._motions.shapes)
-        self.declare_groups(('robot', robot.Parameters), (ESTIMATOR, ZeroAngles), *groups)
+        shapes = self._motions.shapes
+        groups = declared(robot, shapes)
+        self.declare_groups(
+            ('robot', robot.Parameters),
+            (ESTIMATOR, ZeroAngles),
+            *groups,
+            units=trajectory.robot.joint_units,
+            motions=shapes,
+        )
         if self._present is None:
             preflight.check(trajectory, self.loop.period)
         if self.loop.start_stamp != WAIT:  # else who starts it says so
@@ -288,12 +295,13 @@ class TrajectoryNode(SuiteNode):
             stamps = self._start + indices * self.period_ns
             samples = self._course.sample(indices)
             references = reference_messages(self.loop.joints, stamps, samples)
-            poses = pose_messages(stamps, samples.pose)
+            robot = self._motions.robot
+            poses = pose_messages(robot, stamps, samples.pose) if robot.place else references[:0]
             self._batch = (first, self._course, references, poses)
         _, _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
         self._published += 1
-        if k % topics.SLOW == 0 and self._motions.robot.module.PLANAR:
+        if k % topics.SLOW == 0 and self._motions.robot.place:
             self._pose.publish(poses[k - first].tobytes())
         self._sent = k
 

@@ -26,12 +26,16 @@ class Parameters(NamedTuple):
     points: Annotated[tuple[float, ...], Field('', 'one after another, in the units of the robot')]
     file: Annotated[str, Field('', 'CSV to read times and points from, instead')]
     columns: Annotated[
-        tuple[str, ...], Field('', 'its columns, where others than t, x, y, phi or t, q1, q2 ...')
+        tuple[str, ...],
+        Field(
+            '', 'its columns, where others than t, x, y, phi, t, x, y, z, rx, ... or t, q1, ...'
+        ),
     ]
     units: Annotated[tuple[str, ...], Field('', 'its units, where others than s, m, rad')]
     thinned: Annotated[str, Field('', 'what was left out of it')]
     space: Annotated[
-        Literal['pose', 'joints'], Field('', 'what the points are: poses, or actuated joints')
+        Literal['pose', 'joints', 'quaternions'],
+        Field('', 'what the points are: poses, actuated joints, or x, y, z and a quaternion each'),
     ]
     periodic: Annotated[bool, Field('', 'again and again; the last point equals the first')]
     smoothing: Annotated[

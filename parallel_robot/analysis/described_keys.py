@@ -8,7 +8,9 @@ from typing import Any
 from parallel_robot.analysis.monitor import MonitorParameters
 from parallel_robot_control.configuration import available
 from parallel_robot_model.configuration.fields import Field, parameters
+from parallel_robot_model.configuration.joint_fields import joint_field
 from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_model.robots.registry import module_of
 from parallel_robot_sim.parameter_groups import members
 from trajectory_gen.shapes import shapes
@@ -17,6 +19,8 @@ from trajectory_gen.shapes import shapes
 def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
     """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
     loop = loop_of(values)
-    known = members(module_of(loop), available(loop.custom_laws), shapes(loop.custom_trajectories))
+    motions = shapes(loop.custom_trajectories)
+    known = members(module_of(loop), available(loop.custom_laws), motions)
     known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
-    return {key: parameter.field for key, parameter in known}
+    units = units_of(values)
+    return {key: joint_field(key, parameter, units, motions) for key, parameter in known}

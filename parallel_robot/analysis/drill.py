@@ -68,7 +68,8 @@ def motors_braked(log: RunLog, begin: float, end: float) -> Finding:
     drift = float(np.abs(np.ptp(log.position[rows], axis=0)).max())
     speed = float(np.abs(log.velocity[rows][-1]).max())
     driven = float(np.maximum(power, 0.0).max())
-    text = f'joints went {drift:.2g} rad, {speed:.2g} rad/s at the end'
+    rad, rate = log.units.of('rad'), log.units.of('rad/s')
+    text = f'joints went {drift:.2g} {rad}, {speed:.2g} {rate} at the end'
     if driven > 1e-3:  # W, more than the noise of velocities makes
         return Finding(False, f'the motors drove with up to {driven:.2g} W; {text}')
     return Finding(True, f'the motors braked; {text}')

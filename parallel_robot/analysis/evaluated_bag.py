@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import metrics, recorded_motions, timing
+from parallel_robot.analysis import cross_coupling, metrics, recorded_motions, timing
+from parallel_robot.analysis.bag_course import Course
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.motion_windows import MotionWindows
-from parallel_robot.analysis.recorded_motions import Recorded
-from parallel_robot.analysis.report.thinned import path_of, thinned
+from parallel_robot.analysis.plant_windows import PlantWindows
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it, joined
-from parallel_robot.analysis.running_timing import RunningTiming
+from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import recorded_robot, recording, run_log, stretches
-from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.bag_files import files
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.counts import TopicCount
@@ -37,16 +37,14 @@ from parallel_robot_model.common.errors import (
     WholeNeededError,
 )
 from parallel_robot_model.configuration.loop import loop_of
-from parallel_robot_model.messages.topics import RECORDED
-from parallel_robot_sim.motions import Motion, Motions, Poses
-from parallel_robot_sim.saturation import saturated, saturation_of
+from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, RECORDED, Topic
+from parallel_robot_sim.motions import Motion, Motions
+from parallel_robot_sim.saturation import saturation_of
 
 SMALL = 16_000_000  # bytes of a bag that is read as a whole without a look at its index
 LONG = 120.0  # s; a bag that is longer is read in windows
 WINDOW = 20.0  # s, that are read at once
 SHORTEST = 10  # states of a stretch of which there are figures
-INTERVALS = 1500  # of a picture of a long run, of each of which the extremes are kept
-PATH = 600.0  # s, of which the path of a long run is drawn
 
 
 class PartFigures(NamedTuple):
@@ -67,7 +65,12 @@ class EvaluatedBag(NamedTuple):
         metrics: Its metrics.
         motion: Its true motion where that is known, else the one that was seen; of a long one,
             the samples that can be seen in a picture.
-        path: The poses of its path; of a long one, of parts of it with gaps.
+        path: Its path; of a long one, parts of it with gaps.
+        at: Its samples at times, or the first ones after them, all in rising order.
+        samples: How many samples it has.
+        cross_coupling: Cross-coupling errors [rad], if asked for and in the bag; of a long one,
+            those that can be seen in a picture.
+        cut: Why only a part of it was evaluated; empty when all of it was.
         parts: Its stretches between changes.
         figures: Figures of each of several stretches.
         last: Stamp of its last state [ns].
@@ -80,7 +83,11 @@ class EvaluatedBag(NamedTuple):
     timing: Timing
     metrics: Metrics
     motion: Motion
-    path: Poses
+    path: Track
+    at: Callable[[np.ndarray], Motion]
+    samples: int
+    cross_coupling: Series | None
+    cut: str
     parts: list[Stretch]
     figures: list[PartFigures]
     last: int
@@ -94,12 +101,14 @@ def evaluate(
     view: BagView = AS_RECORDED,
     part: tuple[float | None, float | None] = (None, None),
     warn: Callable[[str], None] = lambda _: None,
+    topics: Collection[Topic] = (),
+    motion_only: bool = True,
 ) -> EvaluatedBag | MotionAlone:
     """Find the figures of a bag.
 
     Those of a bag that is read in windows are the same up to rounding, but that percentiles of
-    many delays are within 0.05 %. One whose plant has to move once more is read as a whole as
-    long as it fits in the memory.
+    many delays are within 0.05 %. One with hazards, whose plant has to move once more, is read
+    as a whole as long as it fits in the memory.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
@@ -108,6 +117,8 @@ def evaluate(
         part: First and last time of the part that all figures are of [s]; None: see
             :func:`metrics.figures`.
         warn: Is told each defect of the bag as soon as it is known.
+        topics: What else is wanted: none, or CROSS_COUPLING_ERROR.
+        motion_only: Whether references and commands may be missing.
 
     Returns:
         The figures; of a bag without references what is known of its motion alone.
@@ -116,38 +127,50 @@ def evaluate(
         BagError: not a bag of a run, it takes too much, or nothing is in the part.
         InputError: the robot of the bag cannot be built, or nothing is in the part.
     """
-    small = sum(path.stat().st_size for path in files(bag) if path.is_file()) < SMALL
-    seconds, count = (0.0, 0) if small else recording.size(bag, view)
-    if seconds > LONG:
-        long = _LongBag(bag, code, view, part, count)
-        try:
-            if not long.moves_again:
-                return long.evaluated(warn)
-        except WholeNeededError:
-            pass
+    count = long(bag, view)
+    if count:
+        windows = _LongBag(bag, code, view, part, count, topics, motion_only)
+        with contextlib.suppress(WholeNeededError):
+            return windows.evaluated(warn)
     try:
-        found = recorded_robot.read(bag, code=code, view=view, motion_only=True)
+        found = recorded_robot.read(
+            bag, code=code, topics=topics, view=view, motion_only=motion_only
+        )
     except BagError:
-        if seconds > LONG and long.moves_again:
-            return long.evaluated(warn)
+        if count and windows.moves_again:
+            return windows.evaluated(warn, moved=False)
         raise
     for warning in found.log.warnings:
         warn(warning)
-    return _of_whole(bag, found, part, warn)
+    if motion_only and not np.isfinite(found.log.reference_position).any():
+        alone = MotionAlone()
+        alone.add(run_log.between(bag, found.log, *part))
+        return alone
+    return of_whole(bag, found, part, warn)
 
 
-def _of_whole(
+def long(bag: Path, view: BagView) -> int:
+    """About how many states a bag has that is read in windows; 0: it is read as a whole."""
+    if sum(path.stat().st_size for path in files(bag) if path.is_file()) < SMALL:
+        return 0
+    seconds, count = recording.size(bag, view)
+    return count if seconds > LONG else 0
+
+
+def of_whole(
     bag: Path,
     found: Recording,
-    part: tuple[float | None, float | None],
-    warn: Callable[[str], None],
-) -> EvaluatedBag | MotionAlone:
-    log, past, _ = found
+    part: tuple[float | None, float | None] = (None, None),
+    warn: Callable[[str], None] = lambda _: None,
+) -> EvaluatedBag:
+    """The figures of a bag that was read as a whole; arguments as of :func:`evaluate`.
+
+    Raises:
+        BagError: the motion has no pose, or nothing is in the part.
+        InputError: the robot of the bag cannot be built, or nothing is in the part.
+    """
+    log, past, extra = found
     part_of = run_log.between(bag, log, *part)
-    if not np.isfinite(log.reference_position).any():
-        alone = MotionAlone()
-        alone.add(part_of)
-        return alone
     timed = timing.evaluate(part_of, past)
     try:
         motions = recorded_motions.of_bag(log, past)
@@ -156,14 +179,18 @@ def _of_whole(
     log = motions.log
     if motions.cut:
         warn(motions.cut)
-    parts = stretches.of_run(past, log)
+    parts, best = stretches.of_run(past, log), motions.motions.best
     return EvaluatedBag(
         log,
         past,
         timed,
         metrics.figures(motions.motions, *part),
-        motions.motions.best,
-        motions.motions.best.poses,
+        best,
+        Track(best.time, best.poses),
+        lambda times: best.rows(_rows(best, times)),
+        len(best.time),
+        cross_coupling.of(log, extra.get(CROSS_COUPLING_ERROR)),
+        motions.cut,
         parts,
         [*of_stretches(motions.motions, parts)],
         int(log.stamps[-1]),
@@ -228,9 +255,11 @@ class _LongBag:
         view: BagView,
         part: tuple[float | None, float | None],
         count: int,
+        topics: Collection[Topic],
+        motion_only: bool,
     ) -> None:
         self._bag, self._code, self._view, self._part = bag, code, view, part
-        self._count = count
+        self._count, self._topics, self._motion_only = count, topics, motion_only
         windows = self._windows()
         first = next(windows)
         self._opened: Iterator[Recording] | None = itertools.chain((first,), windows)
@@ -238,12 +267,21 @@ class _LongBag:
         self._law, self._start = first.log.law, first.log.start_stamp
         self.moves_again = recorded_motions.moves_again(self._config, self._past)
 
-    def evaluated(self, warn: Callable[[str], None]) -> EvaluatedBag | MotionAlone:
-        """All its figures."""
-        course = _Course(self._part, self._past, self._count)
+    def evaluated(
+        self, warn: Callable[[str], None], moved: bool = True
+    ) -> EvaluatedBag | MotionAlone:
+        """All its figures; `moved`: whether its plant may move once more.
+
+        Raises:
+            WholeNeededError: it cannot do so in windows, or the bag cannot be read so.
+        """
+        self._moved = moved and self.moves_again
+        course = Course(self._part, self._past, self._count)
         whole, parts = self._jobs()
         self._read([whole, *parts], course, warn)
         if not course.referenced:
+            if not self._motion_only:
+                raise WholeNeededError(f'{self._bag} has no reference')
             course.check(self._bag)
             return course.alone
         while not all(job.settled for job in (whole, *parts)):
@@ -270,6 +308,10 @@ class _LongBag:
             whole.found._replace(window=window),
             course.motion(),
             course.path(),
+            self.at,
+            course.samples,
+            course.coupling(),
+            course.cut,
             known,
             figures,
             course.last,
@@ -277,19 +319,28 @@ class _LongBag:
             bool(told),
         )
 
+    def _motions(self, ideal: bool = True) -> MotionWindows:
+        plant = PlantWindows(self._bag, self._config, self._past) if self._moved else None
+        return MotionWindows(self._count, plant, ideal)
+
     def _windows(self) -> Iterator[Recording]:
         return recorded_robot.chunks(
-            self._bag, WINDOW, code=self._code, view=self._view, motion_only=True
+            self._bag,
+            WINDOW,
+            code=self._code,
+            topics=self._topics,
+            view=self._view,
+            motion_only=self._motion_only,
         )
 
     def _read(
         self,
         jobs: Sequence[_Job],
-        course: _Course | None = None,
+        course: Course | None = None,
         warn: Callable[[str], None] = lambda _: None,
     ) -> None:
         """Go through the windows once."""
-        motions = MotionWindows(self._count)
+        motions = self._motions()
         windows, self._opened = self._opened or self._windows(), None
         for found in windows:
             if course is not None:
@@ -304,13 +355,29 @@ class _LongBag:
                 job.add(part.motions)
             if course is not None:
                 course.follow(part)
+        motions.check()
         for job in jobs:
             job.end_of_bag()
         if course is not None:
             for warning in course.warnings:
                 warn(warning)
+            course.cut = motions.cut
             if motions.cut:
                 warn(motions.cut)
+
+    def at(self, times: np.ndarray) -> Motion:
+        """Samples at times; the bag is read once more."""
+        motions, found, done = self._motions(ideal=False), [], 0
+        best: Motion | None = None
+        for window in self._windows():
+            part = motions.of(window)
+            if part is not None:
+                best = part.motions.best
+                stop = int(np.searchsorted(times, best.time[-1], side='right'))
+                found.append(best.rows(_rows(best, times[done:stop])))
+                done = stop
+        assert best is not None
+        return joined([*found, best.rows(_rows(best, times[done:]))])
 
     def _jobs(self) -> tuple[_Job, list[_Job]]:
         """The figures of all of it, and of its stretches."""
@@ -336,86 +403,13 @@ class _LongBag:
             math.ceil(min(max(time / period - 1e-6, 0.0), self._count)) for time in (begin, end)
         )
         halves = all_of_it(stop - first)
-        both = recorded_motions.two_motions(self._config, self._past)
+        both = recorded_motions.two_motions(self._config, self._past, self._moved)
         return Plan(math.inf, *(halves if one else None for one in both))
 
 
-class _Course:
-    """What is known of a run up to a window, but for its metrics."""
-
-    def __init__(self, part: tuple[float | None, float | None], past: History, count: int) -> None:
-        self._part, self._count = part, count
-        self._known_plant = recorded_motions.of_plant(past)
-        self.timing, self.alone = RunningTiming(past), MotionAlone()
-        self.messages: dict[str, TopicCount] = {}
-        self._warnings = AlikeLines()
-        self._motion: list[Motion] = []
-        self._path: list[Poses] = []
-        self.referenced = False
-        self.saturated = self.samples = self.last = self._inside = 0
-        self.times = (math.inf, -math.inf)
-        self.followed = (math.nan, math.nan)
-        self.remark = ''
-
-    def add(self, bag: Path, found: Recording) -> None:
-        """Take what a window of a bag says, with or without a motion."""
-        self.log = log = found.log
-        for name, count in log.messages.items():
-            before = self.messages.get(name, TopicCount(0, 0))
-            self.messages[name] = TopicCount(
-                before.count + count.count, before.missing + count.missing
-            )
-        self._warnings.take(bag, log)
-        self.referenced |= bool(np.isfinite(log.reference_position).any())
-        low, high = self.times
-        self.times = min(low, float(log.time.min())), max(high, float(log.time.max()))
-        start, stop = self._part
-        chosen = np.flatnonzero(
-            (log.time >= (-math.inf if start is None else start))
-            & (log.time <= (math.inf if stop is None else stop))
-        )
-        self._inside += len(chosen)
-        if len(chosen):
-            inside = log if len(chosen) == len(log.time) else run_log.rows(log, chosen)
-            self.alone.add(inside)
-            self.timing.add(inside)
-
-    def follow(self, part: Recorded) -> None:
-        """Take the motion of a window."""
-        best = part.motions.best
-        self._known_plant &= not recorded_robot.unknown(part.log.config)
-        begin = self.followed[0] if self._motion else float(best.time[0])
-        self.followed = begin, float(best.time[-1])
-        share = len(best.time) / max(self._count, 1)
-        self._path.append(path_of(best, PATH * share if self._motion else math.inf))
-        self._motion.append(thinned(best, max(1, round(INTERVALS * share))))
-        if self._known_plant:
-            self.saturated += int(saturated(part.log.config, part.log.effort).sum())
-        self.samples += len(part.log.time)
-        self.last, self.remark = int(part.log.stamps[-1]), part.remark
-
-    def motion(self) -> Motion:
-        """What can be seen of the motion."""
-        return joined(self._motion)
-
-    def path(self) -> Poses:
-        """What can be seen of its path: that of the first window, and parts of all others."""
-        actual, reference, planar = zip(*self._path, strict=True)
-        return Poses(np.concatenate(actual), np.concatenate(reference), planar[0])
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the bag: what is said of several windows once, as of the first."""
-        return self._warnings.lines
-
-    def check(self, bag: Path) -> None:
-        """Refuse a part of a run without states.
-
-        Raises:
-            BagError: it is one.
-        """
-        if not self._inside:
-            raise BagError(run_log.no_state(bag, *self.times))
+def _rows(motion: Motion, times: np.ndarray) -> np.ndarray:
+    """Rows of the first samples that are not before some times, or of the last one."""
+    return np.clip(np.searchsorted(motion.time, times), 0, len(motion.time) - 1)
 
 
 def _ordered(counts: Mapping[str, TopicCount]) -> dict[str, TopicCount]:

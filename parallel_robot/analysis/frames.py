@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,13 @@ from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.channels import channel_of
 from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.run_log import RunLog
+from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import FRAME, FRAMES, MARKERS, ROBOT_DESCRIPTION
+from parallel_robot_model.robots.link import frames as link_frames
+from parallel_robot_model.robots.link import in_space
+from parallel_robot_sim.motions import Left
 
 REFERENCE = 'reference'
 PATHS = {REFERENCE: (0.6, 0.6, 0.6), 'end effector': (0.16, 0.32, 0.75)}
@@ -26,11 +30,14 @@ ALL = 10_000  # points of a path, more than a screen has dots
 class Frames:
     """Adds description, frames and paths to the bag that is a copy of that of a run."""
 
-    def __init__(self, log: RunLog, seen: bool = False) -> None:
+    def __init__(
+        self, windows: Callable[[], Iterator[RunLog]], count: int, seen: bool = False
+    ) -> None:
         """Prepare.
 
         Args:
-            log: The run.
+            windows: Returns the run in parts.
+            count: How many states it has, about.
             seen: Whether its joints and its nominal robot may show another motion than the true
                 one; then the path is named so.
 
@@ -39,8 +46,9 @@ class Frames:
         """
         from rosbags.typesys import Stores, get_typestore  # slow to import
 
-        self._log, self._seen = log, seen
-        self._posture = posture_of(log.config)
+        self._windows, self._states, self._seen = windows, count, seen
+        self._first = next(windows())
+        self._posture = posture_of(self._first.config)
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self.count = 0
 
@@ -52,19 +60,22 @@ class Frames:
         """
         for topic in (ROBOT_DESCRIPTION, MARKERS, FRAMES):
             writer.add(channel_of(topic))
-        begin = int(self._log.heard[0])
+        begin = int(self._first.heard[0])
         text = layouts.text_message(self._posture.description)
         writer.write(ROBOT_DESCRIPTION.name, begin, text)
-        writer.write(MARKERS.name, begin, self._bytes(self._paths(int(self._log.stamps[0]))))
+        writer.write(MARKERS.name, begin, self._bytes(self._paths(int(self._first.stamps[0]))))
         for log_time, message in self._frames():
             writer.write(FRAMES.name, log_time, self._bytes(message))
             self.count += 1
 
     def _frames(self) -> Iterator[tuple[int, Any]]:
         """Frames of the links with their log times."""
-        log = self._log
-        states = zip(map(int, log.heard), map(int, log.stamps), log.position, strict=True)
-        for log_time, stamp, position in tracked(states, len(log.stamps), 'states'):
+        states = (
+            state
+            for log in self._windows()
+            for state in zip(map(int, log.heard), map(int, log.stamps), log.position, strict=True)
+        )
+        for log_time, stamp, position in tracked(states, self._states, 'states'):
             angles = self._posture.add_state(stamp, position)
             if angles is not None:
                 yield (
@@ -74,12 +85,14 @@ class Frames:
 
     def _transforms(self, stamp: int, angles: np.ndarray) -> list[Any]:
         transforms = []
-        for link, half in zip(self._posture.links, angles / 2.0, strict=True):
-            x, y = link.origin
-            turned = {'x': 0.0, 'y': 0.0, 'z': float(np.sin(half)), 'w': float(np.cos(half))}
+        links = self._posture.links
+        places = (found.tolist() for found in link_frames(links, angles))
+        for link, place, turn in zip(links, *places, strict=True):
+            vector = dict(zip('xyz', place, strict=True))
+            turned = dict(zip('xyzw', turn, strict=True))
             transform = self._message(
                 'geometry_msgs/msg/Transform',
-                translation=self._message('geometry_msgs/msg/Vector3', x=x, y=y, z=0.0),
+                translation=self._message('geometry_msgs/msg/Vector3', **vector),
                 rotation=self._message('geometry_msgs/msg/Quaternion', **turned),
             )
             transforms.append(
@@ -93,12 +106,9 @@ class Frames:
         return transforms
 
     def _paths(self, stamp: int) -> Any:
-        """The desired path and that of the end effector; empty for one that is not planar."""
-        _, poses, _ = metrics.with_poses(self._log)
-        paths = (poses.reference, poses.actual) if poses.planar else ()
+        """The desired path and that of the end effector; none where poses are no places."""
         markers = []
-        for (name, colour), path in zip(PATHS.items(), paths, strict=False):
-            points = path[:: -(-len(path) // ALL), :2].tolist()
+        for (name, colour), points in zip(PATHS.items(), self._tracks(), strict=False):
             r, g, b = colour
             marker = self._message(
                 'visualization_msgs/msg/Marker',
@@ -119,7 +129,8 @@ class Frames:
                 lifetime=self._message('builtin_interfaces/msg/Duration', sec=0, nanosec=0),
                 frame_locked=False,
                 points=[
-                    self._message('geometry_msgs/msg/Point', x=x, y=y, z=0.0) for x, y in points
+                    self._message('geometry_msgs/msg/Point', x=x, y=y, z=z)
+                    for x, y, z in map(in_space, points.tolist())
                 ],
                 colors=[],
                 texture_resource='',
@@ -139,6 +150,28 @@ class Frames:
             )
             markers.append(marker)
         return self._message(MARKERS.type, markers=markers)
+
+    def _tracks(self) -> list[np.ndarray]:
+        """Points of both paths [m], each shape (N, 2 or 3), up to a state without a pose."""
+        every, left, found = max(1, -(-self._states // ALL)), None, []
+        for log in self._windows():
+            if not log.referenced.any() and left is not None:
+                continue
+            try:
+                _, poses, cut = metrics.with_poses(log, left=left)
+            except KinematicsError:
+                if left is None:
+                    raise
+                break
+            if not poses.place:
+                return []
+            done = left.samples if left else 0
+            rows = slice(-done % every, None, every)
+            found.append([path[rows, : poses.place] for path in (poses.reference, poses.actual)])
+            left = Left(poses.actual[-1], poses.reference[-1], done + len(poses.actual))
+            if cut:
+                break
+        return [np.concatenate(parts) for parts in zip(*found, strict=True)]
 
     def _header(self, stamp: int, frame: str) -> Any:
         sec, nanosec = divmod(stamp, NANOSECONDS)

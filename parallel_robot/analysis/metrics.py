@@ -13,7 +13,9 @@ from parallel_robot.bags.run_log import RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.robots.configuration import is_known, robot_of
+from parallel_robot_model.robots.turning import angles_between
 from parallel_robot_sim.motions import Left, Motion, Motions, poses_of
 from parallel_robot_sim.motions import Poses as Poses
 
@@ -30,16 +32,19 @@ class Errors(NamedTuple):
 
     Attributes:
         xy_rms_m: Root mean square distance of the end effector from its reference [m]; NaN for a
-            robot that does not move in a plane.
+            robot whose pose is not a place.
         xy_max_m: Largest distance [m]; NaN for such a robot.
         joint_rms_rad: Root mean square joint error over all joints [rad].
         sync_rms_rad: Root mean square synchronisation error over all joints [rad].
+        turn_rms_rad: Root mean square angle by which the end effector is turned from its
+            reference [rad]; NaN unless it turns in space.
     """
 
     xy_rms_m: float
     xy_max_m: float
     joint_rms_rad: float
     sync_rms_rad: float
+    turn_rms_rad: float = math.nan
 
 
 class Torque(NamedTuple):
@@ -79,7 +84,7 @@ class Transient(NamedTuple):
 
     Attributes:
         to_1_mm_s: Time after which the distance stays below 1 mm, for BELOW or more [s]; None if
-            never, NaN for a robot that does not move in a plane.
+            never, NaN for a robot whose pose is not a place.
         to_0_1_mm_s: The same for 0.1 mm [s].
     """
 
@@ -122,6 +127,7 @@ class Metrics(NamedTuple):
         source: TRUE: of the true motion; SEEN: of what sensors and nominal robot show.
         seen: Those of what is seen; None where all that is seen is true.
         window: Over which part errors, chattering and effort are taken.
+        units: Units of the joints: what is said to be in rad and N m is in m and N of slides.
     """
 
     duration_s: float
@@ -132,6 +138,7 @@ class Metrics(NamedTuple):
     source: Literal['true', 'seen'] = TRUE
     seen: Metrics | None = None
     window: Window = Window(math.nan, math.nan, math.nan)
+    units: JointUnits = HINGES
 
 
 Value = Callable[[Metrics], float | None]
@@ -169,7 +176,7 @@ def poses(log: RunLog, true: bool = False, left: Left | None = None) -> Poses:
     """
     if not is_known(log.config):
         nowhere = np.full_like(log.position, np.nan)
-        return Poses(nowhere, nowhere, planar=False)
+        return Poses(nowhere, nowhere, place=0)
     nominal, guess = nominal_of(log.config)
     actual = robot_of(log.config, 'true_robot') if true else nominal
     return poses_of(nominal, actual, guess, log.reference_position, log.position, left)
@@ -303,7 +310,11 @@ def evaluate(motion: Motion, ideal: np.ndarray | None = None, all_of_it: bool = 
     return Metrics(
         float(motion.time[-1] - motion.time[0]),
         Transient(_settled(motion.time, distance, 1e-3), _settled(motion.time, distance, 1e-4)),
-        errors(distance[half], (motion.reference_position - motion.position)[half]),
+        errors(
+            distance[half],
+            (motion.reference_position - motion.position)[half],
+            turn_errors(motion.poses)[half],
+        ),
         torque(motion.time, motion.effort, half),
         effort(motion, half, ideal),
         window=Window(
@@ -313,25 +324,36 @@ def evaluate(motion: Motion, ideal: np.ndarray | None = None, all_of_it: bool = 
             rests=first > 0,
             falls=None if all_of_it else _falls(motion, half),
         ),
+        units=motion.poses.units,
     )
 
 
 def distances(pose: Poses) -> np.ndarray:
-    """Distance of the end effector from its reference [m], shape (N,); NaN if not planar."""
-    if not pose.planar:
+    """Distance of the end effector from its reference [m], shape (N,); NaN without a place."""
+    if not pose.place:
         return np.full(len(pose.actual), np.nan)
-    return np.linalg.norm((pose.actual - pose.reference)[:, :2], axis=1)
+    return np.linalg.norm((pose.actual - pose.reference)[:, : pose.place], axis=1)
 
 
-def errors(distance: np.ndarray, error: np.ndarray) -> Errors:
+def turn_errors(pose: Poses) -> np.ndarray:
+    """Angle of the end effector from its reference [rad], shape (N,); NaN unless in space."""
+    return angles_between(pose.actual, pose.reference, pose.turns)
+
+
+def errors(distance: np.ndarray, error: np.ndarray, turn: np.ndarray | None = None) -> Errors:
     """Compute the tracking errors over all samples given.
 
     Args:
         distance: Distance of the end effector from its reference [m], shape (N,).
         error: Error of the joints [rad], shape (N, n).
+        turn: Angle of the end effector from its reference [rad], shape (N,); None or NaN: none.
     """
     return Errors(
-        _rms(distance), float(distance.max()), _rms(error), _rms(synchronisation_error(error))
+        _rms(distance),
+        float(distance.max()),
+        _rms(error),
+        _rms(synchronisation_error(error)),
+        math.nan if turn is None or np.isnan(turn).any() else _rms(turn),
     )
 
 

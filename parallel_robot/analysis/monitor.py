@@ -32,8 +32,8 @@ class MonitorParameters(NamedTuple):
 class WindowMetrics(NamedTuple):
     """Metrics over a window; the names are those of the topics, the units are SI.
 
-    A robot that does not move in a plane has no end-effector error: its topics do not exist. That
-    of a robot that does is NaN while a sample of the window has no pose.
+    A robot whose pose is not a place has no end-effector error: its topics do not exist. That
+    of one whose pose is a place is NaN while a sample of the window has no pose.
 
     Attributes:
         platform_error_rms: Root mean square distance of the end effector from its reference [m].
@@ -80,7 +80,7 @@ class Monitor:
             parameters: Length of the window.
         """
         self._robot, self._first_guess = robot, guess
-        self._planar = robot.module.PLANAR
+        self._planar = robot.place
         self._joints = robot.module.joints(robot.parameters)
         self._length = round(parameters.window * NANOSECONDS)
         self._newest: int | None = None  # ns, stamp of the last state
@@ -144,7 +144,7 @@ class Monitor:
             return None
         time = self._window.stamps / NANOSECONDS
         errors = metrics.errors(self._window.distance, self._window.error)
-        return WindowMetrics(*errors, *metrics.torque(time, self._window.effort))
+        return WindowMetrics(*errors[:4], *metrics.torque(time, self._window.effort))
 
     def _new_samples(self) -> _Window:
         """Samples since the last metrics that have a recent reference."""
@@ -170,7 +170,7 @@ class Monitor:
         except KinematicsError:
             return np.full(len(position), math.nan)
         self._guess = reference[-1]
-        return metrics.distances(metrics.Poses(actual, reference))
+        return metrics.distances(metrics.Poses(actual, reference, self._robot.place))
 
 
 def _has_recent(references: list[int], stamp: int) -> bool:

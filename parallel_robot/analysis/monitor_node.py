@@ -44,6 +44,7 @@ class MonitorNode(SuiteNode):
             ('robot', robot.module.Parameters),
             ('monitor', MonitorParameters),
             (ESTIMATOR, ZeroAngles),
+            units=robot.joint_units,
         )
         self._zero_angle = known(self.values)
         parameters = group(self.values, MonitorParameters, 'monitor')
@@ -89,7 +90,9 @@ class MonitorNode(SuiteNode):
         if self._posture is not None:
             angles = self._posture.add_state(stamp, position)
             if angles is not None:
-                records = self._layout.records(1, np.array([stamp]), position=angles)
+                records = self._layout.records(
+                    1, np.array([stamp]), position=angles[self._posture.moving]
+                )
                 self._links.publish(records[0].tobytes())
         found = self._monitor.add_state(stamp, position - self._zero_angle, effort)
         if found is not None:

@@ -85,10 +85,12 @@ class MotionAlone:
     def _of(self) -> dict[str, np.ndarray]:
         """Figures of each joint by name with unit, shape (n,)."""
         found, (speeds, torques) = self._rows, self._measured
-        rows = {'lowest angle [rad]': found['low'], 'highest angle [rad]': found['high']}
+        units = self._taken.units
+        what = 'position' if any(units.slides) else 'angle'
+        rows = {f'lowest {what} [rad]': found['low'], f'highest {what} [rad]': found['high']}
         if speeds:
             rows['velocity, rms [rad/s]'] = np.sqrt(found['velocity'] / self._count)
         if torques:
             rows['torque, rms [N m]'] = np.sqrt(found['torque'] / self._count)
             rows['torque, max [N m]'] = found['largest']
-        return rows
+        return {units.label(name): numbers for name, numbers in rows.items()}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis.plant_windows import PlantWindows
 from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, Recorded
 from parallel_robot.bags.recording import Recording
 from parallel_robot_model.common.arrays import Array
@@ -23,17 +24,23 @@ from trajectory_gen.configuration import trajectory_of
 class MotionWindows:
     """The motions of windows that follow each other, as those of the whole bag.
 
-    But for a bag whose states do not tell the true joints: its plant does not move once more.
+    Of a bag whose states do not tell the true joints, a plant has to move once more.
 
     Attributes:
         cut: Why the motion was followed up to a window alone; empty when it was not cut off.
     """
 
-    def __init__(self, count: int) -> None:
-        """Prepare; `count`: how many states the bag has, about."""
-        self._count = count
+    def __init__(self, count: int, plant: PlantWindows | None = None, ideal: bool = True) -> None:
+        """Prepare.
+
+        Args:
+            count: How many states the bag has, about.
+            plant: Tells the true motion, if the states do not.
+            ideal: Whether the ideal torque is wanted.
+        """
+        self._count, self._wanted = count, ideal
         self._ideal: _Ideal | None = None
-        self._motions = recorded_motions.InParts()
+        self._motions, self._plant = recorded_motions.InParts(plant), plant
         self._end = math.nan  # s, time of the last state that was followed
         self.cut = ''
 
@@ -43,6 +50,7 @@ class MotionWindows:
         Raises:
             InputError: the robot of the bag cannot be built.
             KinematicsError: the first sample of the bag has no pose.
+            WholeNeededError: the plant cannot move once more in windows.
         """
         log = found.log
         if self.cut or not log.referenced.any():
@@ -54,11 +62,21 @@ class MotionWindows:
                 raise
             self.cut = f'evaluated up to t = {self._end:.3f} s: {error}'
             return None
-        true, self._ideal = part.motions.true, self._ideal or _Ideal(log.config, self._count)
-        if true is not None:
+        true = part.motions.true
+        if true is not None and self._wanted:
+            self._ideal = self._ideal or _Ideal(log.config, self._count)
             part = part._replace(motions=part.motions._replace(ideal=self._ideal.of(true)))
         self._end, self.cut = float(part.log.time[-1]), part.cut
         return part
+
+    def check(self) -> None:
+        """Refuse a plant that was another one than that of the bag, at its end.
+
+        Raises:
+            WholeNeededError: it was.
+        """
+        if self._plant is not None:
+            self._plant.check()
 
 
 class _Ideal:

@@ -13,9 +13,10 @@ from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.messages.topics import MARKERS_EVERY
+from parallel_robot_model.robots.link import FIXED
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_model.robots.tree import angles_of, links_of
+from parallel_robot_model.robots.tree import angles_of, links_of, needs_pose
 from parallel_robot_model.robots.urdf import urdf
 
 
@@ -23,7 +24,9 @@ class Posture:
     """Follows the links of the nominal robot.
 
     Attributes:
-        joints: Names of the joints of all links, L.
+        links: The links, L.
+        moving: Which of them have a joint that moves, shape (L,).
+        joints: Names of the joints that move.
         description: The robot as URDF.
     """
 
@@ -44,7 +47,8 @@ class Posture:
         self._robot, self._zero_angle = robot, zero_angle
         self._first_guess = self._guess = guess
         self.links = links_of(robot, loop.joints)
-        self.joints = tuple(link.joint for link in self.links)
+        self.moving = np.array([link.kind != FIXED for link in self.links])
+        self.joints = tuple(link.joint for link in self.links if link.kind != FIXED)
         self.description = urdf(robot.name, self.links)
         self._period = MARKERS_EVERY * loop.period_ns
         self._newest: int | None = None
@@ -57,21 +61,25 @@ class Posture:
             position: Measured actuated joints [rad], shape (n,).
 
         Returns:
-            Angles of the joints of all links [rad], shape (L,), fifty times in a second of motion;
-            None otherwise, and where there is no pose.
+            Positions of the joints of all links [rad or m], shape (L,), fifty times in a second
+            of motion; None otherwise, and where there is no pose.
         """
         due = self._newest is None or stamp // self._period != self._newest // self._period
         self._newest = stamp
         if not due:
             return None
         joints = (position - self._zero_angle)[np.newaxis]
-        try:
-            pose = poses_of(self._robot, joints, self._guess)
-        except KinematicsError:  # it was put elsewhere
-            self._guess = self._first_guess
-            return None
-        self._guess = pose[0]
-        return angles_of(self._robot, pose, joints)[0]
+        if needs_pose(self._robot):
+            try:
+                pose = poses_of(self._robot, joints, self._guess)
+            except KinematicsError:  # it was put elsewhere
+                self._guess = self._first_guess
+                return None
+            self._guess = pose[0]
+        else:
+            pose = joints
+        angles = angles_of(self._robot, self.links, pose, joints)[0]
+        return angles if np.isfinite(angles).all() else None
 
 
 def posture_of(values: Mapping[str, Any]) -> Posture:

@@ -12,10 +12,13 @@ from typing import Any, NamedTuple
 from parallel_robot.analysis.metrics import SEEN, Metrics, Value, of_seen, of_true
 from parallel_robot.bags.counts import TopicCount
 from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.units import JointUnits
 
 
 class Metric(NamedTuple):
     """One metric; smaller is better.
+
+    Its unit is that of hinges: ``metric.unit_with(found.units)`` is that of a run's joints.
 
     Attributes:
         name: Full name.
@@ -30,12 +33,24 @@ class Metric(NamedTuple):
     unit: str
     value: Callable[[Metrics], float | None]
 
+    def unit_with(self, units: JointUnits) -> str:
+        """Its unit, with joints of some units; that of the turn error is an angle with all."""
+        return self.unit if TURN in self.name else units.of(self.unit)
 
+
+TURN, TURN_KEY = 'end-effector turn error', 'turn_rms_rad'
 OF_MOTION: tuple[tuple[str, str, str, str, Value], ...] = (  # both names, the short one as seen
     ('time to 1 mm', 'to 1 mm', 'seen 1 mm', 's', lambda m: m.transient.to_1_mm_s),
     ('time to 0.1 mm', 'to 0.1 mm', 'seen 0.1', 's', lambda m: m.transient.to_0_1_mm_s),
     ('end-effector error, rms', 'rms', 'seen rms', 'µm', lambda m: 1e6 * m.steady.xy_rms_m),
     ('end-effector error, max', 'max', 'seen max', 'µm', lambda m: 1e6 * m.steady.xy_max_m),
+    (
+        f'{TURN}, rms',
+        'turn rms',
+        'seen turn',
+        'mrad',
+        lambda m: 1e3 * m.steady.turn_rms_rad,
+    ),
     (
         'joint error, rms',
         'joint rms',
@@ -55,7 +70,7 @@ OF_MOTION: tuple[tuple[str, str, str, str, Value], ...] = (  # both names, the s
 _TRUE = tuple(
     Metric(name, short, unit, of_true(value)) for name, short, _, unit, value in OF_MOTION
 )
-TRANSIENT, STEADY, ENERGY = _TRUE[:2], _TRUE[2:6], _TRUE[6]
+TRANSIENT, STEADY, ENERGY = _TRUE[:2], _TRUE[2:7], _TRUE[7]
 AS_SEEN = tuple(
     Metric(f'seen {name}', short, unit, of_seen(value))
     for name, _, short, unit, value in OF_MOTION
@@ -97,7 +112,9 @@ def table(rows: Sequence[tuple[str, str, str]]) -> Table:
 def whole(found: Metrics) -> Table:
     """The metrics of a run as a table, with three decimals."""
     metrics = defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
-    return table([(one.name, f'{one.value(found):.3f}', one.unit) for one in metrics])
+    return table(
+        [(one.name, f'{one.value(found):.3f}', one.unit_with(found.units)) for one in metrics]
+    )
 
 
 def as_data(found: Metrics) -> dict[str, dict[str, Any]]:
@@ -121,7 +138,7 @@ def as_data(found: Metrics) -> dict[str, dict[str, Any]]:
 def _groups(found: Metrics, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     return {
         name: {
-            key: value
+            key if key == TURN_KEY else found.units.key(key): value
             for key, value in getattr(found, name)._asdict().items()
             if value is None or not math.isnan(value)
         }
@@ -164,15 +181,17 @@ def unsettled(found: Metrics) -> list[str]:
     if found.window.falls is None:
         return []
     before, after = (shown(1e6 * error) for error in found.window.falls)
-    return [f'not settled: in that time the joint error falls from {before} to {after} µrad rms']
+    fall = f'from {before} to {after} {found.units.of("µrad")} rms'
+    return [f'not settled: in that time the joint error falls {fall}']
 
 
 def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
     """The metrics and the messages that are missing, in a few lines."""
-    rows = (STEADY[:2], STEADY[2:], TORQUE, EFFORT, AS_SEEN[2:4], AS_SEEN[4:6], AS_SEEN[6:])
-    groups = (defined(metrics, found) for metrics in rows)
+    rows = (STEADY[:3], STEADY[3:], TORQUE, EFFORT, AS_SEEN[2:5], AS_SEEN[5:7], AS_SEEN[7:])
+    groups, units = (defined(metrics, found) for metrics in rows), found.units
     lines = [
-        '  ' + '; '.join(f'{one.name} {one.value(found):.3f} {one.unit}' for one in metrics)
+        '  '
+        + '; '.join(f'{one.name} {one.value(found):.3f} {one.unit_with(units)}' for one in metrics)
         for metrics in groups
         if metrics
     ]

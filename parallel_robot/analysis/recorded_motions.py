@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.analysis import metrics
+from parallel_robot.analysis.plant_windows import FEW, SAME, PlantWindows
 from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.history import History
@@ -36,11 +37,9 @@ from parallel_robot_sim.plant import MUJOCO
 from parallel_robot_sim.saturation import saturation
 from trajectory_gen.configuration import trajectory_of
 
-SAME = 1e-9  # rad, to which a plant that moves again tells the same
 MOST_STEPS = 2  # samples for each state of a bag; if more, too many are missing
 PLANNED = 1e-6  # rad, to which references are those that were planned
 ROUNDING = 1e-6  # s, much less than between two samples
-FEW = 1e-3  # share of its states that may differ: steps of an encoder on another processor
 UNKNOWN = 'the plant of this bag is not known: errors are those seen, by the nominal robot'
 LONG = 'it is too long for its plant to move again'
 HIDDEN = 'the sensors are not ideal ({0}) and the bag does not tell the true motion: {1}'
@@ -107,9 +106,9 @@ def of_bag(log: RunLog, past: History) -> Recorded:
 class InParts:
     """The motions of a run part by part, without the ideal torque, to the last bit as at once."""
 
-    def __init__(self) -> None:
-        """Begin before the first part."""
-        self._left = NOTHING
+    def __init__(self, plant: PlantWindows | None = None) -> None:
+        """Begin before the first part; `plant`: tells the true motion, if it is not seen."""
+        self._left, self._plant = NOTHING, plant
 
     def of(self, log: RunLog, past: History, whole: bool = True) -> Recorded:
         """The motions of the next part.
@@ -123,7 +122,7 @@ class InParts:
             InputError: the robot of the bag cannot be built.
             KinematicsError: not even the first sample of the part has a pose.
         """
-        found = _of_bag(log, past, self._left, whole)
+        found = _of_bag(log, past, self._left, whole, self._plant)
         count = len(found.log.time) + (self._left.seen.samples if self._left.seen else 0)
         true = found.motions.true
         self._left = _Left(
@@ -150,7 +149,13 @@ class _Left(NamedTuple):
 NOTHING = _Left(None, None)
 
 
-def _of_bag(log: RunLog, past: History, left: _Left, whole: bool = True) -> Recorded:
+def _of_bag(
+    log: RunLog,
+    past: History,
+    left: _Left,
+    whole: bool = True,
+    plant: PlantWindows | None = None,
+) -> Recorded:
     """The motions of a bag, or of its next part, without the ideal torque."""
     taken, poses, cut = metrics.with_poses(
         log._replace(position=corrected(log.config, log.position)), left=left.seen
@@ -168,6 +173,8 @@ def _of_bag(log: RunLog, past: History, left: _Left, whole: bool = True) -> Reco
             return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
         true = seen._replace(poses=metrics.poses(part, True, left.true))
         return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
+    if plant is not None:
+        return Recorded(part, poses, Motions(plant.of(log), seen), cut, '', saturated)
     other = 'it is not the motion of the plant as it is now' if whole else LONG
     try:
         again = _again(log, past) if whole else None
@@ -199,8 +206,16 @@ def _ideal(log: RunLog, true: Motion) -> np.ndarray | None:
         return None
 
 
-def two_motions(values: Mapping[str, Any], past: History) -> tuple[bool, bool]:
-    """Whether windows of a bag have a true motion, and one that was seen beside it."""
+def two_motions(values: Mapping[str, Any], past: History, moved: bool) -> tuple[bool, bool]:
+    """Whether windows of a bag have a true motion, and one that was seen beside it.
+
+    Args:
+        values: Its configuration.
+        past: What it says beside the motion.
+        moved: Whether its plant moves once more.
+    """
+    if moved:
+        return True, True
     if recorded_robot.unknown(values) or not of_plant(past) or untrue(values):
         return False, True
     return True, robot_of(values) != robot_of(values, 'true_robot')

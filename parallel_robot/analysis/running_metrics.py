@@ -26,13 +26,16 @@ from parallel_robot.analysis.metrics import (
     distances,
     rough,
     smooth_over,
+    turn_errors,
 )
 from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import HINGES
 from parallel_robot_sim.motions import Motion, Motions, Poses
 
 BOUNDS = (1e-3, 1e-4)  # m, see Transient
+TURNED = 6  # of the sums: that of turn errors, which the end effector has, not each joint
 
 
 class Halves(NamedTuple):
@@ -79,6 +82,7 @@ class RunningMetrics:
         self._width = 0  # samples on each side of a moving mean
         self._known = True  # whether all ideal torques are known
         self._first = self._last = self._start = math.nan
+        self._units = HINGES
         self._largest = 0.0
         self._variation: list[float] = []
         self._since = [math.nan] * len(BOUNDS)  # NaN: from the next sample on
@@ -100,7 +104,7 @@ class RunningMetrics:
         self._known &= ideal is not None
         if self._pending is None:
             self._width = smooth_over(motion.time)
-            self._first = float(motion.time[0])
+            self._first, self._units = float(motion.time[0]), motion.poses.units
             self._pending, self._ideal = motion, ideal
         else:
             self._pending = joined((self._pending, motion))
@@ -150,6 +154,7 @@ class RunningMetrics:
                 rests=self._halves is not None and first > 0,
                 falls=self._falls(),
             ),
+            units=self._units,
         )
         return found, rest, self._halves and all_of_it(count, first)
 
@@ -205,7 +210,8 @@ class RunningMetrics:
         found = rough(motion.effort, self._width)[chosen]
         work = float(np.abs(motion.effort * moved)[chosen].sum())
         squares = (distance, error, synchronisation_error(error), found, motion.effort[chosen])
-        self._sums.append((*(float(np.sum(each**2)) for each in squares), work))
+        turned = float(np.sum(turn_errors(motion.poses)[chosen] ** 2))
+        self._sums.append((*(float(np.sum(each**2)) for each in squares), work, turned))
         at = min(max(middle - self._number - chosen.start, 0), len(error))
         for k, part in enumerate((error[:at], error[at:])):
             self._halved[k].append(float(np.sum(part**2)))
@@ -224,11 +230,19 @@ class RunningMetrics:
             nothing = math.nan
             return Errors(nothing, nothing, nothing, nothing), Effort()
         work = math.fsum(sums[5] for sums in self._sums)
-        errors = Errors(self._rms(0), self._farthest, self._rms(1), self._rms(2))
+        turn = self._rms(TURNED)
+        errors = Errors(
+            self._rms(0),
+            self._farthest,
+            self._rms(1),
+            self._rms(2),
+            math.nan if math.isnan(turn) else turn,
+        )
         return errors, Effort(self._rms(4), work, self._least())
 
     def _rms(self, column: int) -> float:
-        count = self._in_window * (1 if column == 0 else self._joints) if self._in_window else 0
+        of_joints = column not in (0, TURNED)
+        count = self._in_window * (self._joints if of_joints else 1) if self._in_window else 0
         sums = math.fsum(sums[column] for sums in self._sums)
         return math.sqrt(sums / count) if count else math.nan
 
@@ -344,6 +358,6 @@ def joined(parts: Sequence[Motion]) -> Motion:
         Poses(
             np.concatenate([pose.actual for pose in poses]),
             np.concatenate([pose.reference for pose in poses]),
-            poses[0].planar,
+            *poses[0][2:],
         ),
     )

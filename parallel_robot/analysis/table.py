@@ -89,7 +89,7 @@ def columns(log: RunLog, sliding: np.ndarray) -> Columns:
     found = JointColumns(
         log.position, log.velocity, effort, reference, rate, acceleration, log.answer, sliding
     )
-    return of_joints(log.time, log.stamps, log.joints, found)
+    return of_joints(log.time, log.stamps, log.joints, found, log.units)
 
 
 class _InParts:
@@ -126,7 +126,7 @@ class _InParts:
             return {}, (f'no pose of the robot: {error}',)
         coordinates = robot.module.coordinates(robot.parameters)
         nothing = np.empty((0, len(coordinates)))
-        found = Poses(nothing, nothing, robot.module.PLANAR)
+        found = Poses(nothing, nothing, robot.place, robot.joint_units, robot.turns)
         warnings: tuple[str, ...] = ()
         seen = None
         alone = not log.referenced.any() and self._end == -np.inf
@@ -151,7 +151,7 @@ class _InParts:
         )
         reference = np.full_like(reference, np.nan) if alone else reference
         shown = None if seen is None else _spread(seen.actual, log.referenced)
-        return of_poses(coordinates, found.planar, actual, reference, shown), warnings
+        return of_poses(coordinates, found.place, actual, reference, shown), warnings
 
     def _without_pose(self, error: ParallelRobotError) -> str:
         """Why there is no pose from here on."""

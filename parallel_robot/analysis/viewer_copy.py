@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.frames import Frames
 from parallel_robot.bags import recorded_robot
+from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.recovery import copy
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_sim.motions import differs
-
-COLUMNS = 'heard', 'position', 'reference_position', 'referenced'  # of a run that it needs
 
 
 class ViewerCopy(NamedTuple):
@@ -33,23 +33,30 @@ class ViewerCopy(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def write(bag: Path, recording: Recording, out: Path, memory: int = MEMORY) -> ViewerCopy:
+def write(
+    bag: Path, windows: Callable[[], Iterator[Recording]], out: Path, memory: int = MEMORY
+) -> ViewerCopy:
     """Write the copy of a bag.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
-        recording: What it holds.
+        windows: Returns what it holds, in parts.
         out: Directory of the copy, which must not exist.
         memory: What may be held of the bag [bytes].
 
     Raises:
         BagError: its robot is not known, or the copy cannot be written.
+        WholeNeededError: the bag cannot be read in windows.
     """
-    log, past, _ = recording
-    unknown = recorded_robot.unknown(log.config)
+    told, count = AlikeLines(), 0
+    for log, past, _ in windows():
+        told.take(bag, log)
+        count += len(log.stamps)
+        config, history = log.config, past
+    unknown = recorded_robot.unknown(config)
     if unknown:
         raise BagError(f'{bag}: {unknown}')
-    seen = not recorded_motions.of_plant(past) or differs(log.config)
-    frames = Frames(log, seen)
+    seen = not recorded_motions.of_plant(history) or differs(config)
+    frames = Frames(lambda: (found.log for found in windows()), count, seen)
     copy(bag, out, memory, frames.write)
-    return ViewerCopy(out, frames.count, seen, log.warnings)
+    return ViewerCopy(out, frames.count, seen, told.lines)

@@ -10,18 +10,55 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags import recording
 from parallel_robot.bags.indexed_reader import BagReader, RecordedMessage
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.recorded_robot import SECONDS
+from parallel_robot.bags.recording import Recording
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import WholeNeededError
+from parallel_robot_model.common.units import HINGES, JointUnits
 
 
-def size(log: RunLog, other: RunLog) -> str:
-    """How large the difference of two runs is, as far as both go."""
-    pairs = ((log.position, other.position), (log.command, other.command))
-    counts = [min(map(len, pair)) for pair in pairs]
-    apart = [abs(one[:n] - two[:n]) for (one, two), n in zip(pairs, counts, strict=True)]
-    angle, torque = (np.max(each, initial=0.0, where=~np.isnan(each)) for each in apart)
-    return f'joints by up to {angle:.2g} rad, commands by up to {torque:.2g} N m'
+def size(bag: Path, other: Path, memory: int = MEMORY) -> str:
+    """How large the difference of two runs is, state by state, with their answers.
+
+    Args:
+        bag: A bag.
+        other: Another.
+        memory: What may be held of each at once [bytes].
+
+    Raises:
+        BagError: one is not of a run, or takes too much.
+    """
+    both = (bag, other)
+    try:
+        largest = _apart(*(recording.chunks(each, SECONDS, memory=memory) for each in both))
+    except WholeNeededError:
+        largest = _apart(*(iter([recording.read(each, memory=memory)]) for each in both))
+    (angle, torque), units = largest
+    rad, nm = units.of('rad'), units.of('N m')
+    return f'joints by up to {angle:.2g} {rad}, commands by up to {torque:.2g} {nm}'
+
+
+def _apart(one: Iterator[Recording], two: Iterator[Recording]) -> tuple[list[float], JointUnits]:
+    """Largest difference of joints and of commands, by their numbers, and their units."""
+    largest, units = [0.0, 0.0], HINGES
+    left: list[list[list[Array]]] = [[[], []], [[], []]]  # of both, what the other has not yet
+    for windows in zip(one, two, strict=False):
+        units = windows[0].log.units
+        for found, kept in zip(windows, left, strict=True):
+            for parts, values in zip(kept, (found.log.position, found.log.answer), strict=True):
+                parts.append(values)
+        for k, pair in enumerate(zip(*left, strict=True)):
+            first, second = (np.concatenate(parts) for parts in pair)
+            count = min(len(first), len(second))
+            apart = np.abs(first[:count] - second[:count])
+            most = np.max(apart, initial=0.0, where=~np.isnan(apart))
+            largest[k] = max(largest[k], float(most))
+            for kept, values in zip(left, (first, second), strict=True):
+                kept[k] = [values[count:]]
+    return largest, units
 
 
 class _Difference(NamedTuple):

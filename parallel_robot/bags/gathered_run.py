@@ -47,6 +47,28 @@ def read(
     return found.log, found.history
 
 
+def ends(bag: Path, memory: int = MEMORY) -> tuple[RunLog, History, int]:
+    """The last state of a run, what happened beside it, and how many states it has.
+
+    Arguments and errors as of :func:`read`; the log has the last state of each window.
+    """
+    count = 0
+
+    def last(windows: Iterator[Recording]) -> Iterator[Recording]:
+        nonlocal count
+        for window in windows:
+            states = len(window.log.stamps)
+            count += states
+            yield window._replace(log=run_log.rows(window.log, np.arange(states - 1, states)))
+
+    try:
+        found = of(bag, last(recording.chunks(bag, SECONDS, (), memory)), ())
+    except WholeNeededError:
+        count = 0
+        found = of(bag, last(iter([recording.read(bag, (), memory)])), ())
+    return found.log, found.history, count
+
+
 def of(bag: Path, windows: Iterator[Recording], columns: Collection[str]) -> Recording:
     """The run of some windows, without messages of other topics.
 

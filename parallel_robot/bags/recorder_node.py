@@ -20,7 +20,7 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.robots.registry import module_of
+from parallel_robot_model.robots.configuration import robot_of
 
 CHECK = 0.05  # s, how often to check whether the motion is over
 LOOK = 0.5  # s, how often to look at the ROS graph
@@ -40,8 +40,8 @@ class RecorderNode(SuiteNode):
         directory = Path(wanted.out or time.strftime('recording_%Y%m%d_%H%M%S'))
         new_files.check_directory(directory)
         choosing = bool(wanted.topics or wanted.regex or wanted.all)
-        planar = module_of(self.loop).PLANAR
-        suite = () if choosing else topics.recorded(planar)
+        placed = robot_of(self.values).place > 0
+        suite = () if choosing else topics.recorded(placed)
         self._recorder = Recorder(directory, self.loop, self.values, self.fail, suite)
         self._topics: dict[topics.Topic, Subscription] = {}
         self._discovery = Discovery(self, wanted) if choosing else None

@@ -89,7 +89,34 @@ def read(
         if view.whole:
             return found
         return found._replace(log=run_log.between(Path(bag), found.log, view.start, view.stop))
-    return _Source(Path(bag), topics, memory, motion_only, view).window(window)
+    return Seekable(bag, topics, memory, motion_only, view).between(*window)
+
+
+class Seekable:
+    """A bag of which parts are read at any times; arguments as of :func:`read`."""
+
+    def __init__(
+        self,
+        bag: str | Path,
+        topics: Collection[Topic] = (),
+        memory: int = MEMORY,
+        motion_only: bool = False,
+        view: BagView = AS_RECORDED,
+    ) -> None:
+        """Open a bag.
+
+        Raises:
+            BagError: it is none, or not one of a run.
+        """
+        self._source = _Source(Path(bag), topics, memory, motion_only, view)
+
+    def between(self, begin: float, end: float) -> Recording:
+        """The states from one time up to another one [s].
+
+        Raises:
+            BagError: there is none.
+        """
+        return self._source.window((begin, end))
 
 
 def chunks(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,9 @@ from parallel_robot.bags.mcap_records import Damage
 from parallel_robot.bags.new_files import check_directory
 from parallel_robot.bags.progress import Progress
 from parallel_robot.bags.record_names import MESSAGES, METADATA, ROSBAG2
-from parallel_robot_model.common.errors import BagError, RunError
+from parallel_robot.bags.recorded_robot import SECONDS
+from parallel_robot.bags.recording import Recording
+from parallel_robot_model.common.errors import BagError, RunError, WholeNeededError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
 
@@ -209,7 +211,17 @@ def _facts(bag: Path, files: list[Path], memory: int) -> dict[str, str]:
 def _missing(out: Path, memory: int) -> dict[str, int]:
     """Messages missing from the regular stamps of each topic; empty without a run of the suite."""
     try:
-        messages = recording.read(out, memory=memory).log.messages
-        return {name: count.missing for name, count in messages.items()}
+        try:
+            return _counted(recording.chunks(out, SECONDS, memory=memory))
+        except WholeNeededError:
+            return _counted(iter([recording.read(out, memory=memory)]))
     except BagError:
         return {}
+
+
+def _counted(windows: Iterator[Recording]) -> dict[str, int]:
+    missing: Counter[str] = Counter()
+    for found in windows:
+        for name, count in found.log.messages.items():
+            missing[name] += count.missing
+    return dict(missing)

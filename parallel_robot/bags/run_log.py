@@ -22,10 +22,11 @@ from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.state_rhythm import StateRhythm
 from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.printable import printable
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, JointUnits
 from parallel_robot_model.configuration.loop import SWAPPED, LoopParameters
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import RECORDED, Topic
+from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_sim.imperfections import reported_age
 
 FEW = 5  # topics of a bag that are named
@@ -90,6 +91,16 @@ class RunLog(NamedTuple):
     referenced: np.ndarray = EMPTY
 
     @property
+    def units(self) -> JointUnits:
+        """Units of the joints, those of hinges where the robot is not known."""
+        return units_of(self.config)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The resolved configuration, as a run of the notebook calls it."""
+        return self.config
+
+    @property
     def has_velocities(self) -> bool:
         """Whether the rates of the joints were measured."""
         return not np.isnan(self.velocity).any()
@@ -147,7 +158,7 @@ def of(
     states = _ordered(bag, topics.JOINT_STATES, states, warnings)
     references = _ordered(bag, topics.REFERENCE, references, warnings)
     if not found.metadata:
-        states = _alone(bag, states, warnings)
+        states = _alone(bag, states, warnings, units_of(values))
     if 'velocity' not in states.numbers:
         states.numbers['velocity'] = np.full_like(states.numbers['position'], np.nan)
         warnings.append(f'{bag}: the messages on {topics.JOINT_STATES.name} have no velocities')
@@ -174,7 +185,9 @@ def of(
     part: slice | np.ndarray = slice(None)
     if (view.start, view.stop) != (None, None):
         part = _within((stamps - start) / NANOSECONDS, view.start, view.stop)
-    warnings += [f'{bag}: {doubt}' for doubt in doubts(bag, stamps[part], position[part])]
+    warnings += [
+        f'{bag}: {doubt}' for doubt in doubts(bag, stamps[part], position[part], units_of(values))
+    ]
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)
     rhythm.look()
@@ -379,13 +392,13 @@ def _ordered(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> 
     return samples.rows(order)
 
 
-def _alone(bag: Path, states: Samples, warnings: list[str]) -> Samples:
+def _alone(bag: Path, states: Samples, warnings: list[str], units: JointUnits) -> Samples:
     """Leave out states of another publisher, with a line in `warnings`, where they are few."""
     leaps = leaping(states.numbers['position'])
     count = int(leaps.sum())
     if not 0 < count < FEW_LEAPS * len(leaps):
         return states
-    what = f'{count} of {len(leaps)} states leap by more than {LEAP:g} rad and back'
+    what = f'{count} of {len(leaps)} states leap by more than {LEAP:g} {units.of("rad")} and back'
     warnings.append(f'{bag}: {what}: of another publisher? they are left out')
     return states.rows(~leaps)
 

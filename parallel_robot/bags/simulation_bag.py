@@ -68,8 +68,8 @@ def write(directory: str | Path, values: Mapping[str, Any], parts: Iterable[Simu
     """
     coming = iter(parts)
     part = next(coming)
-    loop, robot = part.experiment.loop, part.experiment.trajectory.robot.module
-    suite, count = topics.recorded(robot.PLANAR), (loop.last_index or 0) + 1
+    loop, robot = part.experiment.loop, part.experiment.trajectory.robot
+    suite, count = topics.recorded(robot.place > 0), (loop.last_index or 0) + 1
     facts = describe(loop, values, loop.step_start, SIMULATION)
     sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
     with BagWriter(directory, suite, facts) as writer, Progress(count, 'states written') as shown:
@@ -118,7 +118,7 @@ class _Streams:
     def of(self, part: Simulation, last: bool) -> list[Rows]:
         """The messages of a part; `last`: whether it is the last one."""
         experiment, reference, run = part.experiment, part.reference, part.run
-        loop, robot = experiment.loop, experiment.trajectory.robot.module
+        loop, robot = experiment.loop, experiment.trajectory.robot
         count = run.steps
         course, samples = part.course, np.arange(count)
         heard = course.heard.head(count)
@@ -151,11 +151,11 @@ class _Streams:
         telemetry = _telemetry(part, course, due)
         for topic, messages in telemetry_messages(loop.joints, measured[due], telemetry).items():
             records[topic] = due, _bytes_of(messages)
-        if robot.PLANAR:
+        if robot.place:
             shown = slow[course.shown[slow]]
-            poses = pose_messages(stamps[shown], run.pose[shown])
+            poses = pose_messages(robot, stamps[shown], run.pose[shown])
             records[topics.POSE] = shown, _bytes_of(poses)
-            poses = pose_messages(stamps[slow], reference.pose[slow])
+            poses = pose_messages(robot, stamps[slow], reference.pose[slow])
             records[topics.POSE_REFERENCE] = slow, _bytes_of(poses)
         known = begin + course.known * loop.period_ns
         answered = np.flatnonzero(heard.answered)
@@ -189,10 +189,11 @@ class _Streams:
         phases = part.phases
         kinds = np.stack([part.run.fault[rows], acted[rows], phases[rows]], axis=1)
         changes = np.any(np.diff(kinds, axis=0, prepend=kinds[:1] - 1), axis=1)
-        known = faults.of(experiment.trajectory.robot.module)
+        robot = experiment.trajectory.robot
+        known, units = faults.of(robot.module), robot.joint_units
         chosen, messages = [], []
         for k in rows[changes].tolist():
-            delay = delay_text(experiment.control.setup.estimator, int(phases[k]))
+            delay = delay_text(experiment.control.setup.estimator, int(phases[k]), units)
             fault, law = known.get(int(part.run.fault[k])), experiment.control.law.name
             now = Status(law, fault, int(acted[k]), delay)
             if now != self._status:

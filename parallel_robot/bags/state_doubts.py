@@ -7,20 +7,23 @@ from pathlib import Path
 import numpy as np
 
 from parallel_robot.bags.bag_files import files
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 
 GAP = 1.0  # s without states, in which a robot is not recorded
 LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
 BACK = 0.1  # of a leap, by which its ends may differ
 
 
-def doubts(bag: Path, stamps: np.ndarray, position: np.ndarray) -> list[str]:
+def doubts(
+    bag: Path, stamps: np.ndarray, position: np.ndarray, units: JointUnits = HINGES
+) -> list[str]:
     """What makes recorded states look like those of more than one run, one line each.
 
     Args:
         bag: The bag.
         stamps: Of the states [ns], shape (N,).
         position: Actuated joints [rad], shape (N, n).
+        units: Those of the joints.
     """
     found = []
     steps = np.diff(stamps) / NANOSECONDS
@@ -35,7 +38,7 @@ def doubts(bag: Path, stamps: np.ndarray, position: np.ndarray) -> list[str]:
         found.append(what)
     leaps = int(leaping(position).sum())
     if leaps:
-        what = f'{leaps} states leap by more than {LEAP:g} rad and back'
+        what = f'{leaps} states leap by more than {LEAP:g} {units.of("rad")} and back'
         found.append(f'{what}: two publishers that contradict each other?')
     back = np.diff(stamps) < 0
     if back.any():

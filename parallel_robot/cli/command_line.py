@@ -41,6 +41,7 @@ COMMANDS = {
     'video': 'the moving robot of a bag, or of up to four side by side, as MP4 or GIF',
     'recover': 'a whole bag of what is intact in a broken one',
     'show': 'the effective configuration of a scenario, and the source of each value',
+    'robot': 'a machine from its description: tree, loops, freedoms, limits, equations, picture',
     'urdf': 'the robot of a scenario for RViz and other tools, from its parameters',
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
     'tune': 'gains of a law: error against chattering, under the uncertainty of a study',

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis import recorded_motions
+from parallel_robot.analysis import evaluated_bag, recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
 from parallel_robot.bags import held_code, recording, stretches
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
@@ -21,6 +21,7 @@ from parallel_robot.bags.history import History
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.trust import custom_files
 from parallel_robot.live import readable_state
+from parallel_robot.live.bag_windows import AHEAD, BagWindows, Torques
 from parallel_robot.live.frames import Camera, Motion
 from parallel_robot.live.source import RefusedError
 from parallel_robot_control.configuration import (
@@ -31,6 +32,7 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.laws import title
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration.config import default
@@ -39,6 +41,8 @@ from parallel_robot_sim.motions import differs
 
 PAST = 12.0  # s before a moment that is sought, for the curves
 SPEEDS = (0.001, 100.0)  # slowest, fastest
+NEAR = 1.0  # s before and after what is shown that are at hand
+LONGEST = 1.0  # s that reading a long bag may take; else it plays more slowly
 
 
 class BagSource:
@@ -50,35 +54,34 @@ class BagSource:
         past: History,
         configuration: ControlConfiguration,
         clock: Callable[[], float] = time.monotonic,
+        windows: BagWindows | None = None,
     ) -> None:
         """Prepare to play from the start.
 
         Args:
-            log: The run.
+            log: The run; of one that is read in windows, its first states.
             past: What happened beside the motion.
             configuration: Of its controller at the first state.
             clock: Time [s].
+            windows: Where its other states are; None: the log has them all.
         """
-        self._log, self._past, self._configuration = log, past, configuration
-        self._clock = clock
+        self._past, self._configuration = past, configuration
+        self._clock, self._windows = clock, windows
         guess = np.array(configuration.guess)
         self._camera = Camera(configuration.robot, guess, log.joints)
-        none = np.full_like(log.effort, np.nan)
-        self._motion = Motion(
-            log.time,
-            corrected(log.config, log.position),
-            log.reference_position,
-            log.effort,
-            none,
-        )
-        self._ghost, self._torques = '', {'': none}
+        self._ghost = ''
+        self._torques: dict[str, Array | Torques] = {}
+        self._take(log)
         self._seen = not recorded_motions.of_plant(past) or differs(log.config)
-        parts = stretches.of_run(past, log)
+        self._first, self._duration = self._held = float(log.time[0]), float(log.time[-1])
+        last = int(log.stamps[-1])
+        if windows is not None:
+            self._first, self._duration, last = windows.first, windows.last, windows.last_stamp
+        parts = stretches.stretches(past, log.law, log.start_stamp, last)
         self._changes = [[one.begin, printable(one.change)] for one in parts[1:]]
         self._starts = np.array([status.stamp for status in past.statuses], dtype=np.int64)
-        self._duration = float(log.time[-1])
         self._speed, self._playing = 1.0, True
-        self._now, self._shown = float(log.time[0]), -1
+        self._now, self._shown = self._first, -1
         self._looked = clock()
         self._anew = True
 
@@ -86,9 +89,13 @@ class BagSource:
         """Frames since the last call; after a jump, those of the past, too."""
         now = self._clock()
         if self._playing:
-            self._now = min(self._now + self._speed * (now - self._looked), self._duration)
+            passed = (
+                now - self._looked if self._windows is None else min(now - self._looked, LONGEST)
+            )
+            self._now = min(self._now + self._speed * passed, self._duration)
             self._playing = self._now < self._duration
         self._looked = now
+        self._hold()
         newest = int(np.searchsorted(self._log.time, self._now, side='right')) - 1
         newest = min(max(newest, 0), len(self._log.time) - 1)
         if self._anew:
@@ -166,12 +173,12 @@ class BagSource:
 
     async def _play(self, value: Any) -> str:
         if value is True and self._now >= self._duration:
-            self._now, self._anew = float(self._log.time[0]), True
+            self._now, self._anew = self._first, True
         self._playing = value is True
         return 'plays' if self._playing else 'paused'
 
     async def _seek(self, value: Any) -> str:
-        self._now = min(max(_number(value), float(self._log.time[0])), self._duration)
+        self._now = min(max(_number(value), self._first), self._duration)
         self._anew = True
         return f'{self._now:.3f} s'
 
@@ -195,22 +202,54 @@ class BagSource:
         """Show what a law would have asked for, from the first state on."""
         if not isinstance(value, str) or value not in {'', *self._configuration.laws}:
             raise RefusedError(f'the law {value!r:.40} is not known here')
-        if value not in self._torques:
+        if value and value not in self._torques:
             configured = changed(self._configuration, {'law': value})
-            given = self._log, self._past, configured
             try:
-                found = await asyncio.to_thread(replayed.instead, *given)
+                self._torques = {value: await asyncio.to_thread(self._answered, configured)}
             except BagError as error:
                 raise RefusedError(str(error)) from None
-            self._torques = {'': self._torques[''], value: found.torque}
         self._ghost = value
-        self._motion = self._motion._replace(ghost=self._torques[value])
+        self._take(self._log)
         self._anew = True
         return value or 'off'
 
+    def _answered(self, configured: ControlConfiguration) -> Array | Torques:
+        """Torques of another law."""
+        if self._windows is not None:
+            return self._windows.answered(configured)
+        return replayed.instead(self._log, self._past, configured).torque
+
+    def _take(self, log: RunLog) -> None:
+        """Show states of a log from here on."""
+        ghost = self._torques.get(self._ghost, np.full_like(log.effort, np.nan))
+        self._log = log
+        self._motion = Motion(
+            log.time,
+            corrected(log.config, log.position),
+            log.reference_position,
+            log.effort,
+            ghost.at(log.time) if isinstance(ghost, Torques) else ghost,
+        )
+
+    def _hold(self) -> None:
+        """Read the states around the moment, if they are not at hand."""
+        low, high = max(self._now - PAST, self._first), min(self._now + NEAR, self._duration)
+        if self._windows is None or (self._held[0] <= low and high <= self._held[1]):
+            return
+        shown = self._now if self._anew else float(self._log.time[self._shown])
+        self._held = min(low, shown) - NEAR, self._now + AHEAD
+        log = self._windows.between(*self._held)
+        if log is not None:
+            self._take(log)
+            self._shown = int(np.searchsorted(log.time, shown, side='right')) - 1
+
 
 def open_bag(
-    stack: ExitStack, bag: Path, trust: bool, memory: int, view: BagView = AS_RECORDED
+    stack: ExitStack,
+    bag: Path,
+    trust: bool,
+    view: BagView = AS_RECORDED,
+    clock: Callable[[], float] = time.monotonic,
 ) -> BagSource:
     """Read a bag that is to be played.
 
@@ -218,13 +257,14 @@ def open_bag(
         stack: Removes what must be removed when the page ends.
         bag: Directory of the bag, or one file of it.
         trust: Whether code that it holds may run.
-        memory: What may be held of it [bytes].
         view: What it does not say itself, and which part is shown.
+        clock: Time [s].
 
     Raises:
         BagError: it is not a bag of a run, or needs code that may not run.
     """
-    log, past, _ = recording.read(bag, memory=memory, motion_only=True, view=view)
+    windows = _windows(bag, view)
+    log, past, _ = windows.begun if windows else recording.read(bag, motion_only=True, view=view)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
     files = custom_files(bag, past.sources, log.config, folder, trust)
     values = bag_replay.configuration(log, past, files, {})
@@ -232,7 +272,15 @@ def open_bag(
         law = past.statuses[0].law if past.statuses else ''
         values['law'] = law if law in available(values['custom_laws']) else default('law')
     held_code.check(bag, values)
-    return BagSource(log, past, configure(values))
+    return BagSource(log, past, configure(values), clock, windows)
+
+
+def _windows(bag: Path, view: BagView) -> BagWindows | None:
+    """A bag in windows; None if it is short, or cannot be read so."""
+    try:
+        return BagWindows(bag, view) if evaluated_bag.long(bag, view) else None
+    except BagError:
+        return None
 
 
 def _number(value: Any) -> float:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import new_files
-from parallel_robot.bags.limits import MEMORY, add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -68,7 +67,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f'where the page puts the bags that it records, default: {OUT}',
     )
     add_trust_argument(parser)
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -88,7 +86,6 @@ def execute(arguments: argparse.Namespace) -> int:
             ('--from', arguments.start is not None),
             ('--to', arguments.stop is not None),
             ('--trust', arguments.trust),
-            ('--max-memory', arguments.max_memory != MEMORY),
         ):
             if given_:
                 raise InputError(f'{option} goes with --bag alone')
@@ -122,7 +119,6 @@ def execute(arguments: argparse.Namespace) -> int:
                     stack,
                     arguments.bag,
                     arguments.trust,
-                    arguments.max_memory,
                     bag_view(arguments, changed),
                 )
             else:

@@ -2,10 +2,10 @@
 
 A frame is 24 bytes, then float32: its length [bytes] and the number of its layout, both uint32;
 time of the newest state [s] as float64; seconds that it covers [s] and points of the path, float32
-and uint32. Then the posture: x, y of the reference, of the end effector, and of both ends of each
-line of the robot [m], part by part; the points of the path: x, y of the reference and of the end
-effector [m]; for each curve the extremes of its values, in the order in which they came.
-Several frames may lie end to end in one message. Little endian.
+and uint32. Then the posture: places of the reference, of the end effector, and of both ends of
+each line of the robot [m], part by part; the points of the path: places of the reference and of
+the end effector [m]; for each curve the extremes of its values, in the order in which they came. A
+place is x, y, and z in space. Several frames may lie end to end in one message. Little endian.
 """
 
 from __future__ import annotations
@@ -69,6 +69,8 @@ class Camera:
         parts: Parts of the robot, each name and number of lines; empty without a picture.
         curves: What the frames hold after the path.
         number: Of the layout; frames of another camera have another.
+        units: Units of the joints.
+        place: Number of the coordinates of a place.
     """
 
     def __init__(
@@ -85,12 +87,14 @@ class Camera:
         self._robot, self._first = robot, guess
         self._guess = guess
         self.number = number
+        self.units = robot.joint_units
+        self.place = robot.place or len('xy')
         self.parts: list[tuple[str, int]] = []
-        if robot.module.PLANAR:
+        if robot.place:
             row = np.zeros(len(joints))
             found = robot.module.segments(robot.parameters, guess, row)
             self.parts = [(name, ends.shape[-3]) for name, ends in found.items()]
-        groups = (['error'] if robot.module.PLANAR else []) + ['joints', 'torque', 'ghost']
+        groups = (['error'] if robot.place else []) + ['joints', 'torque', 'ghost']
         self.curves = [
             Curve(group, name)
             for group in groups
@@ -124,12 +128,14 @@ class Camera:
         """
         poses, desired = self._poses(motion)
         errors = motion.desired - motion.position
-        if self._robot.module.PLANAR:
-            distance = np.hypot(*(poses - desired)[:, :2].T)[:, np.newaxis]
+        place = self.place
+        if self._robot.place:
+            distance = np.linalg.norm((poses - desired)[:, :place], axis=1)[:, np.newaxis]
             values = np.hstack([distance, errors, motion.effort, motion.ghost])
-            newest = [desired[-1, :2], poses[-1, :2], *self._lines(poses[-1], motion.position[-1])]
+            lines = self._lines(poses[-1], motion.position[-1])
+            newest = [desired[-1, :place], poses[-1, :place], *lines]
             rows = _every(motion.time, PATH_STEP)
-            path = np.hstack([desired[rows, :2], poses[rows, :2]])
+            path = np.hstack([desired[rows, :place], poses[rows, :place]])
         else:
             values = np.hstack([errors, motion.effort, motion.ghost])
             newest, path = [np.full(4, np.nan)], np.zeros((0, 4))
@@ -146,7 +152,7 @@ class Camera:
     def _poses(self, motion: Motion) -> tuple[Array, Array]:
         """Poses and desired poses, NaN where there are none, each shape (N, m)."""
         found = np.full((2, len(motion.time), len(self._first)), np.nan)
-        if self._robot.module.PLANAR:
+        if self._robot.place:
             for poses, joints in zip(found, (motion.position, motion.desired), strict=True):
                 known = np.isfinite(joints).all(axis=1)
                 poses[known] = self._located(joints[known])

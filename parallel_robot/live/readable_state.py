@@ -23,11 +23,19 @@ def layout(camera: Camera) -> dict[str, Any]:
     """What the numbers of a frame are."""
     return {
         'number': camera.number,
+        'place': camera.place,
         'parts': camera.parts,
         'curves': [
             {'group': curve.group, 'name': joint_label(curve.name)} for curve in camera.curves
         ],
+        'units': {'joints': _unit(camera, 'rad'), 'torque': _unit(camera, 'N m')},
     }
+
+
+def _unit(camera: Camera, unit: str) -> str:
+    """Unit of the joints, in brackets where a prefix is to be that of two."""
+    told = camera.units.of(unit)
+    return f'({told})' if ' or ' in told else told
 
 
 def of_robot(robot: Robot, now: float) -> dict[str, Any]:

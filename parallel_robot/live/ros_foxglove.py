@@ -6,7 +6,6 @@ The server has no capability: whoever connects can look and nothing else.
 from __future__ import annotations
 
 import collections
-import math
 import signal
 import socket
 import sys
@@ -28,6 +27,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.robots.link import frames
 
 PORT = 8765  # where Foxglove looks for a server
 LOOK = 0.02  # s, between two looks at the graph
@@ -88,17 +88,16 @@ class Server:
         """Send the frames of all links; stamp in nanoseconds."""
         messages = self._library.messages
         sec, nanosec = divmod(stamp, NANOSECONDS)
+        places = (found.tolist() for found in frames(posture.links, angles))
         transforms = [
             messages.FrameTransform(
                 timestamp=messages.Timestamp(sec, nanosec),
                 parent_frame_id=link.parent,
                 child_frame_id=link.name,
-                translation=messages.Vector3(x=link.origin[0], y=link.origin[1], z=0.0),
-                rotation=messages.Quaternion(
-                    x=0.0, y=0.0, z=math.sin(angle / 2.0), w=math.cos(angle / 2.0)
-                ),
+                translation=messages.Vector3(**dict(zip('xyz', place, strict=True))),
+                rotation=messages.Quaternion(**dict(zip('xyzw', turn, strict=True))),
             )
-            for link, angle in zip(posture.links, angles.tolist(), strict=True)
+            for link, place, turn in zip(posture.links, *places, strict=True)
         ]
         self._frames.log(messages.FrameTransforms(transforms=transforms), log_time=time.time_ns())
 

@@ -10,16 +10,21 @@ from parallel_robot.bags import recovery
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recovery import Recovery
 from parallel_robot.python import arguments
+from parallel_robot.studies.machine_verification import name_of, verify_machine
 from parallel_robot.studies.robot_verification import verify_robot
 from parallel_robot.studies.tuning import fronts as drawing
-from parallel_robot.studies.verification import SCENARIOS, check_numbers
+from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.configuration.placed import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 
+ROBOTS = 10
 
-def verify(robots: int = 10, *, seed: int = 0, duration: float = 1.0, **values: Any) -> Frame:
+
+def verify(
+    robots: int | None = None, *, seed: int = 0, duration: float = 1.0, **values: Any
+) -> Frame:
     """Compare plants with MuJoCo, or check one robot, as ``parallel_robot verify`` does.
 
     >>> import parallel_robot as pr
@@ -27,11 +32,12 @@ def verify(robots: int = 10, *, seed: int = 0, duration: float = 1.0, **values: 
     True
 
     Args:
-        robots: Number of random robots of each kind against MuJoCo.
+        robots: Number of random robots of each kind against MuJoCo; None: 10.
         seed: Of all that is random.
         duration: Of each motion against MuJoCo [s].
         values: Keys of the configuration, such as ``robot_model``, ``custom_robots``; with any of
-            them, the functions of that robot are checked against each other, without MuJoCo.
+            them, the functions of that robot are checked against each other, without MuJoCo; or,
+            with ``robots``, a described machine is compared with MuJoCo.
 
     Returns:
         A pandas.DataFrame. Against MuJoCo, a row a robot: kind, number, and the largest difference
@@ -43,18 +49,20 @@ def verify(robots: int = 10, *, seed: int = 0, duration: float = 1.0, **values: 
     """
     frames = pandas()
     frame: Frame
-    check_numbers(robots, seed, duration)
-    if values:
+    check_numbers(number := ROBOTS if robots is None else robots, seed, duration)
+    if values and robots is None:
         _, checks = verify_robot(Placed(values), seed)
         rows = [(*check, check.passes(FINE)) for check in checks]
         columns = ['function', 'what', 'difference', 'size', 'agrees']
         frame = frames.DataFrame(rows, columns=columns)
         return frame
-    differences = [
-        (kind, *difference)
-        for kind in SCENARIOS
-        for difference in against_mujoco(kind, range(robots), seed, duration)
-    ]
+    found: dict[str, list[Difference]]
+    if values:
+        given = Placed(values)
+        found = {name_of(given): verify_machine(given, range(number), seed, duration)}
+    else:
+        found = {kind: against_mujoco(kind, range(number), seed, duration) for kind in SCENARIOS}
+    differences = [(kind, *each) for kind, differences in found.items() for each in differences]
     frame = frames.DataFrame(differences, columns=['kind', 'robot', 'largest_difference', 'path'])
     return frame
 

@@ -13,6 +13,7 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import changes, named
 
@@ -76,6 +77,6 @@ def urdf(
     Raises:
         InputError: a name or value is wrong, or the robot has no description.
     """
-    resolved = resolve(named('scenario', scenario), changes(param_file, values))
+    resolved = resolve(scenario_of(named('scenario', scenario)), changes(param_file, values))
     with locating(resolved):
         return posture_of(resolved).description

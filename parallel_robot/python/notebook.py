@@ -45,7 +45,7 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, JointUnits, all_of
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_sim.motions import Motions, of_simulation
@@ -170,7 +170,7 @@ def load(
         log.reference_acceleration,
         log.answer,
         sliding_variable(log, extra),
-        part.poses.planar,
+        part.poses.place,
         first and ((first.stamp - log.start_stamp) / NANOSECONDS, first.fault_text),
         ', '.join(sorted(limits)),
         (*log.warnings, *filter(None, [part.cut, ended]), *part.remarks, *part.doubts),
@@ -206,7 +206,10 @@ class RunMetrics(ShownResult, Metrics):
 
     def _rows(self) -> list[tuple[str, str, str]]:
         found = [(one, shown(one.value(self))) for one in defined(METRICS, self)]
-        return [(one.name, value, one.unit if value != NEVER else '') for one, value in found]
+        return [
+            (one.name, value, one.unit_with(self.units) if value != NEVER else '')
+            for one, value in found
+        ]
 
     def parts(self) -> list[Part]:
         """A row for each metric, with its unit, and what they are of."""
@@ -267,7 +270,7 @@ def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
         values = {name: of(found) for name, of in table.METRICS.items()}
         rows.append({'scenario': run.scenario, 'law': run.law, **values})
     frame: Frame = pandas().DataFrame(rows, index=list(named))
-    return frame
+    return _told(frame, [run.units for run in named.values()])
 
 
 def grid(
@@ -304,7 +307,7 @@ def grid(
     for key, some in choices.items():
         if isinstance(some, str) or not isinstance(some, Iterable):
             raise InputError(f'{key} must have a list of values, not {some!r}')
-    rows = []
+    rows, units = [], []
     for combination in itertools.product(*choices.values()):
         chosen = dict(zip(choices, combination, strict=True))
         row = {**chosen, 'status': 'ok', 'reason': ''}
@@ -317,10 +320,17 @@ def grid(
                 row |= {'status': 'fault', 'reason': f'{run.fault[1]} at t = {run.fault[0]:.3f} s'}
             found = metrics(run)
             row |= {name: of(found) for name, of in table.METRICS.items()}
+            units.append(found.units)
         rows.append(row)
     columns = [*choices, 'status', 'reason', *table.METRICS]
-    frame: Frame = frames.DataFrame(rows, columns=columns)
-    return frame
+    return _told(frames.DataFrame(rows, columns=columns), units)
+
+
+def _told(frame: Frame, units: Iterable[JointUnits]) -> Frame:
+    """A frame of metrics, named after the units of the joints of all its runs."""
+    key = all_of(units).key
+    told: Frame = frame.rename(columns={name: key(name) for name in table.METRICS})
+    return told
 
 
 def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) -> Picture:

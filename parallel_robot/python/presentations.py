@@ -27,7 +27,6 @@ def report(
     scale: str = AUTO,
     trust: bool = False,
     custom_robots: Sequence[str | Path] = (),
-    memory: int = MEMORY,
     **options: Any,
 ) -> Report:
     """Write the paper's figures and one interactive page, as ``parallel_robot report`` does.
@@ -43,7 +42,6 @@ def report(
         scale: Of errors, see ``plot``.
         trust: Whether the code of robots that bags hold may run: with all your rights.
         custom_robots: Files of robots of yours, which take the place of those in bags.
-        memory: What may be held of each bag [bytes].
         options: What bags do not say themselves, and keys of their configuration, see ``load``.
 
     Returns:
@@ -56,7 +54,7 @@ def report(
     found, path = arguments.bags(bags), arguments.path('out', out)
     code = recorded_robot.chosen(trust, custom_robots)
     view = arguments.view(options)
-    return report_files.make(found, path, scale, memory, code, view)
+    return report_files.make(found, path, scale, code, view)
 
 
 def video(
@@ -68,7 +66,6 @@ def video(
     magnify: float | None = None,
     trust: bool = False,
     custom_robots: Sequence[str | Path] = (),
-    memory: int = MEMORY,
     **options: Any,
 ) -> Video:
     """Write a video of the moving robot, as ``parallel_robot video`` does.
@@ -87,7 +84,6 @@ def video(
             view.
         trust: Whether the code of robots that bags hold may run: with all your rights.
         custom_robots: Files of robots of yours, which take the place of those in bags.
-        memory: What may be held of each bag [bytes].
         options: What bags do not say themselves, and keys of their configuration, see ``load``.
 
     Returns:
@@ -100,7 +96,7 @@ def video(
     found, path = arguments.bags(bags), arguments.path('out', out)
     code = recorded_robot.chosen(trust, custom_robots)
     view = arguments.view(options)
-    return video_file.make(found, path, rate, speed, magnify, memory, code, view)
+    return video_file.make(found, path, rate, speed, magnify, code, view)
 
 
 def export(
@@ -151,7 +147,7 @@ def export(
     recording = recorded_robot.read(bag, memory, code, table.NEEDED, view, motion_only=only)
     columns, warnings = table.of(recording)
     if copy is not None:
-        viewer_copy.write(bag, recording, copy, memory)
+        viewer_copy.write(bag, lambda: iter([recording]), copy, memory)
     if file is not None:
         table_file.write(file, [columns])
     frame: Frame = frames.DataFrame(columns)

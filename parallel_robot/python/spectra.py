@@ -55,7 +55,9 @@ def spectrum(
     step = float(np.median(np.diff(run.time[rows])))
     length = min(len(values), max(2, round(LONG / step)))
     frequencies, density = welch(values, 1.0 / step, nperseg=length, axis=0)
-    columns = [f'{joint}_{QUANTITIES[of]}' for joint in run.joints]
+    columns = [
+        f'{joint}_{run.units.one(k).key(QUANTITIES[of])}' for k, joint in enumerate(run.joints)
+    ]
     index = frames.Index(frequencies, name='frequency_hz')
     frame: Frame = frames.DataFrame(density, index=index, columns=columns)
     return frame

@@ -13,6 +13,7 @@ from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.units import BOTH, SLIDES
 
 MICRO = 1e-2  # m or rad; where all of a column is smaller, it is in µm or µrad
 UNITS = {  # how names of columns end
@@ -21,6 +22,8 @@ UNITS = {  # how names of columns end
     'nm_per_s': 'N m/s', 'nm2_per_hz': '(N m)²/Hz', 'rad2_per_hz': 'rad²/Hz',
     'rad2_per_s2_hz': '(rad/s)²/Hz',
 }  # fmt: skip
+UNITS |= {each.key(name): each.of(unit) for each in (SLIDES, BOTH) for name, unit in UNITS.items()}
+MICROS = {'m': 'µm', 'rad': 'µrad', 'rad or m': 'µrad or µm'}
 UNIT = re.compile(f'(.+?)_({"|".join(sorted(UNITS, key=len, reverse=True))})')
 
 
@@ -88,8 +91,8 @@ def _column(name: str, values: Any) -> tuple[str, str, Sequence[str]]:
     match = UNIT.fullmatch(name) if numeric else None
     words, unit = (match[1], UNITS[match[2]]) if match else (name, '')
     scale, digits = 1.0, 6 if numeric else 10
-    if unit in ('m', 'rad') and values.abs().max() < MICRO:
-        unit, scale = f'µ{unit}', 1e6
+    if unit in MICROS and values.abs().max() < MICRO:
+        unit, scale = MICROS[unit], 1e6
     if unit or '.' not in name:  # else it is a key of the configuration
         words = words.replace('_', ' ').strip()
     cells = [_cell(value, scale, digits) for value in values]

@@ -19,6 +19,7 @@ from parallel_robot.studies.limit.picture import draw
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.placed import merged
 from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
@@ -37,23 +38,25 @@ class LeastErrors(NamedTuple):
 
     Attributes:
         members: Name of a scenario to its robots.
-        planar: Whether errors are those of an end effector in a plane [m], not of joints [rad].
+        planar: Whether errors are those of the end effector [m], not of joints [rad].
         calm: Whether the price of calm was asked for.
         warnings: What to know of them, one line each.
+        units: Units of the joints of all robots.
     """
 
     members: Mapping[str, list[LeastError]]
     planar: bool
     calm: bool
     warnings: tuple[str, ...]
+    units: JointUnits = HINGES
 
     def parts(self) -> list[Part]:
         """The tables."""
         parts: list[Part] = []
         for scenario, members in self.members.items():
-            parts += _table(scenario, members, self.planar)
+            parts += _table(scenario, members, self.planar, self.units)
             if self.calm:
-                parts += _calm_table(members, self.planar)
+                parts += _calm_table(members, self.planar, self.units)
         return parts
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
@@ -70,7 +73,7 @@ class LeastErrors(NamedTuple):
                 prices = [one.calm.at(level) if one.calm else math.nan for level in levels]
                 causes = [*one.errors.values(), one.travelled, one.geometry]
                 rows.append([scenario, k, *causes, *prices])
-        return head, rows
+        return [*map(self.units.key, head)], rows
 
     def csv(self) -> str:
         """The rows as comma-separated values."""
@@ -87,9 +90,9 @@ class LeastErrors(NamedTuple):
         Raises:
             InputError: it cannot be written.
         """
-        unit = 'end-effector error, rms [µm]' if self.planar else 'joint error, rms [µrad]'
+        error = 'end-effector error, rms [µm]' if self.planar else 'joint error, rms [µrad]'
         try:
-            save(draw(self.members, unit), path)
+            save(draw(self.members, self.units.label(error), self.units), path)
         except OSError as error:
             raise InputError(f'cannot write {path}: {error.strerror}') from None
 
@@ -115,13 +118,15 @@ def compute(
     """
     found: dict[str, list[LeastError]] = {}
     planar, encoders = True, False
+    units: list[JointUnits] = []
     for scenario, configuration in _experiments(name, changes, runs, duration):
         if not configuration.loop.duration:
             raise InputError(ENDLESS)
-        planar &= configuration.plant.robot.module.PLANAR
+        planar &= configuration.plant.robot.place > 0
         encoders |= bool(np.any(configuration.values['sensor.resolution']))
+        units.append(configuration.plant.robot.joint_units)
         found.setdefault(scenario, []).append(least_error(configuration, calm=calm))
-    return LeastErrors(found, planar, calm, (ESTIMATE,) if encoders else ())
+    return LeastErrors(found, planar, calm, (ESTIMATE,) if encoders else (), all_of(units))
 
 
 def _experiments(
@@ -164,9 +169,11 @@ def is_study(name: str, bases: int = MAX_BASES) -> bool:
     return is_study(absolute(base, path.parent), bases - 1)
 
 
-def _table(scenario: str, members: list[LeastError], planar: bool) -> list[Part]:
+def _table(
+    scenario: str, members: list[LeastError], planar: bool, units: JointUnits
+) -> list[Part]:
     """The least errors of some robots."""
-    what, unit = ('end-effector error', 'µm') if planar else ('joint error', 'µrad')
+    what, unit = ('end-effector error', 'µm') if planar else ('joint error', units.of('µrad'))
     count = f', {len(members)} robots' if len(members) > 1 else ''
     head = f'{scenario}{count}: least {what} of any controller, rms [{unit}], second half'
     columns = {name: [1e6 * one.errors[name] for one in members] for name in CAUSES}
@@ -193,7 +200,7 @@ def _figures(name: str, rows: list[list[str]], unit: str) -> Table:
     return Table([name, *heads], rows, bare=not several)
 
 
-def _calm_table(members: list[LeastError], planar: bool) -> list[Part]:
+def _calm_table(members: list[LeastError], planar: bool, units: JointUnits) -> list[Part]:
     """The least errors with at most some chattering."""
     known = [one.calm for one in members if one.calm is not None]
     if not known:
@@ -204,5 +211,6 @@ def _calm_table(members: list[LeastError], planar: bool) -> list[Part]:
         for level, values in found.items()
         if not np.isnan(values).any()  # else calmer than what was computed for some robot
     ]
-    head = f'  with a chattering of at most [N m]; {len(known)} robots with noise'
-    return [head, _figures('chattering [N m]', rows, 'µm' if planar else 'µrad')]
+    nm, small = units.of('N m'), 'µm' if planar else units.of('µrad')
+    head = f'  with a chattering of at most [{nm}]; {len(known)} robots with noise'
+    return [head, _figures(f'chattering [{nm}]', rows, small)]

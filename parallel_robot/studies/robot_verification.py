@@ -34,10 +34,7 @@ def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]
     Raises:
         InputError: a value is wrong, or a function of the robot cannot be used.
     """
-    scenario = SCENARIOS.get(str(given.get('robot_model')), 'paper_circle')
-    own = load(given).robots.get(str(given.get('robot_model')), {})  # of its poses, say
-    values = resolve(scenario, merged([own, given]))
-    plant = configure_plant(values)
+    plant = configure_plant(values := values_of(given))
     robot = plant.robot
     margins = group(values, robot.module.SafetyMargins, 'safety')
     centre = np.array(robot.pose_of('plant.initial_pose', plant.parameters.initial_pose))
@@ -59,3 +56,14 @@ def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]
     missing = KERNELS.keys() - {function for function, _ in worst}
     what = 'anything within reach and margins, near plant.initial_pose'
     return robot.name, [*worst.values(), *(Check(each, what, np.nan, 0.0) for each in missing)]
+
+
+def values_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration of one robot from what is given of it.
+
+    Raises:
+        InputError: a value is wrong.
+    """
+    scenario = SCENARIOS.get(str(given.get('robot_model')), 'paper_circle')
+    own = load(given).defaults({'robot_model': '', **given})  # of its poses, say
+    return resolve(scenario, merged([own, given]))

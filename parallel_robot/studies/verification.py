@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.robots.configuration import resolve, robot_of
+from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.simulator import Simulator
+
+if TYPE_CHECKING:
+    from parallel_robot_sim.mujoco_machine import MujocoMachine
 
 SCENARIOS = {'planar_3rrr': 'paper_circle', 'serial_2r': 'serial_2r_circle', 'axes': 'axes_step'}
 UNCERTAIN = ('m1', 'm2', 'mp', 'I1', 'I2', 'Ip', 'lc1', 'lc2', 'inertia')
@@ -93,12 +97,13 @@ def _compared(
     random = np.random.default_rng([seed, number])
     for _ in range(DRAWS):
         values = _drawn(kind, base, random)
-        torques = _torques(TORQUE[kind], len(values['joints']), duration, values, random)
+        moved_by = torques(TORQUE[kind], len(values['joints']), duration, values, random)
         try:
-            ours = _poses(values, torques)
+            ours = poses(values, moved_by)
         except RunError:
             continue
-        return _difference(number, ours, _mujoco_poses(values, torques))
+        plant = MujocoRobot(*bodies(values))
+        return difference(number, ours, mujoco_poses(plant, moved_by, values['period']))
     raise RunError(f'robot {number} of {kind}: no motion was found that stays in the workspace')
 
 
@@ -116,8 +121,8 @@ def _drawn(kind: str, base: Mapping[str, Any], random: np.random.Generator) -> d
     return resolve(SCENARIOS[kind], changes)
 
 
-def _torques(
-    amplitude: float,
+def torques(
+    amplitude: Array | float,
     joints: int,
     duration: float,
     values: Mapping[str, Any],
@@ -129,28 +134,33 @@ def _torques(
     return amplitude * np.sin(2.0 * math.pi * frequency * time + phase)
 
 
-def _poses(values: Mapping[str, Any], torques: Array) -> Array:
+def poses(values: Mapping[str, Any], torques: Array) -> Array:
     """Poses of the suite's plant, shape (N + 1, m)."""
     plant = Simulator(configure_plant(values))
-    poses = [np.array(plant.pose)]
+    found = [np.array(plant.pose)]
     for torque in torques:
         plant.advance(torque)
-        poses.append(np.array(plant.pose))
-    return np.array(poses)
+        found.append(np.array(plant.pose))
+    return np.array(found)
 
 
-def _mujoco_poses(values: Mapping[str, Any], torques: Array) -> Array:
-    """Poses of the same robot in MuJoCo, shape (N + 1, m)."""
+def bodies(values: Mapping[str, Any]) -> tuple[RobotModel, Array, Sequence[float]]:
+    """What MuJoCo builds a robot of: it, its initial pose, and its viscous friction."""
     robot = robot_of(values, 'true_robot')
-    plant = MujocoRobot(robot, values['plant.initial_pose'], values['friction.viscous'])
-    poses = [plant.pose]
+    return robot, values['plant.initial_pose'], values['friction.viscous']
+
+
+def mujoco_poses(plant: MujocoRobot | MujocoMachine, torques: Array, period: float) -> Array:
+    """Poses of a robot in MuJoCo under torques, each held over a period, shape (N + 1, m)."""
+    found = [plant.pose]
     for torque in torques:
-        plant.advance(torque, values['period'])
-        poses.append(plant.pose)
-    return np.array(poses)
+        plant.advance(torque, period)
+        found.append(plant.pose)
+    return np.array(found)
 
 
-def _difference(number: int, ours: Array, theirs: Array) -> Difference:
+def difference(number: int, ours: Array, theirs: Array) -> Difference:
+    """How far two motions are apart, each of shape (N + 1, m)."""
     return Difference(
         number, float(np.abs(ours - theirs).max()), float(np.ptp(ours, axis=0).max())
     )

@@ -11,6 +11,7 @@ import numpy as np
 
 from parallel_robot.watch.joint_angles import JointAngle
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.units import OF_JOINTS
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
 SILENT = 3.0  # s without a report, of one a second, after which a node seems to have stopped
@@ -83,6 +84,11 @@ class Robot:
         """The laws that the controller has."""
         laws = self.value('controller', 'laws')
         return laws.split(', ') if laws else []
+
+    @property
+    def unit(self) -> str:
+        """Unit of the joints; rad as long as the controller tells no other."""
+        return self.value('controller', OF_JOINTS) or 'rad'
 
     def joints(self, now: float) -> list[JointAngle]:
         """The newest joints at a time [s]: those of the controller, or all without one."""

@@ -14,9 +14,13 @@ def printable(value: Any, longest: int = MAX_LENGTH) -> str:
         value: Any value.
         longest: Characters after which the text is cut off with an ellipsis.
     """
-    text = str(value)[: longest + 1]
-    text = ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
+    text = clean(str(value)[: longest + 1])
     return text if len(text) <= longest else text[: longest - 1] + '…'
+
+
+def clean(text: str) -> str:
+    """A text without control characters, of any length."""
+    return ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
 
 
 def apart(value: float, limit: float, digits: int = 3) -> tuple[str, str]:

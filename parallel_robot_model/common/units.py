@@ -1,3 +1,71 @@
-"""Units of time: stamps are whole nanoseconds, all else is in seconds."""
+"""Units: stamps are whole nanoseconds; joints are in rad and N m, slides in m and N."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
 
 NANOSECONDS = 1_000_000_000  # in one second
+OF_JOINTS = 'unit of the joints'  # key of diagnostics, where it is not rad
+
+LINEAR = (  # how units of a slide follow from those of a hinge
+    (re.compile(r'\(N m\)|\bN m\b'), 'N'),
+    (re.compile(r'\bkg m\^2'), 'kg'),
+    (re.compile(r'\b([mµ]?)rad(?![a-z])'), r'\1m'),
+)
+KEYS = {'rad': 'm', 'urad': 'um', 'nm': 'n', 'rad2': 'm2', 'nm2': 'n2'}  # in names of columns
+WORD = re.compile(rf'(?<![^_])({"|".join(KEYS)})(?![^_])')
+
+BRACKETS = re.compile(r'\[([^]]*)\]')
+
+
+class JointUnits(NamedTuple):
+    """The units of some joints, asked for by those of hinges.
+
+    Attributes:
+        slides: Whether each joint is a slide; empty: all are hinges.
+    """
+
+    slides: tuple[bool, ...] = ()
+
+    def of(self, unit: str) -> str:
+        """Unit of all joints, where that of hinges is `unit`; both where they differ.
+
+        >>> JointUnits((True,)).of('N m s/rad'), JointUnits((True, False)).of('µrad')
+        ('N s/m', 'µrad or µm')
+        """
+        if not any(self.slides):
+            return unit
+        linear = unit
+        for pattern, instead in LINEAR:
+            linear = pattern.sub(instead, linear)
+        return linear if linear == unit or all(self.slides) else f'{unit} or {linear}'
+
+    def label(self, text: str) -> str:
+        """A text with units in brackets, likewise: ``'torque [N m]'``."""
+        return BRACKETS.sub(lambda found: f'[{self.of(found[1])}]', text)
+
+    def key(self, name: str) -> str:
+        """Name of a column or key that ends with a unit, likewise.
+
+        >>> JointUnits((True,)).key('torque_max_nm'), JointUnits((True, False)).key('rms_rad')
+        ('torque_max_n', 'rms_rad_or_m')
+        """
+        if not any(self.slides):
+            return name
+        both = '' if all(self.slides) else r'\1_or_'
+        return WORD.sub(lambda found: found.expand(both) + KEYS[found[1]], name)
+
+    def one(self, joint: int) -> JointUnits:
+        """Those of one joint, by its 0-based index."""
+        return JointUnits(self.slides[joint : joint + 1])
+
+
+HINGES, SLIDES, BOTH = JointUnits(), JointUnits((True,)), JointUnits((False, True))
+
+
+def all_of(units: Iterable[JointUnits]) -> JointUnits:
+    """Those of the joints of several robots; of none those of hinges."""
+    kinds = {slide for each in units for slide in each.slides or (False,)}
+    return JointUnits(tuple(sorted(kinds)))

@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import hazards, modules, points_file, scenario_file
+from parallel_robot_model.configuration import (
+    given_files,
+    hazards,
+    modules,
+    robot_names,
+    scenario_file,
+)
 from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
 from parallel_robot_model.configuration.config_files import PACKAGE as PACKAGE
 from parallel_robot_model.configuration.config_files import Layer as Layer
@@ -17,10 +23,12 @@ from parallel_robot_model.configuration.config_files import flat as flat
 from parallel_robot_model.configuration.fields import plain
 from parallel_robot_model.configuration.modules import CODE, Modules
 from parallel_robot_model.configuration.placed import Placed, locating, merged, places_of
+from parallel_robot_model.configuration.robot_names import DESCRIPTION
 
 CUSTOM = CODE
 PRESET = 'paper'  # the gains in config/laws
 CUSTOM_DEFAULT = 'custom module'  # source of a default in a Python file of a user
+DESCRIBED = DESCRIPTION  # source of a default in the description of a machine
 OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
 
 
@@ -70,7 +78,7 @@ def resolve_with_sources(
         Key to value, and key to source: a file of ``config/``, the path of another file,
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
-    changed = points_file.filled(_plain(overrides or {}))
+    changed = given_files.filled(_plain(overrides or {}))
     name, of_scenario = _scenario(scenario)
     given = str(changed.pop('scenario', name))
     if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
@@ -78,9 +86,9 @@ def resolve_with_sources(
     files = shipped()
     asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
     modules.check(asked)
-    own = loaded.defaults(str(asked['robot_model']))
+    own = loaded.defaults(asked)
     with locating(asked):
-        layers = [files.defaults, _robot(files, asked, own)]
+        layers = [files.defaults, *_robot(files, asked, own)]
     gains = _gains(files, asked, own)
     _check_names(asked, layers, gains)
     laws, shapes = (modules.names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
@@ -97,6 +105,7 @@ def resolve_with_sources(
     layers.append((of_scenario[-1][0], {'scenario': name}))
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
+    sources[DESCRIPTION] = robot_names.MODEL
     for key in CUSTOM:
         config[key] = modules.absolute(key, config[key])
     with locating(config):
@@ -158,10 +167,10 @@ def changed(
         UnknownNameError: a key that it does not have.
         InputError: a value that cannot be one of its key.
     """
-    changes = points_file.filled(_plain(changes))
+    changes = given_files.filled(_plain(changes))
     modules.check(changes)
     asked = {**values, **changes}
-    own = loaded.defaults(str(asked['robot_model']))
+    own = loaded.defaults(asked)
     gains = merged(values for _, values in _gains(shipped(), asked, own))
     known = gains | _of(modules.names(asked, 'custom_trajectories'), own) | dict(values)
     for key in changes:
@@ -187,7 +196,7 @@ def preset(values: Mapping[str, Any], loaded: Modules = modules.NONE) -> dict[st
     Raises:
         InputError: a custom module has the name of one that exists.
     """
-    own = loaded.defaults(str(values['robot_model']))
+    own = loaded.defaults(values)
     return merged(gains for _, gains in _gains(shipped(), values, own))
 
 
@@ -212,8 +221,8 @@ def robot_models() -> list[str]:
     return [*shipped().robots]
 
 
-def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> Layer:
-    """Defaults of the robot; `own` are those of custom modules.
+def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
+    """Defaults of the robot; `own` are those of custom modules and of a description.
 
     Raises:
         UnknownNameError: no such robot.
@@ -224,15 +233,20 @@ def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) ->
     taken = sorted({*custom} & {*files.robots})
     if taken:
         raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
-    if name in custom:
+    if name in custom or values[DESCRIPTION]:
         laws, shapes = (
             modules.names(values, f'custom_{kind}') for kind in ('laws', 'trajectories')
         )
         others = _of(laws | shapes, own)
-        return CUSTOM_DEFAULT, {key: value for key, value in own.items() if key not in others}
+        of_robot = {key: value for key, value in own.items() if key not in others}
+        if values[DESCRIPTION]:
+            more = [files.robots[name]] if name in files.robots else []
+            return [(DESCRIBED, of_robot), *more]
+        return [(CUSTOM_DEFAULT, of_robot)]
     if name not in files.robots:
-        raise UnknownNameError('robot_model', name, [*files.robots, *custom], 'robot_model')
-    return files.robots[name]
+        known = {*files.robots, *robot_names.shipped(), *custom}
+        raise UnknownNameError('robot_model', name, sorted(known), 'robot_model')
+    return [files.robots[name]]
 
 
 def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:

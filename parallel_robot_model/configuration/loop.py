@@ -31,7 +31,10 @@ class LoopParameters(NamedTuple):
         Literal['paper', 'custom'],
         Field('', 'paper: gains of all laws as in config/laws, Table 2; custom: others'),
     ]
-    robot_model: Annotated[str, Field('', 'robot, a file of config/robots or a custom one')]
+    robot_model: Annotated[str, Field('', 'robot: one of the suite, a custom one, a description')]
+    robot_description: Annotated[
+        str, Field('', 'text of the description of the robot (MJCF, URDF), if it has one')
+    ]
     custom_laws: Annotated[tuple[str, ...], Field('', 'Python files with custom laws')]
     custom_robots: Annotated[tuple[str, ...], Field('', 'Python files with custom robots')]
     custom_trajectories: Annotated[

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -20,10 +20,13 @@ class Modules(NamedTuple):
     robots: Defaults = MappingProxyType({})
     laws: Defaults = MappingProxyType({})
     shapes: Defaults = MappingProxyType({})
+    described: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict  # of a description
 
-    def defaults(self, robot_model: str) -> dict[str, Any]:
-        """Those of a robot, of all laws and all trajectories, by key."""
-        own = self.robots.get(robot_model, {})
+    def defaults(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Those of the robot of a configuration, of all laws and all trajectories, by key."""
+        own = self.robots.get(str(values['robot_model']), {})
+        if values.get('robot_description'):
+            own = self.described(values)
         parts = (*self.shapes.values(), own, *self.laws.values())
         return {key: value for part in parts for key, value in part.items()}
 

@@ -52,14 +52,15 @@ def filled(values: Placed) -> Placed:
             key = getattr(error, 'key', '') or FILE
             raise InputError(f'{FILE}: {error}' if key == FILE else str(error), key) from None
     kept, thinned = _thinned(table, name)
-    of_joints = table.names[0].startswith('q')
+    of_joints = points_table.is_joint(table.names[0])
+    space = 'quaternions' if points_table.QUATERNION[0] in table.names else 'pose'
     entries: dict[str, Any] = {
         FILE: '',
         COLUMNS: [],
         UNITS: [],
         TIMES: table.times[kept].tolist(),
         POINTS: table.points[kept].ravel().tolist(),
-        SPACE: 'joints' if of_joints else 'pose',
+        SPACE: 'joints' if of_joints else space,
         THINNED: thinned,
     }
     places = dict.fromkeys(entries, place) if place else {}
@@ -78,9 +79,9 @@ def _thinned(table: Table, name: str) -> tuple[NDArray[np.int64], str]:
     kept = np.unique([*range(0, count, step), count - 1])
     curve = make_interp_spline(table.times[kept], table.points[kept], k=5)
     offset = np.abs(curve(table.times) - table.points).max(axis=0)
-    unit = ['m' if axis in ('x', 'y') else 'rad' for axis in table.names]
+    unit = map(points_table.length_or_angle, table.names)
     told = (
-        f'{axis} {distance:.2g} {of}'
+        f'{axis} {distance:.2g} {of}'.strip()
         for axis, distance, of in zip(table.names, offset, unit, strict=True)
     )
     return kept, (

@@ -18,7 +18,12 @@ from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import yaml_file
 
 MAX_BYTES = 1 << 28  # bytes of a table
-HEADER = 't, x, y, phi; t, x, y; or t, q1, q2 and so on'
+HEADER = 't, x, y, phi; t, x, y; t, x, y, z, rx, ry, rz; or t, q1, q2 and so on'
+PLANE = ('x', 'y', 'phi')
+PLACE, TURN = ('x', 'y', 'z'), ('rx', 'ry', 'rz')  # in space, and its rotation vector
+QUATERNION = ('qx', 'qy', 'qz', 'qw')  # in place of that
+ORDER = ('t', *PLACE, 'phi', *TURN, *QUATERNION)
+ROUNDED = 1e-2  # by which the length of a quaternion may differ from 1
 COLUMNS = 'waypoints.columns'
 UNITS = 'waypoints.units'
 SEPARATORS = ',;\t'
@@ -26,7 +31,7 @@ SHOWN = 200  # characters of a header
 TIME = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9, 'min': 60.0}
 LENGTH = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6, 'in': 0.0254}
 ANGLE = {'rad': 1.0, 'mrad': 1e-3, 'deg': math.pi / 180.0, 'turn': 2.0 * math.pi}
-KINDS = {'time': TIME, 'length': LENGTH, 'angle': ANGLE}
+KINDS: dict[str, dict[str, float]] = {'time': TIME, 'length': LENGTH, 'angle': ANGLE}
 
 
 class Table(NamedTuple):
@@ -35,7 +40,8 @@ class Table(NamedTuple):
     Attributes:
         times: Times [s], increasing, shape (N,).
         points: Coordinates in m and rad, shape (N, m).
-        names: Names of the coordinates: x, y, phi, or q1, q2 and so on.
+        names: Names of the coordinates: x, y, phi; some of x, y, z, rx, ry, rz; x, y, z and the
+            quaternion qx, qy, qz, qw; or q1, q2 and so on.
     """
 
     times: Array
@@ -95,7 +101,8 @@ def read(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> 
         raise InputError(f'{path}: {error}') from None
     if len(table) < 2:
         raise InputError(f'{path} must hold at least 2 points, not {len(table)}')
-    numbers = np.array(table) * [scales[_kind(name, units)] for name in names]
+    numbers = np.array(table) * [scales.get(_kind(name, units), 1.0) for name in names]
+    _check_quaternions(path, numbers, names)
     return Table(numbers[:, 0], numbers[:, 1:], names[1:])
 
 
@@ -160,17 +167,46 @@ def _place(path: Path, header: list[str], column: str, shown: str) -> int:
 
 def _order(name: str) -> tuple[int, int | str]:
     """Time first, then coordinates as a pose has them, or joints by their numbers."""
-    known = ('t', 'x', 'y', 'phi')
-    if name in known:
-        return (0, known.index(name))
+    if name in ORDER:
+        return (0, ORDER.index(name))
     return (1, int(name[1:])) if re.fullmatch(r'q[1-9]\d*', name) else (2, name)
 
 
 def _are_names(names: list[str]) -> bool:
-    axes = [f'q{k}' for k in range(1, len(names))]
-    return names in (['t', 'x', 'y', 'phi'], ['t', 'x', 'y']) or (
-        len(names) > 1 and names == ['t', *axes]
-    )
+    if len(names) < 2 or names[0] != 't':
+        return False
+    own, space = tuple(names[1:]), (*PLACE, *TURN)
+    joints = tuple(f'q{k}' for k in range(1, len(names)))
+    some = tuple(name for name in space if name in own)
+    return own in (joints, PLANE, some, (*PLACE, *QUATERNION))
+
+
+def is_joint(name: str) -> bool:
+    """Whether a coordinate is that of a joint: q1, q2 and so on."""
+    return name[0] == 'q' and name[1:].isdecimal()
+
+
+def length_or_angle(name: str) -> str:
+    """Unit of a coordinate of a pose: m, rad, or none for those of a quaternion."""
+    return 'm' if name in PLACE else '' if name in QUATERNION else 'rad'
+
+
+def _check_quaternions(path: Path, numbers: Array, names: Sequence[str]) -> None:
+    """Refuse quaternions that are no rotations.
+
+    Raises:
+        InputError: the length of one is not 1.
+    """
+    if QUATERNION[0] not in names:
+        return
+    lengths = np.linalg.norm(numbers[:, -len(QUATERNION) :], axis=1)
+    wrong = np.flatnonzero(np.abs(lengths - 1.0) > ROUNDED)
+    if wrong.size:
+        k = int(wrong[0])
+        raise InputError(
+            f'{path}: the quaternion at t = {numbers[k, 0]:.10g} must have length 1, '
+            f'not {lengths[k]:.4g}'
+        )
 
 
 def _kind(name: str, units: Sequence[str]) -> str:
@@ -178,7 +214,9 @@ def _kind(name: str, units: Sequence[str]) -> str:
     if name == 't':
         return 'time'
     slides = any(unit in LENGTH for unit in units) and not any(unit in ANGLE for unit in units)
-    return 'length' if name in ('x', 'y') or (name[0] == 'q' and slides) else 'angle'
+    if name in QUATERNION:
+        return 'number'
+    return 'length' if name in PLACE or (is_joint(name) and slides) else 'angle'
 
 
 def _scales(units: Sequence[str]) -> dict[str, float]:

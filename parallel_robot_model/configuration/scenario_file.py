@@ -1,11 +1,11 @@
-"""Scenarios: shipped ones by name, others by the path of a YAML file."""
+"""Scenarios: shipped ones by name, others by the path of a YAML file or of a described robot."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import parameter_file, points_file, yaml_file
+from parallel_robot_model.configuration import given_files, parameter_file, robot_names, yaml_file
 from parallel_robot_model.configuration.placed import Placed, locating
 
 SUFFIXES = ('.yaml', '.yml')
@@ -15,7 +15,12 @@ MAX_BASES = 20  # scenarios, each the base of the next
 
 def is_path(scenario: str) -> bool:
     """Whether a scenario is given as a path, not by the name of a shipped one."""
-    return '/' in scenario or scenario.endswith(SUFFIXES)
+    return '/' in scenario or scenario.endswith(SUFFIXES) or is_robot(scenario)
+
+
+def is_robot(scenario: str) -> bool:
+    """Whether a scenario is given as the description of a robot, whose motion is its default."""
+    return scenario.lower().endswith(robot_names.SUFFIXES)
 
 
 def absolute(scenario: str, start: Path | None = None) -> str:
@@ -33,7 +38,7 @@ def stem(scenario: str) -> str:
     path = Path(scenario)
     if not is_path(scenario):
         return scenario
-    return path.stem if path.suffix in SUFFIXES else path.name
+    return path.stem if path.suffix in SUFFIXES or is_robot(scenario) else path.name
 
 
 def names(shipped: Path) -> list[str]:
@@ -81,6 +86,8 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
     """
     name = name_of(scenario, shipped)
     place = _place(scenario) if is_path(scenario) else _shipped(name, shipped)
+    if is_robot(scenario):
+        return name, [(place, given_files.filled(Placed({robot_names.MODEL: str(place)})))]
     files: list[tuple[Path, Placed]] = []
     while True:
         way = [path for path, _ in files]
@@ -94,7 +101,7 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
         with locating(values):
             base = values.pop('base', None)
             _check(place, values)
-            files.append((place, points_file.filled(values)))
+            files.append((place, given_files.filled(values)))
             if base is None:
                 return name, files[::-1]
             if not isinstance(base, str):

@@ -67,6 +67,6 @@ RECORDED = (
 )
 
 
-def recorded(planar: bool) -> tuple[Topic, ...]:
+def recorded(placed: bool) -> tuple[Topic, ...]:
     """Topics that a bag holds; the pose only of a robot that moves in a plane."""
-    return tuple(topic for topic in RECORDED if planar or topic not in (POSE, POSE_REFERENCE))
+    return tuple(topic for topic in RECORDED if placed or topic not in (POSE, POSE_REFERENCE))

@@ -7,7 +7,7 @@ import math
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Collection, Mapping, Set
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -27,9 +27,10 @@ from parallel_robot_model.common.errors import (
     UnknownNameError,
     first_line,
 )
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import config, fields, loop, scenario_file
 from parallel_robot_model.configuration.groups import build
+from parallel_robot_model.configuration.joint_fields import joint_field
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.background import Background
@@ -242,8 +243,18 @@ class SuiteNode(Node):  # type: ignore[misc]
         if self._thread is not None:
             self._thread.end()
 
-    def declare_groups(self, *declared: tuple[str, Any]) -> None:
+    def declare_groups(
+        self,
+        *declared: tuple[str, Any],
+        units: JointUnits = HINGES,
+        motions: Collection[str] = (),
+    ) -> None:
         """Declare the parameters of groups, by prefix and type, with unit, meaning and range.
+
+        Args:
+            declared: The groups.
+            units: Units of the joints.
+            motions: Those of the groups that are motions, see :func:`joint_field`.
 
         Raises:
             InputError: a value is wrong.
@@ -254,7 +265,8 @@ class SuiteNode(Node):  # type: ignore[misc]
             values = groups.at(prefix, kind)
             for parameter, value in zip(fields.parameters(kind), values, strict=True):
                 key = f'{prefix}.{parameter.key}' if prefix else parameter.key
-                parameters.declare(self, key, parameter.field, value, not self.is_settable(key))
+                field = joint_field(key, parameter, units, motions)
+                parameters.declare(self, key, field, value, not self.is_settable(key))
 
     def finish(self, code: int = 0) -> None:
         """End the node with an exit code; may be called from any thread."""

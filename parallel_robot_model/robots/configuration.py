@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration import config, modules
 from parallel_robot_model.configuration.groups import Declared, group
 from parallel_robot_model.configuration.loop import loop_of
@@ -45,8 +47,17 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
 
 
 def is_known(values: Mapping[str, Any]) -> bool:
-    """Whether the robot is one of the suite, or the configuration names its file."""
-    return values['robot_model'] in robots(values['custom_robots'])
+    """Whether the robot is one of the suite, or the configuration has its file or description."""
+    known = robots(values['custom_robots'])
+    return bool(values.get('robot_description')) or values['robot_model'] in known
+
+
+def units_of(values: Mapping[str, Any]) -> JointUnits:
+    """Units of the joints of a resolved configuration; those of hinges if its robot is unknown."""
+    try:
+        return robot_of(values).joint_units if is_known(values) else HINGES
+    except (InputError, KeyError):  # of a bag, what it has of a configuration
+        return HINGES
 
 
 def load(values: Mapping[str, Any]) -> Modules:
@@ -56,7 +67,15 @@ def load(values: Mapping[str, Any]) -> Modules:
         InputError: one cannot be loaded.
     """
     own = custom_robots(modules.files(values, 'custom_robots'))
-    return Modules(robots={name: default_values(name, robot) for name, robot in own.items()})
+    values_of = {name: default_values(name, robot) for name, robot in own.items()}
+    return Modules(robots=values_of, described=_described)
+
+
+def _described(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults of the machine that a configuration describes."""
+    from parallel_robot_model.robots.described import robot  # it takes long to load
+
+    return robot.default_values(values)
 
 
 def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:

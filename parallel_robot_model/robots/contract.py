@@ -136,7 +136,11 @@ class Robot(Protocol):
     all that follows from these alone; ``NO_POSE``: those of its FAULTS at which `estimate` has no
     trustworthy pose, without it all of them, or none where the pose does not depend on the guess;
     ``pose_with(parameters, position, passive)``: the pose at all measured joints, shape (m,), NaN
-    where they contradict each other.
+    where they contradict each other; ``planar(parameters)`` in place of PLANAR;
+    ``units(parameters)``: the unit of each actuated joint, 'rad' or 'm', without it rad;
+    ``orientations(parameters, poses)``: quaternions of the end effector of a robot in space;
+    ``OWN_MEMORY``: whether its kernels keep something in the constants, which everybody then has
+    for himself.
 
     Attributes:
         Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.
@@ -147,7 +151,9 @@ class Robot(Protocol):
         FAULTS: Faults of this robot by number, 1 to 9.
         PARTS: Names of what one joint moves and of the whole, e.g. ``('leg', 'platform')``.
         PLANAR: Whether its pose begins with x and y [m] in a plane and perhaps the angle phi
-            [rad], so that it can be shown and its error is a distance.
+            [rad], so that it can be shown and its error is a distance. A pose that begins with
+            x, y, z [m] is one in space; rx, ry, rz [rad] after them are components of its
+            rotation vector.
     """
 
     Parameters: Any
@@ -213,5 +219,6 @@ class Robot(Protocol):
             position: Actuated joints, shape (..., n).
 
         Returns:
-            Ends of the lines [m], shape (..., lines, 2, 2); empty for a robot without a picture.
+            Ends of the lines [m], shape (..., lines, 2, 2), in space (..., lines, 2, 3); empty for
+            a robot without a picture.
         """

@@ -14,6 +14,9 @@ from parallel_robot_model.common.arrays import Array
 class LinearModel(Protocol):
     """M thdd + Q thd + gravity = Y(theta, thd, thdd) p, with p the parameters of the inertia.
 
+    It may have ``sizes(robot)``, magnitudes to which errors of p are compared, shape (P,); without
+    it they are those of `values`.
+
     Attributes:
         NAMES: Text that says what the names of p mean.
     """

@@ -2,23 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-Point = tuple[float, float]
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+
+Point = tuple[float, ...]  # x, y, and z where that is not zero [m]
+Moments = tuple[float, float, float, float, float, float]
+TURNS, SLIDES, FIXED = 'continuous', 'prismatic', 'fixed'  # kinds of joints, as URDF calls them
 
 
 class Link(NamedTuple):
-    """A link and the joint that it turns about.
+    """A link and the joint that it moves with.
 
     Attributes:
         name: Name of the link and of its frame.
         parent: Name of the link that carries it, or the fixed frame.
-        joint: Name of its joint, whose axis is z.
+        joint: Name of its joint.
         origin: The joint in the frame of the parent [m].
         mass: Mass [kg].
         centre: Centre of mass in its own frame [m].
-        inertia: About z through the centre of mass [kg m^2].
+        inertia: About z through the centre of mass [kg m^2]; of a link that moves in space xx, xy,
+            xz, yy, yz, zz.
         lines: Both ends of each straight line of a picture, in its own frame [m].
+        rotation: Its frame where the joint is at zero, seen from that of the parent, a quaternion
+            x, y, z, w.
+        axis: Axis of the joint in its own frame, a unit vector.
+        kind: TURNS, SLIDES or FIXED.
+        travel: Ends of travel of a joint that slides [m].
     """
 
     name: str
@@ -27,5 +40,51 @@ class Link(NamedTuple):
     origin: Point
     mass: float
     centre: Point
-    inertia: float
+    inertia: float | Moments
     lines: tuple[tuple[Point, Point], ...]
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    kind: str = TURNS
+    travel: tuple[float, float] = (-1e3, 1e3)
+
+
+def in_space(point: Point) -> tuple[float, float, float]:
+    """A point with its z [m]."""
+    x, y, z = (*point, 0.0)[:3]
+    return x, y, z
+
+
+def frames(links: Sequence[Link], positions: Array) -> tuple[Array, Array]:
+    """Frames of links, each in that of its parent.
+
+    Args:
+        links: The links, L.
+        positions: Of their joints [rad or m], shape (L,).
+
+    Returns:
+        Origins [m], shape (L, 3), and quaternions x, y, z, w, shape (L, 4).
+    """
+    origins = np.array([in_space(link.origin) for link in links]).reshape(-1, 3)
+    rotations = np.array([link.rotation for link in links]).reshape(-1, 4)
+    axes = np.array([link.axis for link in links]).reshape(-1, 3)
+    slides = np.array([link.kind == SLIDES for link in links], bool)
+    turns = np.array([link.kind == TURNS for link in links], bool)
+    half = np.where(turns, positions, 0.0) / 2.0
+    turned = np.concatenate([axes * np.sin(half)[:, np.newaxis], np.cos(half)[:, np.newaxis]], 1)
+    shift = axes * np.where(slides, positions, 0.0)[:, np.newaxis]
+    return origins + _rotated(rotations, shift), _product(rotations, turned)
+
+
+def _product(first: Array, second: Array) -> Array:
+    """Products of quaternions, each shape (L, 4)."""
+    u, p, v, q = first[:, :3], first[:, 3:], second[:, :3], second[:, 3:]
+    vector = p * v + q * u + np.cross(u, v)
+    return np.concatenate([vector, p * q - np.sum(u * v, axis=1, keepdims=True)], axis=1)
+
+
+def _rotated(quaternions: Array, vectors: Array) -> Array:
+    """Vectors, shape (L, 3), turned by quaternions, shape (L, 4)."""
+    u, w = quaternions[:, :3], quaternions[:, 3:]
+    apart = 2.0 * np.cross(u, vectors)
+    turned: Array = vectors + w * apart + np.cross(u, apart)
+    return turned

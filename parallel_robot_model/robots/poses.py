@@ -42,7 +42,7 @@ def poses_of(
     if fault != FOUND:
         raise KinematicsError(
             f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {first + failed}, '
-            f'joints at {np.round(joints[failed], 4).tolist()} rad)'
+            f'joints at {np.round(joints[failed], 4).tolist()} {robot.joint_units.of("rad")})'
         )
     return poses
 

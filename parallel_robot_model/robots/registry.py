@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from numba import types
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.compiler import (
     INTERPRETED,
     Boxed,
@@ -34,6 +35,7 @@ from parallel_robot_model.robots.contract import (
     Measurement,
     Robot,
 )
+from parallel_robot_model.robots.turning import turns_of
 
 ROBOTS: dict[str, Robot] = {
     'planar_3rrr': planar_3rrr,
@@ -68,8 +70,39 @@ class RobotModel(NamedTuple):
 
     @property
     def constants(self) -> Any:
-        """What its kernels take, boxed: the constants of its module, or else the parameters."""
-        return _constants(self)
+        """What its kernels take, boxed: the constants of its module, or else the parameters.
+
+        Those of a robot with OWN_MEMORY are new ones each time.
+        """
+        own = getattr(self.module, 'OWN_MEMORY', False)
+        return _constants.__wrapped__(self) if own else _constants(self)
+
+    @property
+    def place(self) -> int:
+        """Number of the first coordinates of its pose that are the place of its end effector."""
+        axes = [axis.name for axis in self.module.coordinates(self.parameters)]
+        if self.planar:
+            return len('xy')
+        return len('xyz') if axes[:3] == ['x', 'y', 'z'] else 0
+
+    @property
+    def joint_units(self) -> JointUnits:
+        """Units of its actuated joints: rad and N m, or m and N of slides."""
+        units = getattr(self.module, 'units', None)  # optional in the contract
+        if units is None:
+            return HINGES
+        return JointUnits(tuple(unit == 'm' for unit in units(self.parameters)))
+
+    @property
+    def turns(self) -> tuple[int, ...]:
+        """Components of a rotation vector that follow its place in space, 0 to 2."""
+        return turns_of(self.module.coordinates(self.parameters))
+
+    @property
+    def planar(self) -> bool:
+        """Whether its pose is a place in a plane, see PLANAR in the contract."""
+        planar = getattr(self.module, 'planar', None)  # of a robot where it depends on parameters
+        return bool(self.module.PLANAR if planar is None else planar(self.parameters))
 
     @property
     def pose_size(self) -> int:
@@ -179,6 +212,10 @@ def module_of(loop: LoopParameters) -> Robot:
         UnknownNameError: no such robot.
         InputError: a custom robot cannot be loaded.
     """
+    if loop.robot_description:
+        from parallel_robot_model.robots.described.robot import described  # it takes long to load
+
+        return described(loop.robot_description)
     known, name = robots(loop.custom_robots), loop.robot_model
     if name not in known:
         raise UnknownNameError('robot_model', name, known, 'robot_model')

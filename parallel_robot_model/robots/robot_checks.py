@@ -5,7 +5,7 @@ Rates are compared with differences over time, the model of the controller with 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 from parallel_robot_model.robots.registry import ROBOTS, RobotModel
 
 H = 1e-4  # s, of central differences
+SLOPE = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # weights of states by steps from here
 RATE = 0.5  # of the coordinates of plant and pose, largest, in their units per s
 GUESS = 1e-4  # between a pose and the guess for it, relative
 COARSE = 1e-3  # relative difference that is a mistake in any robot
@@ -102,11 +103,11 @@ def checks(
         )
         return here
 
-    here, ahead, behind = at(0.0), at(H), at(-H)
+    here, near = at(0.0), _near(at)
     yield _check('measure', 'pose, from that given to start', here.pose, pose)
     for name in ('position', 'passive_position'):
         rates = name.replace('position', 'velocity')
-        slope = _slope(getattr(ahead, name), getattr(behind, name))
+        slope = _slope(getattr(each, name) for each in near)
         what = f'{rates.replace("_", " ")}, from differences of {name.replace("_", " ")}'
         yield _check('measure', what, getattr(here, rates), slope)
     yield from _kinematics(robot, here, pose, rate)
@@ -134,12 +135,12 @@ def _kinematics(robot: RobotModel, here: Measurement, pose: Array, rate: Array) 
         moved = pose + rate * time + change * time**2 / 2
         return motion(PoseMotion(*map(vector, (moved, rate + change * time, change))))
 
-    now, ahead, behind = at(0.0), at(H), at(-H)
-    if any(each.out_of_reach != REACHED for each in (now, ahead, behind)):
+    now, near = at(0.0), _near(at)
+    if any(each.out_of_reach != REACHED for each in (now, *near)):
         return  # whoever plans a motion says so
     yield _check('joint_motion', 'position, from that of measure', now.position, here.position)
     for name, of in (('velocity', 'position'), ('acceleration', 'velocity')):
-        slope = _slope(getattr(ahead, of), getattr(behind, of))
+        slope = _slope(getattr(each, of) for each in near)
         yield _check(
             'joint_motion', f'{name}, from differences of {of}', getattr(now, name), slope
         )
@@ -154,7 +155,7 @@ def _dynamics(
     robot: RobotModel, margins: Any, at: Callable[..., Measurement], change: Array, given: Array
 ) -> Iterator[Check]:
     """The model of the controller, against itself and against the plant."""
-    here, ahead, behind = at(0.0), at(H, change), at(-H, change)
+    here, beside = at(0.0), _near(lambda time: at(time, change))
     words = margins, vector(here.position), vector(here.velocity), vector(here.pose)
     estimate = _bound(robot, 'estimate', *words)
 
@@ -164,8 +165,8 @@ def _dynamics(
         )
         return estimated
 
-    now, after, before = map(model_at, (here, ahead, behind))
-    if any(each.fault != FOUND for each in (now, after, before)):
+    now, *near = map(model_at, (here, *beside))
+    if any(each.fault != FOUND for each in (now, *near)):
         return  # beyond a margin
     yield _check('estimate', 'pose, from that of measure', now.pose, here.pose)
     M, Q = np.asarray(now.model.M), np.asarray(now.model.Q)
@@ -174,12 +175,12 @@ def _dynamics(
     least = float(np.linalg.eigvalsh((M + M.T) / 2).min()) if np.isfinite(M).all() else np.nan
     lacks = 0.0 if least > 0.0 else max(-least, 1e-3 * size, 1e-3)
     yield Check('estimate', 'M, from one that is positive definite', lacks, size)
-    slope = _slope(after.model.M, before.model.M)
+    slope = _slope(each.model.M for each in near)
     skew = slope - Q - Q.T
     largest = max(float(np.abs(slope).max()), float(np.abs(Q).max()), 1e-3 * size)
     what = 'Mdot - 2 Q, from a skew-symmetric matrix'
     yield Check('estimate', what, float(np.abs(skew).max()), largest)
-    joints = _slope(ahead.velocity, behind.velocity)
+    joints = _slope(each.velocity for each in beside)
     needed = M @ joints + Q @ np.asarray(here.velocity) + np.asarray(now.model.gravity)
     yield _check(
         'estimate', 'M thdd + Q thd + gravity, from the torque of acceleration', needed, given
@@ -197,10 +198,15 @@ def _bound(robot: RobotModel, name: str, *example: Any) -> Callable[..., Any]:
     return called
 
 
-def _slope(ahead: Any, behind: Any) -> Array:
-    """Rate of change by a central difference."""
-    slope: Array = (np.asarray(ahead) - np.asarray(behind)) / (2 * H)
-    return slope
+def _near(at: Callable[[float], Any]) -> list[Any]:
+    """States from which a rate follows, see :func:`_slope`."""
+    return [at(steps * H) for steps in SLOPE]
+
+
+def _slope(near: Iterable[Any]) -> Array:
+    """Rate of change by a central difference of fourth order, from states of :func:`_near`."""
+    weights = np.array([*SLOPE.values()]) / H
+    return np.tensordot(weights, np.array([np.asarray(each) for each in near]), 1)
 
 
 def _check(function: str, what: str, given: Any, right: Any) -> Check:

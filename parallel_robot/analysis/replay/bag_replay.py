@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot.analysis.decimation import Curves
 from parallel_robot.analysis.replay import replayed, totals
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
-from parallel_robot.analysis.report.decimation import Curves
 from parallel_robot.bags import arithmetic, held_code, recording, run_log
 from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
@@ -207,7 +207,7 @@ class Prepared:
         first, last = (
             end or sign * math.inf for end, sign in zip(self.window, (-1, 1), strict=True)
         )
-        for log, is_last in _with_last(self.log, self.rest or iter(())):
+        for log, is_last in with_last(self.log, self.rest or iter(())):
             told.take(self.bag, log)
             log, result = parts.answered(log, is_last)
             if not len(log.time):
@@ -231,7 +231,7 @@ class Prepared:
         )
 
 
-def _with_last(first: RunLog, rest: Iterator[Recording]) -> Iterator[tuple[RunLog, bool]]:
+def with_last(first: RunLog, rest: Iterator[Recording]) -> Iterator[tuple[RunLog, bool]]:
     """The windows of a run, each with whether it is the last one."""
     for after in rest:
         yield first, False
@@ -243,8 +243,8 @@ def parts_of(log: RunLog, law: str, found: Totals, is_changed: bool) -> list[Par
     """What came of a replay: of a run by a law, and whether that is another one."""
     head = f'{log.scenario}, {log.law}: {found.answered} states answered again by {law}'
     if is_changed:
-        return [head, found.table(log.joints)]
-    return [head, *found.verdict(log.used is not None)]
+        return [head, found.table(log.joints, log.units)]
+    return [head, *found.verdict(log.used is not None, log.units)]
 
 
 def data_of(log: RunLog, law: str, found: Totals) -> dict[str, Any]:
@@ -257,7 +257,7 @@ def data_of(log: RunLog, law: str, found: Totals) -> dict[str, Any]:
         'commands': found.known,
         'differing': found.differing,
         'late': found.late,
-        'difference_nm': {
+        log.units.key('difference_nm'): {
             name: dict(zip(log.joints, map(float, values), strict=True))
             for name, values in found.differences().items()
         },

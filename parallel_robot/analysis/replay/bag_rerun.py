@@ -17,7 +17,6 @@ from parallel_robot.bags import (
     bag_reader,
     gathered_run,
     held_code,
-    recording,
 )
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
@@ -37,7 +36,8 @@ from parallel_robot_model.messages.topics import SLOW
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 BASE = 'paper_circle'  # of a scenario that is not shipped
-MODULES = ('robot_model', *sorted(config.CUSTOM))  # keys that decide which other keys there are
+ROBOT = ('robot_model', 'robot_description')
+MODULES = (*ROBOT, *sorted(config.CUSTOM))  # keys that decide which other keys there are
 MADE_BY = ('version', 'revision')  # facts that say which code made a bag
 NO_EXPERIMENT = (
     '{} does not say what experiment made it, so there is none to repeat; '
@@ -80,6 +80,18 @@ class Rerun(ShownResult):
             return [f'differs: {self.difference}', f'         {self.size}']
         return [f'identical: {self.messages} messages{self.reach}']
 
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data; what is not compared is null."""
+        return {
+            'compared': not self.unlike,
+            'identical': None if self.unlike else self.identical,
+            'messages': None if self.unlike else self.messages,
+            'difference': self.difference or None,
+            'size': self.size or None,
+            'reach': self.reach.removeprefix(', ') or None,
+            'unlike': self.unlike or None,
+        }
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -87,7 +99,7 @@ class Experiment:
 
     Attributes:
         bag: The bag.
-        log: Its run, with the times alone.
+        log: Its run, with times of a few states and the last one alone.
         past: What happened beside the motion.
         values: The configuration that is run.
         scenario: Name or path of the scenario that is run.
@@ -124,14 +136,13 @@ class Experiment:
         if self.past.facts.get('start_stamp', '0') == '0':
             return Rerun(out, unlike='nodes that were started by hand', warnings=self.warnings)
         if not self.simulated or self.values['duration'] != planned_length(log, self.past):
-            until = common_end(log, gathered_run.read(out, (), memory)[0])
+            until = common_end(log, gathered_run.ends(out, memory)[0])
         if until is not None:
             reach = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
         count, difference = bag_difference.compare(self.bag, out, memory, until)
         size = ''
         if difference:
-            both = (recording.read(each, memory=memory).log for each in (self.bag, out))
-            size = bag_difference.size(*both)
+            size = bag_difference.size(self.bag, out, memory)
         return Rerun(out, count, difference, reach, size, warnings=self.warnings)
 
 
@@ -165,7 +176,7 @@ def prepared(
     """
     bag = Path(os.path.realpath(bag))
     try:
-        log, past = gathered_run.read(bag, (), memory)
+        log, past, states = gathered_run.ends(bag, memory)
     except BagError:
         if not bag_reader.read(bag, (), lambda *_: None, memory).metadata:
             raise BagError(NO_EXPERIMENT.format(bag)) from None
@@ -173,15 +184,15 @@ def prepared(
     if not past.facts:
         raise BagError(NO_EXPERIMENT.format(bag))
     planned = loop_of(log.config).last_index or 0
-    if simulated(past) and duration is None and planned > max(LONGER * len(log.time), SHORT):
+    if simulated(past) and duration is None and planned > max(LONGER * states, SHORT):
         raise BagError(
-            f'{bag} holds {len(log.time)} states of {planned}; --duration says how much to run'
+            f'{bag} holds {states} states of {planned}; --duration says how much to run'
         )
     with tempfile.TemporaryDirectory() as directory:
         files = custom_files(bag, past.sources, log.config, Path(directory), trust, told)
         values = log.config | files
         held_code.check(bag, values)
-        own = load(values).defaults(values['robot_model'])
+        own = load(values).defaults(values)
         values = own | values  # a recorder started by hand has no gains
         if values['law'] not in available(values['custom_laws']):
             raise BagError(f'{bag} does not hold the law {values["law"]}')
@@ -243,7 +254,7 @@ def again(values: Mapping[str, Any], directory: Path) -> tuple[str, dict[str, An
     if name in config.scenarios():
         return name, modules | changes(values, name, modules)
     code = {key: values[key] for key in config.CUSTOM}  # which no scenario can name
-    robot = {'robot_model': values['robot_model']}
+    robot = {key: values[key] for key in ROBOT}
     found = {'base': BASE, **robot, **changes(values, BASE, modules)}
     path = directory / f'{name.replace("/", "_")}.yaml'  # a bag may hold any name
     try:

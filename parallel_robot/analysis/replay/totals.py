@@ -11,6 +11,7 @@ import numpy as np
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.units import HINGES, JointUnits
 
 
 class Totals(NamedTuple):
@@ -55,11 +56,12 @@ class Totals(NamedTuple):
             after.remembered,
         )
 
-    def verdict(self, said: bool) -> list[str]:
+    def verdict(self, said: bool, units: JointUnits = HINGES) -> list[str]:
         """Whether the torques are the recorded commands.
 
         Args:
             said: Whether the bag says which states were answered.
+            units: Units of the joints.
         """
         lines = []
         if self.late:
@@ -76,7 +78,8 @@ class Totals(NamedTuple):
             )
         return [
             *lines,
-            f'{self.differing} of {self.known} commands differ, by up to {self.most:.3g} N m, '
+            f'{self.differing} of {self.known} commands differ, by up to {self.most:.3g} '
+            f'{units.of("N m")}, '
             f'from t = {self.first:.3f} s on',
         ]
 
@@ -84,11 +87,11 @@ class Totals(NamedTuple):
         """Differences to the recorded commands [N m], each shape (n,)."""
         return {'rms': np.sqrt(self.squares / self.known), 'max': self.largest}
 
-    def table(self, joints: Sequence[str]) -> Table:
+    def table(self, joints: Sequence[str], units: JointUnits = HINGES) -> Table:
         """Difference to the recorded commands, joint by joint."""
         rows = self.differences().items()
         cells = [[name, *(f'{value:.3f}' for value in values)] for name, values in rows]
-        return Table(['difference of torques [N m]', *joints], cells)
+        return Table([units.label('difference of torques [N m]'), *joints], cells)
 
 
 def of(time: Array, result: Replay) -> Totals:

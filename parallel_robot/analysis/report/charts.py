@@ -7,15 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.report.decimation import extremes
+from parallel_robot.analysis.decimation import extremes
+from parallel_robot.analysis.metrics import distances, turn_errors
 from parallel_robot.analysis.report.labels import joint_label
 from parallel_robot.analysis.report.palette import joint_style
-from parallel_robot.analysis.report.runs import Run, Series
+from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.report.scale import logarithmic
+from parallel_robot.analysis.report.space_views import VIEWS
+from parallel_robot.analysis.thinned import FIRST, Series
 from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_model.common.units import all_of
 
 TIME = 't [s]'
-FIRST = 1.0  # s, in which the torques are far larger than afterwards
+PATH = 'Path of the end effector'
+MOST = 12_000  # points of a path with gaps
 
 
 class Curve(NamedTuple):
@@ -44,6 +49,7 @@ class Panel(NamedTuple):
         curves: The curves.
         dashed: Whether curves are dashed; a path that repeats itself would fill its own gaps.
         marks: Times at which law or gains of a run changed [s].
+        x_label: Label of its x axis where it is another than that of the chart.
     """
 
     title: str
@@ -52,6 +58,7 @@ class Panel(NamedTuple):
     curves: list[Curve]
     dashed: bool = True
     marks: tuple[float, ...] = ()
+    x_label: str = ''
 
 
 class Chart(NamedTuple):
@@ -69,6 +76,7 @@ class Chart(NamedTuple):
         equal: Whether both axes have the same scale.
         spans: Whether the columns show different times; then the panels of a column have the same
             limits, otherwise all panels have the same time.
+        of_paper: Whether the paper has a figure with this content, or one in its place.
     """
 
     number: int
@@ -81,6 +89,7 @@ class Chart(NamedTuple):
     magnitude: bool = False
     equal: bool = False
     spans: bool = False
+    of_paper: bool = True
 
     def logarithmic(self, scale: str) -> bool:
         """Whether its errors are drawn as magnitudes, see :func:`scale.logarithmic`."""
@@ -91,13 +100,27 @@ class Chart(NamedTuple):
 def charts(runs: Sequence[Run]) -> list[Chart]:
     """Charts of the runs of one scenario, numbered as the paper's figures.
 
-    Those of the path and of its errors are left out for a robot that does not move in a plane.
+    Those of the path and of its errors are left out for a robot whose pose is not a place. In
+    space, the path has three views, and the error is a distance, and an angle where the end
+    effector turns.
     """
     errors = [_joint_errors(runs), _coupling_errors(runs)]
-    if not all(run.motion.poses.planar for run in runs):
+    place = place_of(runs)
+    if not place:
         return [*(_marked(chart, runs) for chart in errors), _torques(runs)]
-    errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
-    return [_path(runs), *(_marked(chart, runs) for chart in errors), _torques(runs)]
+    if place == len('xyz'):
+        errors = [*_errors_in_space(runs), *errors]
+        path = _views(runs)
+    else:
+        errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
+        path = _path(runs)
+    return [path, *(_marked(chart, runs) for chart in errors), _torques(runs)]
+
+
+def place_of(runs: Sequence[Run]) -> int:
+    """Number of the coordinates of a place that the poses of all runs have; 0 if they differ."""
+    found = {run.motion.poses.place for run in runs}
+    return found.pop() if len(found) == 1 else 0
 
 
 def _marked(chart: Chart, runs: Sequence[Run]) -> Chart:
@@ -118,25 +141,47 @@ def _path(runs: Sequence[Run]) -> Chart:
     panels = [Panel('', 'y', 'mm', whole, dashed=False)]
     if min(run.motion.time[-1] for run in runs) > 2.0 * FIRST:
         panels.append(Panel('first second', 'y', 'mm', [*_tracks(runs, FIRST), start]))
-    line = {run.log.config.get('trajectory.shape') for run in runs} == {'line'}
     widths = (1.0,) * len(panels)
-    number = 9 if line else 3
-    title = 'Path of the end effector'
-    return Chart(number, 'path', title, '', 'x [mm]', panels, widths, equal=True)
+    return Chart(_number(runs), 'path', PATH, '', 'x [mm]', panels, widths, equal=True)
 
 
-def _tracks(runs: Sequence[Run], until: float) -> list[Curve]:
+def _views(runs: Sequence[Run]) -> Chart:
+    panels = []
+    for across, up, shown in VIEWS:
+        starts = np.unique([1e3 * run.motion.poses.actual[0, shown] for run in runs], axis=0)
+        curves = [*_tracks(runs, np.inf, shown), Curve('start', 'start', *starts.T)]
+        panel = Panel(f'{across}, {up}', up, 'mm', curves, dashed=False)
+        panels.append(panel._replace(x_label=f'{across} [mm]'))
+    widths = (1.0,) * len(panels)
+    return Chart(_number(runs), 'path', PATH, '', '', panels, widths, equal=True)
+
+
+def _number(runs: Sequence[Run]) -> int:
+    line = {run.log.config.get('trajectory.shape') for run in runs} == {'line'}
+    return 9 if line else 3
+
+
+def _tracks(runs: Sequence[Run], until: float, shown: tuple[int, int] = (0, 1)) -> list[Curve]:
     """Paths of references and end effectors, with the points where the errors are extreme."""
     references, paths = [], []
     for run in runs:
-        rows = run.motion.time <= until
-        reference = 1e3 * run.motion.poses.reference[rows, :2]
-        actual = 1e3 * run.motion.poses.actual[rows, :2]
-        chosen = np.union1d(*(extremes(column) for column in reference.T))
+        time, poses = run.path
+        rows = time <= until
+        reference = 1e3 * poses.reference[rows][:, shown]
+        actual = 1e3 * poses.actual[rows][:, shown]
+        chosen = _corners(reference)
         references.append(Curve('reference', 'reference', *reference[chosen].T))
-        chosen = np.union1d(*(extremes(column) for column in (reference - actual).T))
+        chosen = _corners(reference - actual)
         paths.append(Curve(run.label, run.style, *actual[chosen].T))
     return references + paths
+
+
+def _corners(points: np.ndarray) -> np.ndarray:
+    """Rows of a line, shape (N, 2), at which it turns; of one with gaps, some, and the gaps."""
+    gaps = np.flatnonzero(np.isnan(points[:, 0]))
+    if gaps.size:
+        return np.union1d(gaps, np.arange(0, len(points), -(-len(points) // MOST)))
+    return np.union1d(*(extremes(column) for column in points.T))
 
 
 def _path_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart:
@@ -150,10 +195,32 @@ def _path_error(runs: Sequence[Run], number: int, axis: int, name: str) -> Chart
     return Chart(number, f'{name}_error', title, '', TIME, [panel], magnitude=True)
 
 
+def _errors_in_space(runs: Sequence[Run]) -> list[Chart]:
+    poses = [run.motion.poses for run in runs]
+    found = [
+        ('place_error', 'Distance of the end effector from its reference', 'distance', 'mm',
+         [1e3 * distances(pose) for pose in poses]),
+    ]  # fmt: skip
+    if all(pose.turns for pose in poses):
+        angles = [1e3 * turn_errors(pose) for pose in poses]
+        title = 'Angle of the end effector from its reference'
+        found.append(('turn_error', title, 'angle', 'mrad', angles))
+    charts = []
+    for number, (name, title, quantity, unit, columns) in enumerate(found, start=4):
+        series = [
+            Series(run.motion.time, values[:, np.newaxis])
+            for run, values in zip(runs, columns, strict=True)
+        ]
+        panel = Panel('', quantity, unit, _curves(runs, series, 0))
+        chart = Chart(number, name, title, '', TIME, [panel], magnitude=True)
+        charts.append(chart._replace(of_paper=False))
+    return charts
+
+
 def _joint_errors(runs: Sequence[Run]) -> Chart:
     series = [Series(run.motion.time, 1e3 * joint_error(run)) for run in runs]
     panels = [
-        Panel(name, 'error', 'mrad', _curves(runs, series, joint))
+        Panel(name, 'error', _unit(runs, joint), _curves(runs, series, joint))
         for joint, name in enumerate(_joints(runs))
     ]
     return Chart(
@@ -173,12 +240,12 @@ def _coupling_errors(runs: Sequence[Run]) -> Chart:
     ]
     panels = []
     for joint, name in enumerate(_joints(runs)):
-        title = f'{name}, '
+        title, unit = f'{name}, ', _unit(runs, joint)
         curves = _curves(runs, synchronisation, joint)
-        panels.append(Panel(title + 'synchronisation', 'error', 'mrad', curves))
+        panels.append(Panel(title + 'synchronisation', 'error', unit, curves))
         if with_coupling:
             curves = _curves(with_coupling, coupling, joint)
-            panels.append(Panel(title + 'cross-coupling', 'error', 'mrad', curves))
+            panels.append(Panel(title + 'cross-coupling', 'error', unit, curves))
     lacking = [run.label for run in runs if run.cross_coupling is None]
     note = f'No cross-coupling error is in the bag of {", ".join(lacking)}.' if lacking else ''
     title = 'Synchronisation and cross-coupling errors'
@@ -190,6 +257,7 @@ def _torques(runs: Sequence[Run]) -> Chart:
     split = min(run.motion.time[-1] for run in runs) > 2.0 * FIRST
     panels = []
     for run in runs:
+        unit = run.motion.poses.units.of('N m')
         first = run.motion.time <= (FIRST if split else np.inf)
         parts = [('', first), (' afterwards', ~first)] if split else [('', first)]
         for when, rows in parts:
@@ -200,9 +268,14 @@ def _torques(runs: Sequence[Run]) -> Chart:
                 curves.append(curve._replace(label=name, style=joint_style(joint)))
             times = run.motion.time[rows]
             marks = tuple(time for time in run.marks if times[0] <= time <= times[-1])
-            panels.append(Panel(run.label + when, 'torque', 'N m', curves, marks=marks))
+            panels.append(Panel(run.label + when, 'torque', unit, curves, marks=marks))
     widths = (1.0, 2.5) if split else (1.0,)
     return Chart(8, 'torques', 'Torques of the motors', '', TIME, panels, widths, spans=True)
+
+
+def _unit(runs: Sequence[Run], joint: int) -> str:
+    """Unit of the errors of a joint, for which they are multiplied by 1000."""
+    return all_of(run.motion.poses.units.one(joint) for run in runs).of('mrad')
 
 
 def _curves(runs: Sequence[Run], series: Sequence[Series], column: int) -> list[Curve]:

@@ -9,15 +9,18 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot.analysis.metrics import distances
+from parallel_robot.analysis.metrics import distances, turn_errors
 from parallel_robot.analysis.report.labels import joint_label, label, law_label
 from parallel_robot.analysis.report.palette import RUNS, slots
 from parallel_robot.analysis.report.scale import AUTO, logarithmic
+from parallel_robot.analysis.report.space_views import add_lines, add_path, posture, views
 from parallel_robot.bags import new_files
 from parallel_robot.bags.printable_output import without_mathematics
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_model.common.units import HINGES, JointUnits, all_of
+from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim.motions import Motion, Poses
 
 FORMATS = ('.png', '.pdf', '.svg')
@@ -25,7 +28,8 @@ COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
 DASHES = ('-', '--')  # of as many joints as there are colours each
 LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins ten times higher
 LARGEST = 'Largest '  # of all joints
-COLUMNS = 6  # of a legend
+DISTANCE = 'distance'
+COLUMNS, FEW = 6, 4  # of a legend, and names of which each has its line
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
 
@@ -44,6 +48,10 @@ class Named(Protocol):
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the actuated joints."""
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """The resolved configuration; it says which robot it is."""
 
 
 def draw_run(
@@ -80,7 +88,9 @@ def figure_of_run(
 ) -> Any:
     """Path, errors and torques of a run as a figure of matplotlib.
 
-    A robot that does not move in a plane has no path; its synchronisation errors are drawn.
+    In space, the path is drawn in three views, with the robot at the start, and the error is a
+    distance, and an angle where the end effector turns. A robot whose pose is not a place has no
+    path; its synchronisation errors are drawn.
 
     Args:
         run: The run.
@@ -89,27 +99,37 @@ def figure_of_run(
         marks: Times at which something changed [s].
         track: Poses of its path; None: those of the motion.
     """
-    pose = motion.poses
-    figure, path, (first, joints, torque) = panels(
-        f'{label(run.scenario)}, {law_label(run.law)}', pose.planar
+    pose, units = motion.poses, motion.poses.units
+    figure, path, over_time = panels(
+        f'{label(run.scenario)}, {law_label(run.law)}', pose.place, turns=bool(pose.turns)
     )
+    first, *turn, joints, torque = over_time
     names = [without_mathematics(joint_label(name)) for name in run.joints]
     looks = [look_of(k) for k in range(len(names))]
     error = motion.reference_position - motion.position
-    if pose.planar:
+    if pose.in_space:
+        _draw_robot(path, run, motion)
+        _draw_paths(path, [track or pose], looks, 'end effector')
+        curves = _curves(motion.time, 1e6 * distances(pose)[:, np.newaxis], looks, [DISTANCE])
+        _draw_errors(first, curves, 'µm', scale, 'End-effector error', sign=False)
+        for axes in turn:
+            angle = 1e3 * turn_errors(pose)[:, np.newaxis]
+            curves = _curves(motion.time, angle, looks, ['angle'])
+            _draw_errors(axes, curves, 'mrad', scale, 'End-effector turn error', sign=False)
+    elif pose.place:
         _draw_paths(path, [track or pose], looks, 'end effector')
         offset = (pose.reference - pose.actual)[:, :2]
         curves = _curves(motion.time, 1e6 * offset, looks, ['x', 'y'])
         _draw_errors(first, curves, 'µm', scale, 'End-effector error')
     else:
         curves = _curves(motion.time, 1e6 * synchronisation_error(error), looks, names)
-        _draw_errors(first, curves, 'µrad', scale, 'Synchronisation errors')
+        _draw_errors(first, curves, units.of('µrad'), scale, 'Synchronisation errors')
     curves = _curves(motion.time, 1e6 * error, looks, names)
-    _draw_errors(joints, curves, 'µrad', scale, 'Joint errors')
+    _draw_errors(joints, curves, units.of('µrad'), scale, 'Joint errors')
     _draw_curves(torque, _curves(motion.time, motion.effort, looks, names))
-    torque.set(xlabel='t [s]', ylabel='torque [N m]')
+    torque.set(xlabel='t [s]', ylabel=units.label('torque [N m]'))
     torque.set_title('Torques', loc='left')
-    for axes in (first, joints, torque):
+    for axes in over_time:
         for time in marks:
             axes.axvline(time, color='0.4', linestyle=':', lw=1.0)
         add_legend(axes)
@@ -119,8 +139,8 @@ def figure_of_run(
 def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) -> Any:
     """Several runs over one another as a figure of matplotlib, one curve each in a panel.
 
-    Of the joints, the largest magnitude at each time is drawn. Without a path if a robot does not
-    move in a plane.
+    Of the joints, the largest magnitude at each time is drawn. Without a path if the pose of a
+    robot is not a place.
 
     Args:
         runs: Name to a run and its motion, up to as many as palette.RUNS.
@@ -128,9 +148,12 @@ def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) 
     """
     named, motions = zip(*runs.values(), strict=True)
     poses = [motion.poses for motion in motions]
-    planar = all(pose.planar for pose in poses)
+    units = all_of(pose.units for pose in poses)
+    small = units.of('µrad')
+    place = poses[0].place if len({pose.place for pose in poses}) == 1 else 0
+    turns = bool(place) and all(pose.turns for pose in poses)
     title = ', '.join(dict.fromkeys(label(run.scenario) for run in named))
-    figure, path, (first, joints, torque) = panels(title, planar, fitted=True)
+    figure, path, (first, *turn, joints, torque) = panels(title, place, fitted=True, turns=turns)
     names = [without_mathematics(label(name)) for name in runs]
     looks = [
         {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
@@ -145,18 +168,23 @@ def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) 
         ]
 
     errors = [1e6 * (motion.reference_position - motion.position) for motion in motions]
-    if planar:
+    if place == len('xyz'):
+        _draw_robot(path, named[0], motions[0])
+    if place:
         _draw_paths(path, poses, looks)
         distance = curves(1e6 * distances(pose)[:, np.newaxis] for pose in poses)
         _draw_errors(first, distance, 'µm', scale, 'End-effector error', sign=False)
+        for axes in turn:
+            angles = curves(1e3 * turn_errors(pose)[:, np.newaxis] for pose in poses)
+            _draw_errors(axes, angles, 'mrad', scale, 'End-effector turn error', sign=False)
     else:
         synchronisation = curves(map(synchronisation_error, errors))
         _draw_errors(
-            first, synchronisation, 'µrad', scale, LARGEST + 'synchronisation error', sign=False
+            first, synchronisation, small, scale, LARGEST + 'synchronisation error', sign=False
         )
-    _draw_errors(joints, curves(errors), 'µrad', scale, LARGEST + 'joint error', sign=False)
+    _draw_errors(joints, curves(errors), small, scale, LARGEST + 'joint error', sign=False)
     _draw_curves(torque, curves(motion.effort for motion in motions))
-    torque.set(xlabel='t [s]', ylabel='|torque| [N m]')
+    torque.set(xlabel='t [s]', ylabel=units.label('|torque| [N m]'))
     torque.set_title(LARGEST + 'torque', loc='left')
     figure.legend(*torque.get_legend_handles_labels(), loc='outside lower center', ncols=COLUMNS)
     return figure
@@ -180,12 +208,12 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
     figure = _figure(title, max(HEIGHT, ROW * count))
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
-    for axes, joint, recorded, replayed in curves:
+    for k, (axes, joint, recorded, replayed) in enumerate(curves):
         name = f'recorded, {without_mathematics(law_label(log.law))}'
         axes.plot(log.time, recorded, color='0.6', lw=2.0, label=name)
         name = f'replayed, {without_mathematics(law_label(law))}'
         axes.plot(log.time, replayed, color=COLOURS[0], lw=0.8, label=name)
-        axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
+        axes.set(ylabel=_of_torque(log.units, k), title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=2, fontsize='small')
     rows[-1].set(xlabel='t [s]')
@@ -198,6 +226,7 @@ def draw_prediction(
     measured: np.ndarray,
     predicted: np.ndarray,
     path: str | Path,
+    units: JointUnits = HINGES,
 ) -> None:
     """Draw measured and predicted torques, joint by joint.
 
@@ -207,6 +236,7 @@ def draw_prediction(
         measured: Measured torques [N m], shape (T, n).
         predicted: Predicted torques [N m], shape (T, n).
         path: File to write, which must not exist; its suffix chooses the format.
+        units: Those of the joints.
 
     Raises:
         InputError: the suffix is of no picture format.
@@ -215,15 +245,21 @@ def draw_prediction(
     count = len(joints)
     figure = _figure('Torques by the identified robot', max(HEIGHT, ROW * count))
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    for axes, joint, before, after in zip(rows, joints, measured.T, predicted.T, strict=True):
+    curves = zip(rows, joints, measured.T, predicted.T, strict=True)
+    for k, (axes, joint, before, after) in enumerate(curves):
         axes.plot(time, before, color='0.6', lw=2.0, label='measured')
         axes.plot(time, after, color=COLOURS[0], lw=0.8, label='predicted')
         axes.plot(time, before - after, color=COLOURS[1], lw=0.8, label='difference')
-        axes.set(ylabel='[N m]', title=without_mathematics(joint_label(joint)))
+        axes.set(ylabel=_of_torque(units, k), title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=3, fontsize='small')
     rows[-1].set(xlabel='t [s]')
     save(figure, path)
+
+
+def _of_torque(units: JointUnits, joint: int) -> str:
+    """Label of an axis for the torque of a joint."""
+    return units.one(joint).label('[N m]')
 
 
 class Curve(NamedTuple):
@@ -235,23 +271,32 @@ class Curve(NamedTuple):
     name: str
 
 
-def panels(title: str, planar: bool, fitted: bool = False) -> tuple[Any, Any, list[Any]]:
-    """A figure, the panel of the path, None if not planar, and three panels over time.
+def panels(
+    title: str, place: int, fitted: bool = False, turns: bool = False
+) -> tuple[Any, list[Any], list[Any]]:
+    """A figure, the panels of the path, and three panels over time.
 
     Args:
         title: Of the figure.
-        planar: Whether the robot moves in a plane.
+        place: Number of the coordinates of a place: 2, there is one panel of the path; 3, there
+            are three views of it; 0, there is none.
         fitted: Whether the panels leave the room that their surroundings need, a legend below
             for example. It takes as long as to draw the figure.
+        turns: Whether there is one more panel over time, the second.
     """
     figure = _figure(title, fitted=fitted)
-    margins = {} if fitted else {**MARGINS, 'hspace': 0.4}
-    columns = 2 if planar else 1
+    rows = 4 if turns else 3
+    margins = {} if fitted else {**MARGINS, 'hspace': 0.55 if turns else 0.4}
+    columns = 2 if place else 1
     ratios = (1.1, 1.0)[-columns:]
-    grid = figure.add_gridspec(3, columns, width_ratios=ratios, **margins)
-    path = figure.add_subplot(grid[:, 0]) if planar else None
+    grid = figure.add_gridspec(rows, columns, width_ratios=ratios, **margins)
+    path = []
+    if place == len('xyz'):
+        path = views(figure, grid[:, 0])
+    elif place:
+        path = [figure.add_subplot(grid[:, 0])]
     first = figure.add_subplot(grid[0, -1])
-    others = [figure.add_subplot(grid[k, -1], sharex=first) for k in (1, 2)]
+    others = [figure.add_subplot(grid[k, -1], sharex=first) for k in range(1, rows)]
     for axes in figure.axes:
         axes.grid(alpha=0.3)
     return figure, path, [first, *others]
@@ -264,9 +309,19 @@ def _curves(
     return [Curve(time, *one) for one in zip(values.T, looks, names, strict=False)]
 
 
+def _draw_robot(panels: Sequence[Any], run: Named, motion: Motion) -> None:
+    """Draw the robot in space where a motion begins."""
+    lines = posture(robot_of(run.values), motion.poses.actual[0], motion.position[0])
+    add_lines(panels, lines, color='0.8', lw=1.5)
+
+
 def _draw_paths(
-    axes: Any, poses: Sequence[Poses], looks: list[dict[str, Any]], name: str = ''
+    panels: Sequence[Any], poses: Sequence[Poses], looks: list[dict[str, Any]], name: str = ''
 ) -> None:
+    if poses[0].in_space:
+        _draw_in_space(panels, poses, looks, name)
+        return
+    (axes,) = panels
     for k, pose in enumerate(poses):
         grey = '' if k else 'reference'
         axes.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label=grey)
@@ -277,6 +332,21 @@ def _draw_paths(
     axes.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
     axes.margins(0.12)
     axes.legend(loc='upper right')
+
+
+def _draw_in_space(
+    panels: Sequence[Any], poses: Sequence[Poses], looks: list[dict[str, Any]], name: str
+) -> None:
+    for k, pose in enumerate(poses):
+        grey = '' if k else 'reference'
+        add_path(panels, pose.reference, color='0.6', linewidth=2.5, label=grey)
+    for pose, look in zip(poses, looks, strict=False):
+        add_path(panels, pose.actual, **{**look, 'lw': 1.2}, label=name)
+    starts = np.unique([pose.actual[0, :3] for pose in poses], axis=0)
+    add_path(panels, starts, color=COLOURS[1], marker='o', ms=4, linestyle='', label='start')
+    panels[0].set_title('Path')
+    handles = panels[-1].get_legend_handles_labels()
+    panels[-1].legend(*handles, loc='center left', bbox_to_anchor=(1.25, 0.5), frameon=False)
 
 
 def _draw_errors(
@@ -300,7 +370,9 @@ def _draw_curves(axes: Any, curves: list[Curve]) -> None:
 
 
 def add_legend(axes: Any) -> None:
-    """Add a legend above the curves, beside the title."""
+    """Add a legend above the curves, beside the title; many names have colours, not lines."""
+    many = FEW < len(axes.get_legend_handles_labels()[0]) <= len(COLOURS)
+    narrow = {'handlelength': 0.0, 'handletextpad': 0.0, 'labelcolor': 'linecolor'} if many else {}
     axes.legend(
         loc='lower right',
         bbox_to_anchor=(1.0, 1.0),
@@ -308,9 +380,8 @@ def add_legend(axes: Any) -> None:
         columnspacing=1.2,
         fontsize='small',
         frameon=False,
-        handlelength=1.6,
-        handletextpad=0.5,
         ncols=COLUMNS,
+        **{'handlelength': 1.6, 'handletextpad': 0.5, **narrow},
     )
 
 

@@ -7,16 +7,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from parallel_robot.analysis import claims
+from parallel_robot.analysis.decimation import INTERVALS
 from parallel_robot.analysis.readable_metrics import METRICS, defined, shown, window
 from parallel_robot.analysis.report.animation import animation
-from parallel_robot.analysis.report.charts import Chart
-from parallel_robot.analysis.report.decimation import INTERVALS
+from parallel_robot.analysis.report.charts import Chart, place_of
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.palette import STYLES
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.units import all_of
 
 
 def render(
@@ -93,16 +94,20 @@ def _section(
     good = [run for run in runs if not run.faulted]
     first = {run.log.law: run.metrics for run in reversed(good)}
     parts = {tuple(round(time, 2) for time in run.metrics.window[:2]) for run in good}
+    units = all_of(run.metrics.units for run in runs)
     alike = len(parts) == 1  # else no figure is better than another
     data: dict[str, Any] = {'plots': [plot(chart, scale) for chart in charts]}
-    if all(run.motion.poses.planar for run in runs):
+    if place_of(runs):
         data['animation'] = animation(runs)
     return {
         'name': name,
         'robot': printable(runs[0].log.config['robot_model']),
         'runs': runs,
         'metrics': [
-            (metric, _best([metric.value(run.metrics) for run in good]) if alike else '')
+            (
+                metric._replace(unit=metric.unit_with(units)),
+                _best([metric.value(run.metrics) for run in good]) if alike else '',
+            )
             for metric in METRICS
             if any(defined([metric], run.metrics) for run in runs)
         ],

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from parallel_robot.analysis.decimation import envelope
 from parallel_robot.analysis.report.charts import Chart, Panel
-from parallel_robot.analysis.report.decimation import envelope
 from parallel_robot.analysis.report.palette import STYLES, Style
 from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags.printable_output import without_mathematics
@@ -92,8 +92,8 @@ def draw(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> list[Pa
             _draw_panel(axes, panel, log)
             if len(chart.panels) > 1:
                 axes.set_title(f'({letter}) {without_mathematics(panel.title)}'.rstrip())
-        for axes in grid[-1]:
-            axes.set_xlabel(chart.x_label)
+        for axes, panel in zip(grid[-1], chart.panels[-len(widths) :], strict=True):
+            axes.set_xlabel(panel.x_label or chart.x_label)
         if chart.equal:
             for axes in grid.flat:
                 axes.set_aspect('equal', adjustable='datalim')
@@ -114,11 +114,12 @@ def _letters() -> Iterator[str]:
 
 def _slope(chart: Chart) -> float:
     """Height of the curves over their width, between 0.4 and 1.2."""
-    x, y = (
+    whole = (
         np.concatenate([getattr(curve, axis) for panel in chart.panels for curve in panel.curves])
         for axis in 'xy'
     )
-    return float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.4, 1.2))
+    spans = [np.nanmax(values) - np.nanmin(values) for values in whole]
+    return float(np.clip(spans[1] / max(spans[0], 1e-9), 0.4, 1.2))
 
 
 def _draw_panel(axes: Axes, panel: Panel, log: bool) -> None:

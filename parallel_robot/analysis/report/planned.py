@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from parallel_robot.analysis.report.figures import COLOURS, add_legend, look_of, panels
 from parallel_robot.analysis.report.labels import joint_label, label
+from parallel_robot.analysis.report.space_views import add_lines, add_path, posture
 from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.fastest import speed_limit, torque_limit, torques
 from trajectory_gen import preflight
+from trajectory_gen.trajectory import Reference
 
 ROBOTS = 4  # postures of the robot along the path
 CLOSE = 2.0  # a limit is drawn where the motion comes as close to it, as a factor
@@ -20,40 +24,37 @@ CLOSE = 2.0  # a limit is drawn where the motion comes as close to it, as a fact
 def figure_of_motion(configuration: Configuration) -> Any:
     """Path, joint speeds and the torques that they take, as a figure of matplotlib.
 
-    A robot that does not move in a plane has no path. Torques are those of the nominal robot with
-    friction. A limit that is more than twice as large as all there is is not drawn but named.
+    In space, the path is drawn in three views; a robot whose pose is not a place has none.
+    Torques are those of the nominal robot with friction. A limit that is more than twice as large
+    as all there is is not drawn but named.
 
     Args:
         configuration: The experiment; its motion may be one that the robot cannot perform.
     """
     trajectory, loop = configuration.trajectory, configuration.loop
     robot = trajectory.robot
+    units = robot.joint_units
     times = preflight.grid(trajectory, loop.period)
     reference = trajectory.sample(times)
-    planar = robot.module.PLANAR
     figure, path, (first, second, third) = panels(
-        f'{label(loop.scenario)}: planned motion', planar
+        f'{label(loop.scenario)}: planned motion', robot.place
     )
-    if planar:
-        x, y = 1e3 * reference.pose[:, :2].T
-        rows = np.unique(np.linspace(0, len(times) - 1, ROBOTS, endpoint=False).astype(int))
-        for k in rows[::-1]:
-            parts = robot.module.segments(
-                robot.parameters, reference.pose[k : k + 1], reference.position[k : k + 1]
-            )
-            for ends in parts.values():
-                lines = 1e3 * ends[0]
-                path.plot(*lines.T, color='0.35' if k == 0 else '0.85', lw=2.0 if k == 0 else 1.0)
-        path.plot(x, y, color=COLOURS[0], lw=1.6, label='path')
-        path.plot(x[0], y[0], 'o', color=COLOURS[1], label='start')
-        path.set(xlabel='x [mm]', ylabel='y [mm]', title='Path and robot', aspect='equal')
-        path.legend(loc='upper right')
+    if robot.place == len('xyz'):
+        _draw_in_space(path, robot, reference)
+    elif robot.place:
+        _draw_in_plane(path[0], robot, reference)
     with np.errstate(invalid='ignore'):  # where the robot does not reach
         torque = np.sum(torques(configuration, reference), axis=0)
     rows_of = (
-        (first, reference.position, None, 'position [rad]', 'Joint positions'),
-        (second, reference.velocity, speed_limit(configuration), 'speed [rad/s]', 'Joint speeds'),
-        (third, torque, torque_limit(configuration), 'torque [N m]', 'Torques'),
+        (first, reference.position, None, units.label('position [rad]'), 'Joint positions'),
+        (
+            second,
+            reference.velocity,
+            speed_limit(configuration),
+            units.label('speed [rad/s]'),
+            'Joint speeds',
+        ),
+        (third, torque, torque_limit(configuration), units.label('torque [N m]'), 'Torques'),
     )
     for axes, values, limits, quantity, title in rows_of:
         for k, (joint, column) in enumerate(zip(loop.joints, values.T, strict=True)):
@@ -66,6 +67,35 @@ def figure_of_motion(configuration: Configuration) -> Any:
         add_legend(axes)
     third.set(xlabel='t [s]')
     return figure
+
+
+def _postures(robot: RobotModel, reference: Reference) -> Iterator[tuple[Any, dict[str, Any]]]:
+    """The robot at times along its path, the start last: its lines, and how they look."""
+    rows = np.linspace(0, len(reference.pose) - 1, ROBOTS, endpoint=False).astype(int)
+    for k in np.unique(rows)[::-1]:
+        look = {'color': '0.35' if k == 0 else '0.85', 'lw': 2.0 if k == 0 else 1.0}
+        yield posture(robot, reference.pose[k], reference.position[k]), look
+
+
+def _draw_in_plane(path: Any, robot: RobotModel, reference: Reference) -> None:
+    x, y = 1e3 * reference.pose[:, :2].T
+    for parts, look in _postures(robot, reference):
+        for ends in parts.values():
+            path.plot(*(1e3 * ends).T, **look)
+    path.plot(x, y, color=COLOURS[0], lw=1.6, label='path')
+    path.plot(x[0], y[0], 'o', color=COLOURS[1], label='start')
+    path.set(xlabel='x [mm]', ylabel='y [mm]', title='Path and robot', aspect='equal')
+    path.legend(loc='upper right')
+
+
+def _draw_in_space(views: Sequence[Any], robot: RobotModel, reference: Reference) -> None:
+    for parts, look in _postures(robot, reference):
+        add_lines(views, parts, **look)
+    add_path(views, reference.pose, color=COLOURS[0], lw=1.6, label='path')
+    start = {'color': COLOURS[1], 'marker': 'o', 'ms': 4, 'linestyle': '', 'label': 'start'}
+    add_path(views, reference.pose[:1], **start)
+    views[0].set_title('Path and robot')
+    views[-1].legend(loc='center left', bbox_to_anchor=(1.25, 0.5), frameon=False)
 
 
 def _drawn(axes: Any, values: np.ndarray, limits: np.ndarray) -> str:

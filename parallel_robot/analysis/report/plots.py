@@ -57,7 +57,7 @@ def plot(chart: Chart, scale: str) -> dict[str, Any]:
             'anchor': f'y{number}',
             'matches': f'x{column + 1 if column and chart.spans else ""}',
             'showticklabels': row == rows - 1,
-            'title': {'text': chart.x_label if row == rows - 1 else ''},
+            'title': {'text': (panel.x_label or chart.x_label) if row == rows - 1 else ''},
         }
         y = {
             'domain': [bottom, top],

@@ -14,7 +14,6 @@ from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags import new_files
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
@@ -40,7 +39,6 @@ def make(
     bags: Sequence[Path],
     directory: Path,
     scale: str = AUTO,
-    memory: int = MEMORY,
     code: RobotCode = NONE,
     view: BagView = AS_RECORDED,
 ) -> Report:
@@ -50,7 +48,6 @@ def make(
         bags: Directories of the bags, or one file of each.
         directory: Directory of the report; must not exist.
         scale: Of errors, see scale.SCALES.
-        memory: Memory that reading each bag may take [bytes].
         code: What may run to know their robots.
         view: What bags do not say themselves, and which part is wanted.
 
@@ -58,7 +55,7 @@ def make(
         InputError: bags are too many or no bags, or the directory cannot be written.
     """
     new_files.check_directory(directory)
-    groups = read_runs(bags, memory, code, view)
+    groups = read_runs(bags, code, view)
     try:
         figures = write(groups, directory, scale)
     except OSError as error:

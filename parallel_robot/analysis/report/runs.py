@@ -3,43 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import metrics, recorded_motions, timing
+from parallel_robot.analysis import evaluated_bag, metrics
+from parallel_robot.analysis.evaluated_bag import EvaluatedBag
+from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.readable_metrics import early, unsettled
 from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
+from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.bags import recorded_robot, run_log, stretches
+from parallel_robot.bags import run_log, stretches
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.message_arrays import Samples, physical
 from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
-from parallel_robot.bags.recording import Recording
 from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
-from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.motions import Motion
-
-
-class Series(NamedTuple):
-    """Values over time.
-
-    Attributes:
-        time: Since t = 0 [s], shape (N,).
-        values: One column for each joint, shape (N, n).
-    """
-
-    time: np.ndarray
-    values: np.ndarray
 
 
 class Run(NamedTuple):
@@ -49,8 +36,12 @@ class Run(NamedTuple):
         bag: Path of the bag.
         label: Its name in legends, different from all others of its group.
         style: Key of palette.STYLES.
-        log: The recorded run.
-        motion: Its true motion where that is known, else the one that was seen.
+        log: The recorded run; of a long one, states of a part alone.
+        motion: Its true motion where that is known, else the one that was seen; of a long run,
+            the samples that can be seen in a picture.
+        path: Its path; of a long one, parts of it with gaps.
+        at: Its samples at times, or the first ones after them, all in rising order.
+        samples: How many samples it has.
         metrics: Metrics of the run.
         cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
         timing: How the run kept its time.
@@ -65,6 +56,9 @@ class Run(NamedTuple):
     style: str
     log: run_log.RunLog
     motion: Motion
+    path: Track
+    at: Callable[[np.ndarray], Motion]
+    samples: int
     metrics: metrics.Metrics
     cross_coupling: Series | None
     timing: Timing
@@ -76,7 +70,6 @@ class Run(NamedTuple):
 
 def read_runs(
     bags: Sequence[str | Path],
-    memory: int = MEMORY,
     code: RobotCode = NONE,
     view: BagView = AS_RECORDED,
 ) -> dict[str, list[Run]]:
@@ -84,7 +77,6 @@ def read_runs(
 
     Args:
         bags: Directories of the bags, or one file of each.
-        memory: Memory that reading each may take [bytes].
         code: What may run to know their robots.
         view: What bags do not say themselves, and which part is wanted.
 
@@ -98,20 +90,23 @@ def read_runs(
     """
     if len(bags) > len(palette.RUNS):
         raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
-    recordings: dict[tuple[str, str], list[tuple[Path, Recording]]] = {}
+    evaluated: dict[tuple[str, str], list[tuple[Path, EvaluatedBag]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
-        found = recorded_robot.read(bag, memory, code, (CROSS_COUPLING_ERROR,), view)
-        law_titles.learn(found.history.sources['custom_laws'])
+        found = evaluated_bag.evaluate(
+            bag, code, view, topics=(CROSS_COUPLING_ERROR,), motion_only=False
+        )
+        assert not isinstance(found, MotionAlone)
+        law_titles.learn(found.past.sources['custom_laws'])
         group = label(found.log.scenario), _robot(found.log)
-        recordings.setdefault(group, []).append((bag, found))
-    scenarios = [scenario for scenario, _ in recordings]
+        evaluated.setdefault(group, []).append((bag, found))
+    scenarios = [scenario for scenario, _ in evaluated]
     groups = {}
-    for (scenario, robot), members in recordings.items():
+    for (scenario, robot), members in evaluated.items():
         title = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
         names = _labels([(bag, law_label(found.log.law)) for bag, found in members])
         slots = palette.slots([printable(found.log.law) for _, found in members])
         groups[title] = [
-            _evaluate(bag, name, f'run{slot}', found)
+            _run(bag, name, f'run{slot}', found)
             for (bag, found), name, slot in zip(members, names, slots, strict=True)
         ]
     return groups
@@ -122,26 +117,29 @@ def _robot(log: run_log.RunLog) -> str:
     return f'{label(str(log.config["robot_model"]))}, {len(log.joints)} joints'
 
 
-def _evaluate(bag: Path, name: str, style: str, found: Recording) -> Run:
-    log, past, extra = found
-    timed = timing.evaluate(log, past)
-    faulted = any(status.fault != NO_FAULT for status in past.statuses)
-    try:
-        part = recorded_motions.of_bag(log, past)
-    except KinematicsError as error:
-        raise BagError(f'{bag}: {error}') from None
-    log, motion, result = part.log, part.motions.best, metrics.figures(part.motions)
-    coupling = cross_coupling(log, extra.get(CROSS_COUPLING_ERROR))
-    parts = stretches.of_run(past, log)
+def _run(bag: Path, name: str, style: str, found: EvaluatedBag) -> Run:
+    log, result, parts = found.log, found.metrics, found.parts
     laws = stretches.laws(parts)
     if len(laws) > 1:  # it is no run of its first law
         name = ', then '.join(map(law_label, laws))
         log = log._replace(law=', then '.join(laws))
     ended = early(result.window.run_s, float(log.config['duration']))
-    told = [*filter(None, [ended]), *unsettled(result), *part.remarks, *stretches.told(parts)]
-    marks = tuple(one.begin for one in parts[1:])
     return Run(
-        bag, name, style, log, motion, result, coupling, timed, part.cut, told, faulted, marks
+        bag,
+        name,
+        style,
+        log,
+        found.motion,
+        found.path,
+        found.at,
+        found.samples,
+        result,
+        found.cross_coupling,
+        found.timing,
+        found.cut,
+        [*filter(None, [ended]), *unsettled(result), *found.remarks, *stretches.told(parts)],
+        any(status.fault != NO_FAULT for status in found.past.statuses),
+        tuple(one.begin for one in parts[1:]),
     )
 
 
@@ -157,14 +155,3 @@ def _labels(members: list[tuple[Path, str]]) -> list[str]:
         seen[text] += 1
         numbered.append(text if labels.count(text) == 1 else f'{text} #{seen[text]}')
     return numbered
-
-
-def cross_coupling(log: run_log.RunLog, errors: Samples | None) -> Series | None:
-    """Cross-coupling errors of a run from t = 0 on; None when its bag has none."""
-    if errors is None:
-        return None
-    used = physical(errors) & (errors.stamps >= log.start_stamp)
-    if not used.any():
-        return None
-    time = (errors.stamps[used] - log.start_stamp) / NANOSECONDS
-    return Series(time, errors.numbers['position'][used])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from typing import IO
 
 import numpy as np
 
@@ -17,23 +17,22 @@ QUALITY = {'crf': '20', 'preset': 'medium'}  # of H.264
 Frames = Iterable[np.ndarray]
 
 
-def encode(frames: Frames, suffix: str, rate: float, full: Frames) -> io.BytesIO:
-    """The content of a video.
+def encode(frames: Frames, suffix: str, rate: float, full: Frames, stream: IO[bytes]) -> None:
+    """Write a video.
 
     Args:
         frames: Each of type uint8, shape (height, width, 3), both even.
         suffix: One of FORMATS.
         rate: Frames a second [Hz].
         full: One frame that has all their colours.
+        stream: Its file.
 
     Raises:
         UnknownNameError: no such format.
         InputError: PyAV is needed and not installed.
     """
     check_format(suffix)
-    content = io.BytesIO()
-    FORMATS[suffix](frames, rate, content, full)
-    return content
+    FORMATS[suffix](frames, rate, stream, full)
 
 
 def check_format(suffix: str) -> None:
@@ -49,7 +48,7 @@ def check_format(suffix: str) -> None:
         optional('av')
 
 
-def _mp4(frames: Frames, rate: float, content: io.BytesIO, _: Frames) -> None:
+def _mp4(frames: Frames, rate: float, content: IO[bytes], _: Frames) -> None:
     av = optional('av')
     with av.open(content, 'w', format='mp4') as container:
         stream = container.add_stream('libx264', rate=Fraction(rate).limit_denominator(1000))
@@ -63,7 +62,7 @@ def _mp4(frames: Frames, rate: float, content: io.BytesIO, _: Frames) -> None:
         container.mux(stream.encode())
 
 
-def _gif(frames: Frames, rate: float, content: io.BytesIO, full: Frames) -> None:
+def _gif(frames: Frames, rate: float, content: IO[bytes], full: Frames) -> None:
     from PIL import Image  # slow to import
 
     (last,) = map(Image.fromarray, full)
@@ -76,7 +75,7 @@ def _gif(frames: Frames, rate: float, content: io.BytesIO, full: Frames) -> None
     first.save(content, 'GIF', save_all=True, append_images=pictures, duration=1e3 / rate, loop=0)
 
 
-FORMATS: dict[str, Callable[[Frames, float, io.BytesIO, Frames], None]] = {
+FORMATS: dict[str, Callable[[Frames, float, IO[bytes], Frames], None]] = {
     '.mp4': _mp4,
     '.gif': _gif,
 }

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.animation import box
 from parallel_robot.analysis.report.figures import look_of
 from parallel_robot.analysis.report.labels import label
 from parallel_robot.analysis.report.palette import STYLES
 from parallel_robot.analysis.report.paper_figures import RC
-from parallel_robot.analysis.video.scene import Scene
+from parallel_robot.analysis.video.scene import Scene, enlarged
 from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot_model.common.units import all_of
 
 DOTS = 100  # per inch
 COLUMN, WIDEST = 4.0, 12.8  # in, of one run, of all
@@ -82,14 +84,17 @@ def _films(
         _Film(axes, scene, times, magnified) for axes, scene in zip(panels, scenes, strict=True)
     ]
     whole = [scene.parts[part].reshape(-1, 2) for scene in scenes for part in scene.parts]
-    paths = np.concatenate([scene.reference for scene in scenes])
+    paths = np.concatenate([enlarged(scene.run.motion.poses, 0.0) for scene in scenes])
     most = max(1e6 * float(scene.error.max()) for scene in scenes)
     least = min(1e6 * float(np.percentile(scene.error, 1)) for scene in scenes)
     for robot, path, error, _ in panels:
         _square(robot, np.concatenate([*whole, paths]), 0.05)
         _square(path, paths, 0.3)
         error.set_ylim(max(LEAST, 0.5 * least), max(10.0 * LEAST, 2.0 * most))
-    for axes, name in zip(panels[0][2:], ('|error| [µm]', 'torque [N m]'), strict=True):
+    units = all_of(scene.run.motion.poses.units for scene in scenes)
+    for axes, name in zip(
+        panels[0][2:], ('|error| [µm]', units.label('torque [N m]')), strict=True
+    ):
         axes.set_ylabel(name)
     return films
 
@@ -116,27 +121,64 @@ class _Film:
                 axes.set_xlim(times[0], times[-1])
             axes.set_xlabel('t [s]')
         self._scene = scene
-        self._curves: list[tuple[Any, Any, Any, np.ndarray]] = []
-        self._add(path, scene.path.T, {'color': style})
-        distance = np.maximum(1e6 * scene.error, LEAST)
-        self._add(error, np.stack([run.motion.time, distance]), {'color': style})
-        looks = [look_of(k) for k in range(run.motion.effort.shape[1])]
-        for torques, look in zip(run.motion.effort.T, looks, strict=True):
+        self._curves: list[tuple[Any, Any, Any, np.ndarray, np.ndarray, np.ndarray]] = []
+        now, poses = scene.now, scene.now.poses
+        ends = enlarged(poses, magnified)
+        self._add(path, scene.path.T, scene.path_rows, ends.T, {'color': style})
+        distance, last = (
+            np.maximum(1e6 * each, LEAST) for each in (scene.error, distances(poses))
+        )
+        self._add_over_time(error, distance, last, {'color': style})
+        looks = [look_of(k) for k in range(now.effort.shape[1])]
+        for torques, end, look in zip(run.motion.effort.T, now.effort.T, looks, strict=True):
             torque.plot(run.motion.time, torques, alpha=0.0)  # for the scale
-            self._add(torque, np.stack([run.motion.time, torques]), look, 3.0)
+            self._add_over_time(torque, torques, end, look, 3.0)
         self._links = []
-        for part, ends in scene.parts.items():
+        for part, lines_of in scene.parts.items():
             colour, width = PARTS.get(part, OTHER)
             look = {'color': colour, 'lw': width, 'mec': 'white', 'marker': 'o', 'ms': width}
-            lines = [robot.plot([], [], **look, animated=True)[0] for _ in range(ends.shape[1])]
-            self._links.append((robot, lines, ends))
-        self._add(robot, run.motion.poses.actual[:, :2].T, {'color': style})
+            lines = [
+                robot.plot([], [], **look, animated=True)[0] for _ in range(lines_of.shape[1])
+            ]
+            self._links.append((robot, lines, lines_of))
+        last = enlarged(poses, 1.0)
+        self._add(robot, scene.actual.T, scene.path_rows, last.T, {'color': style})
 
-    def _add(self, axes: Any, points: np.ndarray, look: dict[str, Any], dot: float = 5.0) -> None:
-        """Add a curve, shape (2, N), that grows with the frames, with a dot at its end."""
+    def _add_over_time(
+        self,
+        axes: Any,
+        values: np.ndarray,
+        last: np.ndarray,
+        look: dict[str, Any],
+        dot: float = 5.0,
+    ) -> None:
+        """Add a curve over time, shape (N,); `last`: its values at the frames, shape (F,)."""
+        scene = self._scene
+        points, ends = np.stack([scene.run.motion.time, values]), np.stack([scene.now.time, last])
+        self._add(axes, points, scene.rows, ends, look, dot)
+
+    def _add(
+        self,
+        axes: Any,
+        points: np.ndarray,
+        rows: np.ndarray,
+        ends: np.ndarray,
+        look: dict[str, Any],
+        dot: float = 5.0,
+    ) -> None:
+        """Add a curve that grows with the frames, with a dot at its end.
+
+        Args:
+            axes: Its panel.
+            points: The curve, shape (2, N).
+            rows: Its last point at each frame, shape (F,).
+            ends: Where the dot is at each frame, shape (2, F).
+            look: Of the line.
+            dot: Size of the dot.
+        """
         (line,) = axes.plot([], [], **{**look, **CURVE})
         (end,) = axes.plot([], [], color=look['color'], ms=dot, **DOT)
-        self._curves.append((axes, line, end, points))
+        self._curves.append((axes, line, end, points, rows, ends))
 
     def draw(self, frame: int) -> None:
         """Draw what moves, at a frame."""
@@ -144,10 +186,9 @@ class _Film:
             for line, (x, y) in zip(lines, ends[frame].transpose(0, 2, 1), strict=True):
                 line.set_data(x, y)
                 axes.draw_artist(line)
-        end = self._scene.rows[frame] + 1
-        for axes, line, dot, points in self._curves:
-            line.set_data(points[:, :end])
-            dot.set_data(points[:, end - 1 : end])
+        for axes, line, dot, points, rows, ends in self._curves:
+            line.set_data(points[:, : rows[frame] + 1])
+            dot.set_data(ends[:, frame : frame + 1])
             axes.draw_artist(line)
             axes.draw_artist(dot)
 

@@ -14,7 +14,6 @@ from parallel_robot.analysis.video import files, film
 from parallel_robot.analysis.video.scene import MOST, frame_times, magnification, scene
 from parallel_robot.bags import new_files
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
@@ -45,7 +44,6 @@ def make(
     rate: float = RATE,
     speed: float = 1.0,
     magnify: float | None = None,
-    memory: int = MEMORY,
     code: RobotCode = NONE,
     view: BagView = AS_RECORDED,
 ) -> Video:
@@ -57,7 +55,6 @@ def make(
         rate: Frames of a second of the video [Hz].
         speed: Seconds of the motion in a second of the video.
         magnify: By how much errors of the path are magnified; None: as much as they fill the view.
-        memory: Memory that reading each bag may take [bytes].
         code: What may run to know their robots.
         view: What bags do not say themselves, and which part is wanted.
 
@@ -73,14 +70,14 @@ def make(
         _check('--magnify', magnify, *MAGNIFICATIONS)
     if len(bags) > MOST:
         raise InputError(f'a video takes up to {MOST} bags, not {len(bags)}')
-    runs = list(itertools.chain(*read_runs(bags, memory, code, view).values()))
+    runs = list(itertools.chain(*read_runs(bags, code, view).values()))
     times = frame_times(runs, rate, speed, files.MOST[out.suffix])
     magnified = magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]
     frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
     last = film.frames(scenes, times[-1:], magnified)
-    content = files.encode(frames, out.suffix, rate, last)
-    new_files.save(out, content.getbuffer())
+    with new_files.growing(out) as stream:
+        files.encode(frames, out.suffix, rate, last, stream)
     return Video(out, len(times), magnified)
 
 

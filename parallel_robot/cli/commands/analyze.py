@@ -7,26 +7,22 @@ import contextlib
 import json
 import os
 import sys
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import evaluated_bag, metrics, timing
+from parallel_robot.analysis import evaluated_bag, run_results, timing
 from parallel_robot.analysis.evaluated_bag import PartFigures
 from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.readable_metrics import (
     AS_SEEN,
     STEADY,
     TORQUE,
-    as_data,
     defined,
-    head,
     shown,
-    whole,
 )
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
-from parallel_robot.bags import history, new_files, run_log, stretches
+from parallel_robot.bags import history, new_files, stretches
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -34,7 +30,7 @@ from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import BagError, InputError
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length
 
 
@@ -72,7 +68,7 @@ def execute(arguments: argparse.Namespace) -> int:
         return _without_reference(arguments, run)
     log, past, timed, found = run.log, run.past, run.timing, run.metrics
     failure = '' if found.window.asked else history.failure(past, log.start_stamp, run.last)
-    result = summarise(log, found, timed, failure)
+    result = run_results.summarise(log, found, timed, failure)
     result['law'] = ', then '.join(stretches.laws(run.parts))
     kept = not arguments.figure and os.path.lexists(figure)
     try:
@@ -82,7 +78,7 @@ def execute(arguments: argparse.Namespace) -> int:
             if not kept:
                 marks = [one.begin for one in run.parts[1:]]
                 drawn = log._replace(law=result['law'])
-                figures.draw_run(drawn, run.motion, figure, arguments.scale, marks, run.path)
+                figures.draw_run(drawn, run.motion, figure, arguments.scale, marks, run.path.poses)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     quiet = ['no limit acted, no fault'] if past.statuses and not run.saturated else []
@@ -91,7 +87,7 @@ def execute(arguments: argparse.Namespace) -> int:
     remarks += [*run.remarks, *stretches.told(run.parts), *map(of_stretch, run.figures)]
     verdict = timing.verdict(timed)
     printed: list[Part] = [verdict] if verdict else []
-    printed += tables(result, found, length(log.config))
+    printed += run_results.tables(result, found, length(log.config))
     printed += [f'  {text}' for text in remarks]
     old = ' exists and is kept; --figure draws another' if kept else ''
     files = [f'bag     {arguments.bag}', f'figure  {figure}{old}']
@@ -116,8 +112,8 @@ def of_stretch(part: PartFigures) -> str:
     """Figures of a stretch of a run, over its second half, as a line."""
     stretch, found, last = part
     texts = [
-        f'{metric.name} {shown(metric.value(found))} {metric.unit}'
-        for metric in defined((*STEADY[::2], AS_SEEN[2], AS_SEEN[4], TORQUE[2]), found)
+        f'{metric.name} {shown(metric.value(found))} {metric.unit_with(found.units)}'
+        for metric in defined((STEADY[0], STEADY[3], AS_SEEN[2], AS_SEEN[5], TORQUE[2]), found)
     ]
     return f'{stretch.begin:g} to {last:g} s, {stretch.law}: {"; ".join(texts)}'
 
@@ -125,41 +121,3 @@ def of_stretch(part: PartFigures) -> str:
 def as_json(result: dict[str, Any]) -> bytes:
     """Plain data as JSON for a file."""
     return (json.dumps(result, indent=2) + '\n').encode()
-
-
-def summarise(
-    log: run_log.RunLog, found: metrics.Metrics, timed: timing.Timing, failure: str = ''
-) -> dict[str, Any]:
-    """Metrics and timing as plain data, for JSON; of a run that failed, why in their place."""
-    return {
-        'scenario': log.scenario,
-        'law': log.law,
-        'duration_s': found.duration_s,
-        **({'failure': failure} if failure else as_data(found)),
-        'timing': timing.as_json(timed),
-        'messages': {name: asdict(count) for name, count in log.messages.items()},
-    }
-
-
-def tables(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0) -> list[Part]:
-    """Metrics and messages.
-
-    Args:
-        result: See :func:`summarise`.
-        found: The metrics.
-        planned: How long the motion was to be [s]; 0 if not known.
-    """
-    rows = [
-        [name, f'{count["count"]}', f'{count["missing"]}']
-        for name, count in result['messages'].items()
-    ]
-    messages = Table(['messages', 'count', 'missing'], rows)
-    if 'failure' in result:
-        names = f'{result["scenario"]}, {result["law"]}'
-        why = (
-            f'{names}, {result["duration_s"]:g} s: no figures of a run that was '
-            f'{result["failure"]}; --from and --to choose a part'
-        )
-        return [why, messages]
-    lines = head(result['scenario'], result['law'], found, planned).split('\n')
-    return [*lines, whole(found), messages]

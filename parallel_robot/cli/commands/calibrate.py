@@ -11,11 +11,10 @@ from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.result_format import JSON, add_format_argument, show
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.studies.calibration import bag_calibration, design, modes
 from parallel_robot.studies.calibration.pose_model import FREE
-from parallel_robot_model.common.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,8 +92,6 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _design(arguments: argparse.Namespace) -> int:
     """Choose poses that tell most, and write a motion through them."""
-    if arguments.format == JSON:
-        raise InputError('--design reads no bag: no --format json')
     found = design.design(
         arguments.scenario,
         simulate.given(arguments),
@@ -105,5 +102,5 @@ def _design(arguments: argparse.Namespace) -> int:
     if arguments.out:
         found.write(arguments.out)
     files = [f'motion  {arguments.out}'] if arguments.out else []
-    show(arguments.format, found.parts(), None, files)
+    show(arguments.format, found.parts(), found.as_data(), files)
     return 0

@@ -28,6 +28,7 @@ from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.units import HINGES
 from parallel_robot_model.configuration import assignments
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
@@ -118,7 +119,8 @@ def table(
         else [law, *(shown(metric.value(results[law])) for metric in columns)]
         for law in laws
     ]
-    heads = [f'{metric.short}\n[{metric.unit}]' for metric in columns] or ['figures']
+    units = found.units if found else HINGES
+    heads = [f'{metric.short}\n[{metric.unit_with(units)}]' for metric in columns] or ['figures']
     return [head, Table(['law', *heads], rows)]
 
 

@@ -9,14 +9,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from parallel_robot.analysis import table, table_file, viewer_copy
-from parallel_robot.bags import gathered_run, recorded_robot
+from parallel_robot.analysis.viewer_copy import ViewerCopy
+from parallel_robot.bags import recorded_robot
 from parallel_robot.bags.alike_lines import AlikeLines
-from parallel_robot.bags.limits import add_memory_argument
+from parallel_robot.bags.bag_view import BagView
+from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.robot_code import robot_code
+from parallel_robot_model.common.errors import WholeNeededError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,25 +42,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_arguments(parser)
     add_set_argument(parser)
     add_trust_argument(parser, 'the robot')
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag, out, memory = arguments.bag, arguments.out, arguments.max_memory
+    bag, out = arguments.bag, arguments.out
     if out:
         table_file.check(out)
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values)
     if arguments.foxglove:
-        recording = recorded_robot.evaluated(
-            lambda windows: gathered_run.of(bag, windows, viewer_copy.COLUMNS),
-            bag,
-            memory,
-            code,
-            view=view,
-        )
-        copy = viewer_copy.write(bag, recording, arguments.foxglove, memory)
+        copy = _copy(bag, code, view, arguments.foxglove)
         _warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
@@ -65,8 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
     written = recorded_robot.evaluated(
         lambda recordings: _write(bag, out, recordings),
         bag,
-        memory,
-        code,
+        code=code,
         topics=table.NEEDED,
         view=view,
         motion_only=True,
@@ -74,6 +68,17 @@ def execute(arguments: argparse.Namespace) -> int:
     _warn(written.warnings.lines)
     print(f'table   {out}, {written.rows} rows, {written.columns} columns')
     return 0
+
+
+def _copy(bag: Path, code: RobotCode, view: BagView, out: Path) -> ViewerCopy:
+    """Write the copy of a bag for viewers, window by window where that is possible."""
+    try:
+        return viewer_copy.write(
+            bag, lambda: recorded_robot.chunks(bag, code=code, view=view), out
+        )
+    except WholeNeededError:
+        whole = recorded_robot.read(bag, code=code, view=view)
+        return viewer_copy.write(bag, lambda: iter([whole]), out)
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.studies.tuning import fronts
 
 
@@ -20,10 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help=f'picture, {" or ".join(fronts.FORMATS)}; must not exist',
     )
+    add_format_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    fronts.save(arguments.directories, arguments.out, '--out')
-    print(f'fronts  {arguments.out}')
+    found = fronts.save(arguments.directories, arguments.out, '--out')
+    files = [f'fronts  {arguments.out}']
+    show(arguments.format, [fronts.table(found)], fronts.as_data(found), files)
     return 0

@@ -9,7 +9,7 @@ from pathlib import Path
 from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.result_format import JSON, add_format_argument, show
+from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.studies.identification import bag_identification, designed, modes
 from parallel_robot.studies.identification.designed import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF
@@ -86,12 +86,12 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _design(arguments: argparse.Namespace) -> int:
     """Search for an exciting trajectory and write its parameters."""
-    if arguments.format == JSON:
-        raise InputError('--design reads no bag: no --format json')
     if arguments.out is None:
         raise InputError('--design needs --out FILE for the coefficients')
     changes = simulate.given(arguments)
     found = designed.search(arguments.design, changes, arguments.trials, arguments.seed)
     found.write(arguments.out)
-    show(arguments.format, found.parts(), None, [f'{"coefficients":<13}{arguments.out}'])
+    show(
+        arguments.format, found.parts(), found.as_data(), [f'{"coefficients":<13}{arguments.out}']
+    )
     return 0

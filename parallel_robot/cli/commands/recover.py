@@ -6,7 +6,6 @@ import argparse
 import os
 from pathlib import Path
 
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.recovery import recover
 from parallel_robot.cli.result_format import add_format_argument, show
 
@@ -18,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--out', type=Path, metavar='DIR', help='bag; must not exist; default: BAG_recovered'
     )
     add_format_argument(parser)
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -26,6 +24,6 @@ def execute(arguments: argparse.Namespace) -> int:
     bag = Path(os.path.realpath(arguments.bag))  # in a loop of links too
     name = bag.name.removesuffix('.zstd').removesuffix('.mcap')
     out = arguments.out or bag.parent / f'{name}_recovered'
-    found = recover(arguments.bag, out, arguments.max_memory)
+    found = recover(arguments.bag, out)
     show(arguments.format, found.parts(), found.as_data(), [f'bag     {out}'])
     return 0

@@ -199,8 +199,10 @@ def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Findin
     if name in ('slow', 'fast'):
         motions = recorded_motions.of_bag(log, past).motions
         found = metrics.figures(motions)
-        errors = defined((STEADY[0], STEADY[2], AS_SEEN[2], AS_SEEN[4]), found)
-        texts = [f'{one.name} {shown(one.value(found))} {one.unit}' for one in errors]
+        errors = defined((STEADY[0], STEADY[3], AS_SEEN[2], AS_SEEN[5]), found)
+        texts = [
+            f'{one.name} {shown(one.value(found))} {one.unit_with(found.units)}' for one in errors
+        ]
         yield Finding(True, f'over the second half: {"; ".join(texts)}')
 
 
@@ -211,8 +213,9 @@ def _noise(log: run_log.RunLog, values: Mapping[str, Any]) -> Finding:
         return Finding(False, rest.NONE)
     told = np.broadcast_to(values['sensor.position_noise'], found.position.shape)
     close = bool(np.all(np.abs(found.position - told) <= 0.2 * told + 1e-9))
-    noise = f'{found.position.max():.3g} rad, {found.velocity.max():.3g} rad/s'
-    return Finding(close, f'noise of the sensors, rms: {noise}; simulated: {told.max():.3g} rad')
+    rad, rate = log.units.of('rad'), log.units.of('rad/s')
+    noise = f'{found.position.max():.3g} {rad}, {found.velocity.max():.3g} {rate}'
+    return Finding(close, f'noise of the sensors, rms: {noise}; simulated: {told.max():.3g} {rad}')
 
 
 def _drilled(
@@ -250,6 +253,7 @@ def _learn(bag: Path, file: Path) -> dict[str, Any]:
     new_files.write(file, robot_file.text(found, str(bag), noise).encode())
     checked = identified.compare(found, found.rows)
     before, now = (float(np.max(each)) for each in (checked.nominal_error, checked.error))
-    print(f'  ok      {file}: torque error, rms, {before:.2g} N m before, now {now:.2g} N m')
+    nm = log.units.of('N m')
+    print(f'  ok      {file}: torque error, rms, {before:.2g} {nm} before, now {now:.2g} {nm}')
     learnt = parameter_file.read(file)
     return {key: value for key, value in learnt.items() if not key.startswith('friction.')}

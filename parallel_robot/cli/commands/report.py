@@ -8,7 +8,6 @@ from pathlib import Path
 from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.palette import RUNS
 from parallel_robot.analysis.report.scale import add_scale_argument
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -27,16 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_arguments(parser)
     add_set_argument(parser)
     add_trust_argument(parser, 'the robot')
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values)
-    made = report_files.make(
-        arguments.bags, arguments.out, arguments.scale, arguments.max_memory, code, view
-    )
+    made = report_files.make(arguments.bags, arguments.out, arguments.scale, code, view)
     for warning in made.warnings:
         print(warning)
     print(f'page     {made.page}\nfigures  {made.figures} files in {arguments.out}')

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import sys
 from pathlib import Path
 
 from parallel_robot.analysis.replay import bag_rerun
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import run, simulate
+from parallel_robot.cli.result_format import TEXT, add_format_argument, show
 from parallel_robot_model.common.errors import RunError
 
 
@@ -23,24 +25,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--duration', type=float, metavar='S', help='seconds of motion, default: as recorded'
     )
+    add_format_argument(parser)
     add_trust_argument(parser)
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    bag, memory, code = arguments.bag, arguments.max_memory, 0
+    bag, code = arguments.bag, 0
     out = arguments.out or bag_rerun.default_place(bag)
-    with bag_rerun.prepared(bag, arguments.duration, arguments.trust, memory) as experiment:
+    with bag_rerun.prepared(bag, arguments.duration, arguments.trust) as experiment:
         for text in experiment.warnings:
             print(f'warning: {text}', file=sys.stderr)
         record = simulate.record if experiment.simulated else run.record
         try:
-            code = record(experiment.scenario, experiment.changes, out)
+            with _printed(arguments.format):
+                code = record(experiment.scenario, experiment.changes, out)
         except RunError as error:
             if not os.path.lexists(out):
                 raise
             print(f'warning: {error}', file=sys.stderr)  # as in the bag, perhaps
-    found = experiment.compare(out, memory)
-    print('\n'.join(found.lines()))
+    found = experiment.compare(out)
+    show(arguments.format, found.parts(), found.as_data())
     return code or int(bool(found.difference))
+
+
+def _printed(form: str | None) -> contextlib.AbstractContextManager[object]:
+    """What a run prints of itself: in text alone."""
+    if form in (None, TEXT):
+        return contextlib.nullcontext()
+    return contextlib.redirect_stdout(io.StringIO())

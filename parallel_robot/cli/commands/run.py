@@ -12,13 +12,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from parallel_robot.analysis import metrics, readable_metrics, recorded_motions, timing
-from parallel_robot.bags import history, new_files, recorded_robot, run_log, stretches
+from parallel_robot.analysis import timing
+from parallel_robot.bags import history, new_files
 from parallel_robot.bags.experiment import OF_RUN, command_line
-from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.progress import Progress
 from parallel_robot.bags.recorded_robot import RobotCode
+from parallel_robot.cli import recorded_run
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import (
     DRIVEN_OUT,
@@ -29,7 +30,7 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import assignments, hazards
-from parallel_robot_model.configuration.loop import WAIT, LoopParameters, length
+from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.configuration.scenario_file import absolute
 from parallel_robot_model.messages.namespaces import add_namespace_argument, full
@@ -67,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--live', action='store_true', help='serve the page of `parallel_robot live` meanwhile'
     )
     add_namespace_argument(parser, 'of the nodes, so that several robots share a ROS domain')
+    add_format_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -81,9 +83,10 @@ def execute(arguments: argparse.Namespace) -> int:
     namespace = full(arguments.namespace)
     if arguments.live:
         duration = resolve(arguments.scenario, changed)['duration']
-        print(f'the page ends with the run, after {duration:g} s', flush=True)
+        tell(arguments.format, f'the page ends with the run, after {duration:g} s')
+        sys.stdout.flush()
     with live_page(namespace) if arguments.live else contextlib.nullcontext():
-        return record(arguments.scenario, changed, arguments.out, namespace)
+        return record(arguments.scenario, changed, arguments.out, namespace, arguments.format)
 
 
 @contextlib.contextmanager
@@ -106,7 +109,13 @@ def live_page(namespace: str) -> Iterator[None]:
         end([page], signal.SIGTERM)
 
 
-def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '') -> int:
+def record(
+    scenario: str,
+    changed: dict[str, Any],
+    out: Path,
+    namespace: str = '',
+    form: str | None = None,
+) -> int:
     """Run a scenario with changes of its configuration into a bag.
 
     Args:
@@ -114,6 +123,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         changed: Key to value.
         out: Directory of the bag.
         namespace: Full name of the namespace of the nodes; empty for none.
+        form: Format of the results, see :mod:`result_format`.
 
     Returns:
         An exit code: 0, or that of the signal that stopped the run.
@@ -128,26 +138,27 @@ def record(scenario: str, changed: dict[str, Any], out: Path, namespace: str = '
         print(f'warning: {text}', file=sys.stderr)
     ended = move(configuration, scenario, changed, out, namespace)
     try:
-        code = RobotCode(files=tuple(values['custom_robots']))
-        log, past, _ = recorded_robot.read(out, TRUSTED, code)
+        made = recorded_run.read(out, RobotCode(files=tuple(values['custom_robots'])))
     except BagError:
         if ended.signal:  # before the first state
             raise StoppedError(ended.signal) from None
         raise
-    timed = timing.evaluate(log, past)
+    log, past, timed, _ = made
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += timing.remarks(timed, past)
     doubts = (*ended.doubts, *noise_doubts(configuration))
     for text in (*doubts, *remarks):
         print(f'warning: {text}', file=sys.stderr)
     if ended.signal:
-        print(f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
-    if timing.verdict(timed):
-        print(timing.verdict(timed))
-    failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
+        tell(form, f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
+    tell(form, *filter(None, [timing.verdict(timed)]))
+    failure = made.failure
     if ended.driven_out:
         failure = f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s'
-    print(simulate.result(out, lambda: evaluate(log, past)))
+    if form in (None, TEXT):
+        print(simulate.result(out, lambda: recorded_run.lines(made)))
+    else:
+        show(form, *recorded_run.tables(made))
     if ended.signal:
         return StoppedError(ended.signal).exit_code
     if failure:
@@ -189,21 +200,6 @@ def move(
     parameters['recorder']['recorder.command_line'] = command_line()
     ended = _supervise(parameters, experiment.loop, namespace, during)
     return ended._replace(doubts=(*experiment.control.law.warnings, *ended.doubts))
-
-
-def evaluate(log: run_log.RunLog, past: history.History) -> list[str]:
-    """The metrics of a run up to the first state without a pose, in lines."""
-    failure = history.failure(past, log.start_stamp, int(log.stamps[-1]))
-    if failure:
-        return [f'{log.scenario}, {log.law}: no figures of a run that was {failure}']
-    part = recorded_motions.of_bag(log, past)
-    found = metrics.figures(part.motions)
-    planned = length(log.config)
-    parts = stretches.of_run(past, log)
-    laws = ', then '.join(stretches.laws(parts))
-    head = readable_metrics.head(log.scenario, laws, found, planned)
-    lines = [head, *readable_metrics.brief(found, log.messages)]
-    return [*lines, *(f'  {text}' for text in (*part.remarks, *stretches.told(parts)))]
 
 
 def node_parameters(

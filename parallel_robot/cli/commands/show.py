@@ -11,6 +11,7 @@ from typing import Any
 
 from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.bags.experiment import OF_RUN
+from parallel_robot.bags.printable_output import as_it_is
 from parallel_robot.cli.commands.simulate import (
     add_scenario_argument,
     add_set_argument,
@@ -19,7 +20,7 @@ from parallel_robot.cli.commands.simulate import (
 from parallel_robot_control.configuration import load
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.printable import clean, printable
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration import config, scenario_file
 from parallel_robot_model.configuration.fields import Field
@@ -81,7 +82,11 @@ def execute(arguments: argparse.Namespace) -> int:
     for name, layer in layers:
         sources |= {key: name for key in layer if key in overridden}
     place = scenario_file.absolute(arguments.scenario)
-    print(FORMATS[arguments.format](values, sources, place))
+    text = FORMATS[arguments.format](values, sources, place)
+    if arguments.format in WHOLE:
+        as_it_is(sys.stdout).write(''.join(f'{clean(line)}\n' for line in text.split('\n')))
+    else:
+        print(text)
     return 0
 
 
@@ -173,7 +178,9 @@ FORMATS = {
     'json': as_json,
     **{form: as_document(form) for form in ('markdown', 'latex')},
 }
+WHOLE = ('yaml', 'ros', 'json')  # formats whose lines are not cut, however long
 MANY = 100  # items of a list, of which not all are shown
+LONG, BEGIN = 200, 60  # characters of a text that is not shown as a whole, and of what is
 WIDEST = 44  # characters of a column; what is wider sticks out
 
 
@@ -222,12 +229,14 @@ def _source(key: str, sources: Mapping[str, str]) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value for people: numbers with ten digits, words without quotes, long lists cut."""
+    """A value for people: numbers with ten digits, words without quotes, what is long cut."""
     if isinstance(value, list):
         if len(value) > MANY:
             first = ', '.join(map(_short, value[:3]))
             return f'[{first}, ... {_short(value[-1])}] ({len(value)} in all)'
         return f'[{", ".join(map(_short, value))}]'
+    if isinstance(value, str) and len(value) > LONG:
+        return f'{" ".join(value[:BEGIN].split())} ... ({len(value)} characters)'
     if isinstance(value, str) and value.isalpha():  # also off, which YAML quotes
         return value
     return f'{value:.10g}' if isinstance(value, float) else text_of(value)

@@ -23,7 +23,7 @@ from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
 from parallel_robot_model.common.tables import Part
-from parallel_robot_model.configuration import assignments, config, parameter_file, points_file
+from parallel_robot_model.configuration import assignments, config, given_files, parameter_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.placed import Placed, merged
@@ -122,7 +122,7 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     """
     layers = [(str(path), parameter_file.read(path)) for path in arguments.param_files]
     layers.append((config.OVERRIDE, Placed(assignments.parse(arguments.assignments))))
-    return [(name, points_file.filled(values)) for name, values in layers]
+    return [(name, given_files.filled(values)) for name, values in layers]
 
 
 def given(arguments: argparse.Namespace) -> Placed:
@@ -268,7 +268,8 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
     for text in (*noise_doubts(configuration), *remarks(part, summary)):
         print(f'warning: {text}', file=sys.stderr)
     rate = summary.duration / summary.loop_time
-    delay = delay_text(part.experiment.control.setup.estimator, summary.phase)
+    units = configuration.trajectory.robot.joint_units
+    delay = delay_text(part.experiment.control.setup.estimator, summary.phase, units)
     if delay:
         tell(form, f'delay of the states: {delay}')
     tell(

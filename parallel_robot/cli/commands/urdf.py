@@ -10,6 +10,7 @@ from parallel_robot.bags import new_files
 from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.robot_names import scenario_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.out:
         new_files.check(arguments.out, '--out')
-    values = resolve(arguments.scenario, given(arguments))
+    values = resolve(scenario_of(arguments.scenario), given(arguments))
     with locating(values):
         posture = posture_of(values)
     if not arguments.out:

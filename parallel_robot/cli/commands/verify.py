@@ -1,15 +1,18 @@
-"""The command ``verify``: the simulated plants against MuJoCo, or a robot against its contract."""
+"""The command ``verify``: simulated plants against MuJoCo, or a robot against its contract."""
 
 from __future__ import annotations
 
 import argparse
+import functools
 import math
+from collections.abc import Callable, Iterable
 
 from parallel_robot.bags.progress import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
+from parallel_robot.studies.machine_verification import name_of, verify_machine
 from parallel_robot.studies.robot_verification import verify_robot
-from parallel_robot.studies.verification import SCENARIOS, check_numbers, verify
+from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers, verify
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration.placed import Placed
@@ -22,7 +25,11 @@ ROBOTS, DURATION = 10, 1.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
-        '--robots', type=int, metavar='N', help=f'of each kind against MuJoCo, default {ROBOTS}'
+        '--robots',
+        type=int,
+        metavar='N',
+        help=f'of each kind against MuJoCo, default {ROBOTS}; with --set of a described machine, '
+        'so many of it',
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='default 0')
     parser.add_argument(
@@ -41,12 +48,17 @@ def execute(arguments: argparse.Namespace) -> int:
     duration = DURATION if arguments.duration is None else arguments.duration
     check_numbers(robots, arguments.seed, duration, '--')
     given = simulate.given(arguments)
+    seed, form = arguments.seed, arguments.format
     if not given:
-        return _against_mujoco(robots, arguments.seed, duration, arguments.format)
-    for option in ('robots', 'duration'):
-        if getattr(arguments, option) is not None:
-            raise InputError(f'--set checks one robot without MuJoCo: no --{option}')
-    return _against_contract(given, arguments.seed, arguments.format)
+        kinds = ((kind, functools.partial(verify, kind)) for kind in SCENARIOS)
+        return _against_mujoco(kinds, robots, seed, duration, form)
+    if arguments.robots is not None:
+        name = name_of(given)
+        one = [(name, functools.partial(verify_machine, given))]
+        return _against_mujoco(one, robots, seed, duration, form)
+    if arguments.duration is not None:
+        raise InputError('--set checks one robot without MuJoCo: no --duration without --robots')
+    return _against_contract(given, seed, form)
 
 
 def _against_contract(given: Placed, seed: int, form: str | None) -> int:
@@ -65,12 +77,17 @@ def _against_contract(given: Placed, seed: int, form: str | None) -> int:
     return 0 if all(check.passes(FINE) for check in found) else 1
 
 
-def _against_mujoco(robots: int, seed: int, duration: float, form: str | None) -> int:
+def _against_mujoco(
+    kinds: Iterable[tuple[str, Callable[..., list[Difference]]]],
+    robots: int,
+    seed: int,
+    duration: float,
+    form: str | None,
+) -> int:
     """Compare random robots of each kind; print the worst."""
     rows, data = [], []
-    for kind in SCENARIOS:
-        numbers = tracked(range(robots), robots, kind)
-        found = verify(kind, numbers, seed, duration)
+    for kind, compared in kinds:
+        found = compared(tracked(range(robots), robots, kind), seed, duration)
         worst = max(found, key=lambda difference: difference.largest)
         least = min(difference.path for difference in found)
         agrees = worst.largest < TOLERANCE

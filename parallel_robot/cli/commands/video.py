@@ -7,7 +7,6 @@ from pathlib import Path
 
 from parallel_robot.analysis.video import video_file
 from parallel_robot.analysis.video.scene import MOST
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -46,7 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_arguments(parser)
     add_set_argument(parser)
     add_trust_argument(parser, 'the robot')
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -58,7 +56,6 @@ def execute(arguments: argparse.Namespace) -> int:
         arguments.rate,
         arguments.speed,
         arguments.magnify,
-        arguments.max_memory,
         robot_code(arguments, values),
         bag_view(arguments, values),
     )

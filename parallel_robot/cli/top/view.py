@@ -61,7 +61,8 @@ def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> G
     parts: list[RenderableType] = [title, framed('nodes', nodes(robot, now)), middle]
     angles = robot.joints(now)
     if angles:
-        parts.append(framed('joints (rad, rad/s)', joints(angles)))
+        rate = ' or '.join(f'{unit}/s' for unit in robot.unit.split(' or '))
+        parts.append(framed(f'joints ({robot.unit}, {rate})', joints(angles)))
     if robot.planar:
         parts.append(framed('end-effector error', error(robot, width - 4)))
     return Group(*parts)

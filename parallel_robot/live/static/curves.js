@@ -5,8 +5,8 @@ const root = document.documentElement;
 const colour = (name) => getComputedStyle(root).getPropertyValue(`--${name}`).trim();
 const DIAGRAMS = [
   { group: 'error', title: 'End-effector error', unit: 'm', log: true },
-  { group: 'joints', title: 'Joint errors', unit: 'rad' },
-  { group: 'torque', title: 'Torques', unit: 'N m', ghost: 'ghost' },
+  { group: 'joints', title: 'Joint errors' }, // the unit is that of the robot
+  { group: 'torque', title: 'Torques', ghost: 'ghost' },
 ];
 const HEIGHTS = { error: 82, joints: 78, torque: 98 }; // px; the last one has the axis of time
 const DECADES = 8; // most of a logarithmic axis

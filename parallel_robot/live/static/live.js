@@ -8,6 +8,7 @@ const texts = {};
 let diagrams = [];
 let robot;
 let detail;
+let eye; // from where both are seen
 let view; // of the whole robot: x, y, width, height [m]
 let heard = 0; // ms, when the last frame came
 let due = false;
@@ -25,17 +26,26 @@ function show(value, unit, id, digits = 3) {
 
 function build() {
   const layout = seen.layout;
-  const like = JSON.stringify([layout.parts, layout.curves]);
+  const like = JSON.stringify([layout.place, layout.parts, layout.curves, layout.units]);
   view = undefined;
   if (like === root.dataset.like) return;
   root.dataset.like = like;
   for (const diagram of diagrams) diagram.remove();
   diagrams = DIAGRAMS.filter(({ group }) => seen.curves(group).length)
+    .map((diagram) => ({ ...diagram, unit: layout.units[diagram.group] ?? diagram.unit }))
     .map((diagram) => new Diagram(find('curves'), diagram, seen));
   document.querySelector('.stage').hidden = !layout.parts.length;
-  robot = new WholeRobot(find('whole'), layout.parts);
+  eye = new Eye(layout.place);
+  robot = new WholeRobot(find('whole'), layout.parts, eye);
   detail = new PathDetail(find('detail'), ['run0']);
+  document.body.classList.toggle('turns', eye.size === 3);
+  for (const { svg } of [robot, detail]) eye.turnedBy(svg, turned);
   robot.colour('run0');
+}
+
+function turned() {
+  view = undefined;
+  soon();
 }
 
 // A square around points that is never smaller than one before, but for the first second.
@@ -55,25 +65,27 @@ function around(before, places, margin) {
 
 function drawRobot() {
   const v = seen.posture;
-  if (!v || !seen.layout.parts.length || !Number.isFinite(v[2])) return; // no pose
+  if (!v || !seen.layout.parts.length || !Number.isFinite(v[eye.size])) return; // no pose
   robot.show(v);
   const corners = [];
-  for (let i = 4; i < robot.size; i += 2) corners.push([v[i], v[i + 1]]);
+  for (let i = 2 * eye.size; i < robot.size; i += eye.size) corners.push(eye.flat(v, i));
   const whole = around(view, corners, 0.05);
   view = whole.bounds;
   look(robot.svg, whole.box);
   const factor = Number(find('magnify').value);
-  const path = seen.path.map((p) => [p.x, p.y, p.px, p.py]);
-  const desired = path.map((p) => point(p[0], p[1])).join(' ');
-  robot.reference.setAttribute('points', desired);
-  robot.trace.setAttribute('points', path.map((p) => point(p[2], p[3])).join(' '));
-  detail.references[0].setAttribute('points', desired);
-  detail.paths[0].setAttribute('points', path.map((p) => point(...place(p, factor))).join(' '));
-  const near = around(undefined, path, 0.12);
+  const path = seen.path.map((p) => p.places);
+  const drawn = (times) => path.map((p) => eye.flat(place(p, times, eye.size)));
+  const [desired, actual] = [drawn(0), drawn(1)];
+  const text = (places) => places.map((p) => point(...p)).join(' ');
+  robot.reference.setAttribute('points', text(desired));
+  robot.trace.setAttribute('points', text(actual));
+  detail.references[0].setAttribute('points', text(desired));
+  detail.paths[0].setAttribute('points', text(drawn(factor)));
+  const near = around(undefined, desired, 0.12);
   if (path.length > 1) look(detail.svg, near.box);
   if (!Number.isFinite(v[0])) return; // no reference
-  detail.aim(v[0], v[1], near.box[2]);
-  detail.dots[0].setAttribute('d', dot(place(v, factor)));
+  detail.aim(eye.flat(v), near.box[2]);
+  detail.dots[0].setAttribute('d', dot(eye.flat(place(v, factor, eye.size))));
 }
 
 function draw() {
@@ -84,7 +96,7 @@ function draw() {
   const recent = seen.time.length > 1;
   show(recent ? seen.rms(1) : NaN, 'm', 'rms');
   show(recent ? seen.largest('error', 1) : NaN, 'm', 'largest');
-  show(recent ? seen.largest('torque', 1) : NaN, 'N m', 'torque');
+  show(recent ? seen.largest('torque', 1) : NaN, seen.layout.units.torque, 'torque');
   show(seen.now, 's', 'time');
   if (!find('bag').hidden && document.activeElement !== find('seek')) find('seek').value = seen.now;
   find('at').textContent = `${seen.now.toFixed(3)} s`;

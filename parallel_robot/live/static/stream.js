@@ -14,7 +14,7 @@ class History {
   clear() {
     this.time = [];
     this.values = (this.layout?.curves ?? []).map(() => []);
-    this.path = []; // { t, x, y, px, py }
+    this.path = []; // { t, places }, those of the reference and of the end effector
     this.posture = undefined;
     this.now = undefined;
     this.fresh = true;
@@ -43,13 +43,14 @@ class History {
     const count = view.getUint32(at + 20, true);
     const numbers = new Float32Array(bytes, HEAD);
     const curves = numbers.length - 2 * this.layout.curves.length;
-    const path = curves - 4 * count;
+    const size = 2 * this.layout.place;
+    const path = curves - size * count;
     this.now = now;
     this.posture = numbers.subarray(0, path);
     for (let k = 0; k < count; k += 1) {
-      const [x, y, px, py] = numbers.subarray(path + 4 * k, path + 4 * k + 4);
-      if (Number.isFinite(x + y + px + py))
-        this.path.push({ t: now - (seconds * (count - 1 - k)) / count, x, y, px, py });
+      const places = numbers.subarray(path + size * k, path + size * (k + 1));
+      if (places.every(Number.isFinite))
+        this.path.push({ t: now - (seconds * (count - 1 - k)) / count, places });
     }
     this.time.push(now - 0.75 * seconds, now - 0.25 * seconds);
     this.values.forEach((values, k) =>
@@ -79,7 +80,13 @@ class History {
 
   rms(seconds) {
     const recent = this.path.filter((place) => place.t > this.now - seconds);
-    const squares = recent.map(({ x, y, px, py }) => (px - x) ** 2 + (py - y) ** 2);
+    const size = this.layout.place;
+    const square = ({ places }) => {
+      let sum = 0;
+      for (let i = 0; i < size; i += 1) sum += (places[size + i] - places[i]) ** 2;
+      return sum;
+    };
+    const squares = recent.map(square);
     return Math.sqrt(squares.reduce((sum, value) => sum + value, 0) / squares.length);
   }
 }

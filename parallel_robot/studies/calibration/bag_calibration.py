@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.bags import new_files, pose_topics, recorded_robot
+from parallel_robot.bags import gathered_run, new_files, pose_topics, recorded_robot
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
@@ -109,7 +109,14 @@ def calibrate(
         BagError: it is no bag of a run, or its poses do not suffice.
         InputError: a value is wrong, or a file cannot be read.
     """
-    log = recorded_robot.read(bag, memory, code, view=view, motion_only=True).log
+    log = recorded_robot.evaluated(
+        lambda windows: gathered_run.of(bag, windows, ('position',)),
+        bag,
+        memory,
+        code,
+        view=view,
+        motion_only=True,
+    ).log
     if not is_known(log.config):
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
     robot, guess = nominal_of(log.config)
@@ -126,7 +133,7 @@ def calibrate(
     else:
         found = pose_topics.read(bag, topic, memory)
         columns = tuple(k for k, name in enumerate(names) if name in ('x', 'y', 'phi'))
-        if not robot.module.PLANAR:
+        if not robot.planar:
             raise InputError(f'{robot.name} moves in no plane: --poses FILE.csv has its poses')
         if found.missing:
             warnings.append(f'{bag}: not used: {found.missing} messages without a pose')

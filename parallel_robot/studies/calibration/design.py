@@ -29,6 +29,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.zero_angles import known
 from trajectory_gen import preflight
@@ -64,6 +65,7 @@ class Designed(ShownResult):
         condition: Condition number of what is looked for.
         unit: Unit of the errors.
         motion: Keys of a motion that visits them.
+        joint_units: Units of the joints.
     """
 
     robot: str
@@ -78,6 +80,7 @@ class Designed(ShownResult):
     condition: float
     unit: str
     motion: dict[str, dict[str, Any]]
+    joint_units: JointUnits = HINGES
 
     def parts(self) -> list[Part]:
         """The poses, and what they tell."""
@@ -85,7 +88,9 @@ class Designed(ShownResult):
         rows = [[f'{value:.5f}' for value in row] for row in poses]
         coordinates = zip(self.names, self.units, strict=True)
         head = ['t [s]', *(f'{name} [{unit}]' for name, unit in coordinates)]
-        head += [f'{joint} [rad]' for joint in self.joints]
+        head += [
+            f'{joint} [{self.joint_units.one(k).of("rad")}]' for k, joint in enumerate(self.joints)
+        ]
         size = f'{len(self.poses)} poses'
         noise = f'noise of {1e6 * NOISE["m"]:g} µm and {1e6 * NOISE["rad"]:g} µrad'
         error, at_random = (f'{1e6 * each:.3g}' for each in (self.error, self.at_random))
@@ -95,6 +100,18 @@ class Designed(ShownResult):
             f'{error} µ{self.unit}; by {size} at random {at_random}',
             f'condition number {self.condition:.4g}',
         ]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            'robot': self.robot,
+            'time_s': self.time.tolist(),
+            'poses': [dict(zip(self.names, pose.tolist(), strict=True)) for pose in self.poses],
+            'joints_rad': [dict(zip(self.joints, q.tolist(), strict=True)) for q in self.position],
+            f'error_rms_{self.unit}': self.error,
+            f'at_random_rms_{self.unit}': self.at_random,
+            'condition_number': self.condition,
+        }
 
     def write(self, path: Path) -> None:
         """Write the motion as YAML, for ``--param-file``, into a file that must not exist.
@@ -154,8 +171,7 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     J = slopes[:, :, told]
     chosen = _exchanged(J, _greedy(J, count))
     rng = np.random.default_rng(seed)
-    planar = robot.module.PLANAR
-    columns = measured.columns[:2] if planar else measured.columns
+    columns = measured.columns[: robot.place or None]
     robots = [k for k, each in enumerate(told) if each < of_robot]
     scale = np.array([NOISE[unit] for unit in model.units])
     others = [rng.choice(len(J), count, replace=False) for _ in range(RANDOM)]
@@ -175,8 +191,9 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
         error,
         float(np.median(at_random)),
         float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf,
-        'm' if planar else 'rad',
+        'm' if robot.place else robot.joint_units.of('rad'),
         motion,
+        robot.joint_units,
     )
 
 

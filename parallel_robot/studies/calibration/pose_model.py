@@ -101,9 +101,9 @@ class PoseModel:
         axes = robot.module.coordinates(robot.parameters)
         self.units = tuple(axes[k].unit for k in measured.columns)
         self._free = [each for each in FREE if each in free]
-        if self._free and not robot.module.PLANAR:
+        if self._free and not robot.planar:
             raise InputError(f'--free {self._free[0]} is for robots that move in a plane')
-        self._turns = robot.module.PLANAR and len(axes) > 2 and axes[2].name == 'phi'
+        self._turns = robot.planar and len(axes) > 2 and axes[2].name == 'phi'
         if TARGET in self._free and not self._turns:
             what = 'a target cannot be told from the last link'
             raise InputError(f'--free target needs an angle phi: without it, {what}')
@@ -116,7 +116,10 @@ class PoseModel:
         self.numbers: tuple[Number, ...] = geometry.find(robot, position, found)
         self.unknown = (
             *(Unknown(each.name, each.unit) for each in self.numbers),
-            *(Unknown(f'zero angle of {joint}', 'rad') for joint in joints),
+            *(
+                Unknown(f'zero angle of {joint}', robot.joint_units.one(k).of('rad'))
+                for k, joint in enumerate(joints)
+            ),
             *self._of_tracker(),
             Unknown('clock', 's'),
         )

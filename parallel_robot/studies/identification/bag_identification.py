@@ -67,7 +67,8 @@ class Identification(ShownResult):
     def parts(self) -> list[Part]:
         """The results as tables."""
         of = 'validation' if self.validated else 'same bag'
-        title = f'torque error, rms, {of} [N m]'
+        units = self.found.nominal.robot.joint_units
+        title = units.label(f'torque error, rms, {of} [N m]')
         return [
             *readable.parts(self.found),
             readable.prediction(title, self.checked, self.joints),
@@ -96,7 +97,10 @@ class Identification(ShownResult):
                     written.enter_context(new_files.written(out, content))
                 if figure:
                     rows, torque = self.checked.rows, self.checked.torque
-                    figures.draw_prediction(rows.time, self.joints, rows.torque, torque, figure)
+                    units = self.found.nominal.robot.joint_units
+                    figures.draw_prediction(
+                        rows.time, self.joints, rows.torque, torque, figure, units
+                    )
         except OSError as error:
             raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
 

@@ -18,6 +18,7 @@ from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 
 STATES = 200  # with which combinations are found
+MOST = 5  # parameters that are told of a combination, beside the first
 NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it
 
 
@@ -79,10 +80,14 @@ def find(robot: RobotModel, position: Array, guess: Array) -> BaseParameters:
     symbols = list(units)
     names = [_sum(K[row], symbols, column) for row, column in enumerate(map(int, kept))]
     n = position.shape[1]
+
+    def each(unit: str) -> list[str]:
+        return [robot.joint_units.one(k).of(unit) for k in range(n)]
+
     friction = [f'{kind}{k}' for kind in ('viscous', 'coulomb') for k in range(1, n + 1)]
     return BaseParameters(
         (*names, *friction),
-        (*(units[symbols[column]] for column in kept), *['N m s/rad'] * n, *['N m'] * n),
+        (*(units[symbols[column]] for column in kept), *each('N m s/rad'), *each('N m')),
         tuple(map(int, kept)),
         K,
         n,
@@ -104,10 +109,19 @@ def linear_model(robot: RobotModel) -> LinearModel:
     return model
 
 
+def sizes(robot: RobotModel) -> Array:
+    """Magnitudes of the parameters of its inertia, shape (P,)."""
+    model = linear_model(robot)
+    own = getattr(model, 'sizes', model.values)
+    return np.asarray(own(robot.parameters))
+
+
 def _sum(factors: Array, symbols: list[str], own: int) -> str:
     """A base parameter as a formula, e.g. ``Ip - 0.04 mp``."""
-    text = symbols[own]
-    for column, factor in enumerate(factors):
-        if column != own and factor:
-            text += f' {"+" if factor > 0.0 else "-"} {abs(factor):.4g} {symbols[column]}'
-    return text
+    text, others = symbols[own], [k for k in np.flatnonzero(factors) if k != own]
+    for column in others[:MOST]:
+        factor = factors[column]
+        times = f'{abs(factor):.4g} '.removeprefix('1 ')
+        text += f' {"+" if factor > 0.0 else "-"} {times}{symbols[column]}'
+    more = len(others) - MOST
+    return f'{text} + {more} more' if more > 0 else text

@@ -14,7 +14,9 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.robots.configuration import units_of
 
 TRIALS = 2500
 SEED = 0
@@ -29,12 +31,14 @@ class Designed(ShownResult):
         robot: Name of its robot.
         trials: Number of motions that were tried.
         seed: Seed of the search.
+        units: Units of the joints.
     """
 
     design: Design
     robot: str
     trials: int
     seed: int
+    units: JointUnits = HINGES
 
     def parts(self) -> list[Part]:
         """What it shows of the parameters, before the search and now."""
@@ -43,7 +47,23 @@ class Designed(ShownResult):
             for name, quality in (('before', self.design.before), ('now', self.design.quality))
             if quality is not None
         ]
-        return [Table(['', 'weakest combination [N m]', 'condition number'], rows)]
+        weakest = self.units.label('weakest combination [N m]')
+        return [Table(['', weakest, 'condition number'], rows)]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        found = self.design
+        qualities = {'before': found.before, 'now': found.quality}
+        return {
+            'robot': self.robot,
+            'trials': self.trials,
+            'seed': self.seed,
+            **{
+                name: {'weakest_nm': each.weakest, 'condition_number': each.condition}
+                for name, each in qualities.items()
+                if each is not None
+            },
+        }
 
     def write(self, path: Path) -> None:
         """Write the coefficients as YAML, for ``--param-file``, into a file that must not exist.
@@ -89,7 +109,9 @@ def search(
     if seed < 0:
         raise InputError(f'--seed must not be negative, not {seed}')
     values = resolve(scenario, changes)
-    return Designed(design.design(values, trials, seed), values['robot_model'], trials, seed)
+    return Designed(
+        design.design(values, trials, seed), values['robot_model'], trials, seed, units_of(values)
+    )
 
 
 def _whole(option: str, value: Any) -> int:

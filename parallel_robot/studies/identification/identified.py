@@ -151,8 +151,8 @@ def identify(nominal: Nominal, motion: MeasuredMotion, cutoff: float) -> Identif
     """
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
-    values = (nominal.inertia, *nominal.both_frictions)
-    before, scale = base.of(*values), base.scale(*values)
+    friction, sizes = nominal.both_frictions, base_parameters.sizes(nominal.robot)
+    before, scale = base.of(nominal.inertia, *friction), base.scale(sizes, *friction)
     rows, fit, delay = _fit(nominal, base, motion, cutoff, before, scale)
     robot = physical_robot.nearest(nominal.robot, base, fit, scale, nominal.both_frictions)
     poor = least_squares.poorly_determined(fit, base.names, scale)

@@ -105,7 +105,8 @@ def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -
         raise BagError('it holds a single joint state')
     every = np.ones(len(time), bool)
     if (MeasuredMotion(time, position, effort, every).speed < STILL).all():
-        raise BagError(f'the robot stood still: no joint reached {STILL:g} rad/s (rms)')
+        still = f'{STILL:g} {log.units.of("rad/s")}'
+        raise BagError(f'the robot stood still: no joint reached {still} (rms)')
     faulted = _faulted(log.stamps[chosen], statuses)
     saturated = (np.abs(effort) >= SATURATED * torque_limit).any(axis=1)
     usable = ~(faulted | saturated)

@@ -31,6 +31,7 @@ from parallel_robot_model.robots.registry import RobotModel
 WEIGHT = 1e-3  # of a relative change of a parameter, in standard errors of the fit
 SMALLEST = 1e-6  # of the nominal value, the smallest that counts as positive
 SHARPEST = 1e-6  # of the size of a parameter, the smallest standard error that is believed
+STEPS = 500  # of the search with centres of mass that move
 MISFIT = 0.05  # standard errors that a constraint may cost before it counts as active
 
 
@@ -79,16 +80,19 @@ def nearest(
     lengths = [np.size(value) for value in nominal.values()]
     low, high = (np.repeat([bound[side] for bound in ranges.values()], lengths) for side in (0, 1))
     centre = np.repeat([bound[1] < np.inf for bound in ranges.values()], lengths)
-    size = np.where(start != 0.0, np.abs(start), 1.0)
-    held = start == 0.0  # e.g. no payload: none is invented
+    size = np.where(start != 0.0, np.abs(start), np.where(centre, high, 1.0))
+    held = (start == 0.0) & (low >= 0.0)  # e.g. no payload: none is invented
     n = base.joints
     friction_scale = scale[-2 * n :]
-    low = np.concatenate([np.maximum(low / size, SMALLEST), np.zeros(2 * n)])
+    low = np.concatenate(
+        [np.where(low >= 0.0, np.maximum(low / size, SMALLEST), low / size), np.zeros(2 * n)]
+    )
     high = np.concatenate([high / size, np.full(2 * n, np.inf)])
     low[: len(start)][held], high[: len(start)][held] = -1e-12, 1e-12
 
     def named(x: Array) -> dict[str, Any]:
-        parts = np.split(x[: len(start)] * size, np.cumsum(lengths)[:-1])
+        every = np.where(held, start, x[: len(start)] * size)
+        parts = np.split(every, np.cumsum(lengths)[:-1])
         return {
             key: tuple(part) if isinstance(nominal[key], list) else part[0]
             for key, part in zip(nominal, parts, strict=True)
@@ -120,9 +124,12 @@ def nearest(
     found = inside + lsq_linear(columns, -at, bounds, method='bvls').x @ steps
     # 2. If that does not do, they move, too.
     if misfit(found) > MISFIT:
-        margin = 1e-9 * np.maximum(np.abs(found), 1.0)
+        margin = np.minimum(1e-9 * np.maximum(np.abs(found), 1.0), 0.25 * (high - low))
         begin = np.clip(found, low + margin, np.maximum(high - margin, low + margin))
-        moved = least_squares(cost, begin, jac='cs', bounds=(low, high), x_scale='jac').x
+        bounds = low, high
+        moved = least_squares(
+            cost, begin, jac='cs', bounds=bounds, x_scale='jac', max_nfev=STEPS
+        ).x
         found = moved if misfit(moved) < misfit(found) else found
     viscous, coulomb = np.split(found[len(start) :] * friction_scale, 2)
     chosen = {key: plain(value) for key, value in named(found).items()}

@@ -12,6 +12,8 @@ from parallel_robot.studies.identification.identified import Delay, Identified, 
 from parallel_robot.studies.identification.least_squares import UNKNOWN
 from parallel_robot_model.common.tables import Part, Table
 
+LONG = 12  # numbers of a list, of which beyond that only those that changed are told
+
 
 def parts(found: Identified) -> list[Part]:
     """Base parameters with their 95 % intervals, what is not known, and the chosen robot."""
@@ -118,7 +120,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
         'robot': robot.robot,
         'robot_before': {key: robot.nominal[key] for key in robot.robot},
         'friction': {'viscous': robot.viscous.tolist(), 'coulomb': robot.coulomb.tolist()},
-        'torque_error_rms_nm': {
+        found.nominal.robot.joint_units.key('torque_error_rms_nm'): {
             joint: {
                 'identified': float(checked.error[k]),
                 'before': float(checked.nominal_error[k]),
@@ -132,6 +134,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
 def _each(value: Any, before: Any) -> list[tuple[float, float, str]]:
     """Number, number before and index in brackets, of a number or a list."""
     if np.ndim(value):
-        pairs = zip(value, before, strict=True)
-        return [(one, other, f'[{k}]') for k, (one, other) in enumerate(pairs)]
+        pairs = enumerate(zip(value, before, strict=True))
+        every = len(value) <= LONG
+        return [(*pair, f'[{k}]') for k, pair in pairs if every or not np.isclose(*pair)]
     return [(value, before, '')]

@@ -21,6 +21,7 @@ from parallel_robot.studies.identification.measured_motion import GAP, SPAN, STI
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.units import HINGES, JointUnits
 
 SHORTEST = 0.1  # s of a phase
 NONE = f'sensor noise: the bag has no phase of rest of {SHORTEST:g} s'
@@ -35,11 +36,13 @@ class Rest(ShownResult):
         duration: Length of all phases [s].
         position: [rad], shape (n,).
         velocity: [rad/s], shape (n,); NaN where it was not measured.
+        units: Units of the joints.
     """
 
     duration: float
     position: Array
     velocity: Array
+    units: JointUnits = HINGES
 
     def parameters(self) -> dict[str, list[float]]:
         """Parameters of the estimator that follow, by key; none where there is no noise."""
@@ -63,8 +66,8 @@ class Rest(ShownResult):
         unknown = np.isnan(self.velocity).any()
         return {
             'duration_s': self.duration,
-            'position_noise_rad': self.position.tolist(),
-            'velocity_noise_rad_s': None if unknown else self.velocity.tolist(),
+            self.units.key('position_noise_rad'): self.position.tolist(),
+            self.units.key('velocity_noise_rad_s'): None if unknown else self.velocity.tolist(),
         }
 
 
@@ -98,10 +101,10 @@ def of(log: RunLog) -> Rest | None:
     if not phases:
         return None
     rows = sum(phase.stop - phase.start for phase in phases)
-    return Rest(
-        rows * period,
-        *(_noise([values[phase] for phase in phases]) for values in (log.position, log.velocity)),
+    position, velocity = (
+        _noise([values[phase] for phase in phases]) for values in (log.position, log.velocity)
     )
+    return Rest(rows * period, position, velocity, log.units)
 
 
 def _noise(parts: list[Array]) -> Array:

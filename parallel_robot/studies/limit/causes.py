@@ -93,8 +93,8 @@ def least_error(
     steady = times[times >= 0.5 * times[-1]]
     travelled, price = np.nan, None
     told = plant.imperfections.age > 0.0
-    if plant.robot.module.PLANAR and not told:
-        rate = configuration.trajectory.sample(steady).pose_rate[:, :2]
+    if plant.robot.place and not told:
+        rate = configuration.trajectory.sample(steady).pose_rate[:, : plant.robot.place]
         late = np.floor(plant.imperfections.sensor.delay / loop.period + 0.5) * loop.period
         travelled = float(late * np.sqrt(np.mean(np.sum(rate**2, axis=1))))
     geometry = geometry_error(configuration, steady) if causes else np.nan

@@ -29,9 +29,9 @@ def geometry_error(configuration: Configuration, times: Array) -> float:
     robot = configuration.plant.robot
     off = np.array(configuration.plant.imperfections.sensor.zero_angle)
     off = off - known(configuration.values)
-    if not robot.module.PLANAR:
+    if not robot.place:
         return float(np.sqrt(np.mean(off**2)))
     desired = configuration.trajectory.sample(times)
     actual = poses_of(robot, desired.position - off, desired.pose[0])
-    squares = ((actual - desired.pose)[:, :2] ** 2).sum(axis=1)
+    squares = ((actual - desired.pose)[:, : robot.place] ** 2).sum(axis=1)
     return float(np.sqrt(np.mean(squares)))

@@ -53,8 +53,8 @@ def linearise(configuration: Configuration) -> LinearMotion:
         configuration.loop.period,
     )
     count = motion.torque.shape[1]
-    planar = configuration.plant.robot.module.PLANAR
-    error = pose[:, :2] if planar else joints[:, :count] / np.sqrt(count)
+    place = configuration.plant.robot.place
+    error = pose[:, :place] if place else joints[:, :count] / np.sqrt(count)
     error = np.ascontiguousarray(error)
     return LinearMotion(motion.times, transition, motion.pushed, joints, error)
 

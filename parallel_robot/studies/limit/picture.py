@@ -10,17 +10,19 @@ from matplotlib.figure import Figure
 from parallel_robot.analysis.report.palette import RUNS
 from parallel_robot.bags.printable_output import without_mathematics
 from parallel_robot.studies.limit.causes import WHOLE, LeastError
+from parallel_robot_model.common.units import JointUnits
 
 SIZE = (6.5, 4.2)  # in
 GRID = np.logspace(-1.5, 1.0, 60)  # N m, of chattering
 
 
-def draw(found: Mapping[str, Sequence[LeastError]], error: str) -> Figure:
+def draw(found: Mapping[str, Sequence[LeastError]], error: str, units: JointUnits) -> Figure:
     """Draw the robots of each scenario, and their median.
 
     Args:
         found: Scenario to its robots.
         error: Name and unit of the error.
+        units: Units of the joints.
     """
     figure = Figure(figsize=SIZE, layout='constrained')
     panel = figure.subplots()
@@ -39,7 +41,7 @@ def draw(found: Mapping[str, Sequence[LeastError]], error: str) -> Figure:
             panel.axhline(limit, color=color, linestyle=':', label=f'{name}: limit, median')
     panel.set_xscale('log')
     panel.set_yscale('log')
-    panel.set_xlabel('torque, chattering [N m]')
+    panel.set_xlabel(units.label('torque, chattering [N m]'))
     panel.set_ylabel(f'least {error}')
     panel.grid(alpha=0.3, which='both')
     if panel.lines:

@@ -35,6 +35,6 @@ def floor_of(configuration: Configuration) -> Floor:
     limit, delay = 1e6 * found.errors[WHOLE], 1e6 * found.travelled
     if not math.isfinite(limit):
         return Floor(delay_um=delay, limit_reason='the linear model of the motion is not finite')
-    if configuration.plant.robot.module.PLANAR:
+    if configuration.plant.robot.place:
         return Floor(limit_um=limit, delay_um=delay)
     return Floor(limit_urad=limit, delay_um=delay)

@@ -22,10 +22,12 @@ from parallel_robot.studies.sweep import uncertainty
 from parallel_robot.studies.sweep.study import Study, Variant
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import JointUnits, all_of
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.placed import Placed, locating, merged
 from parallel_robot_model.configuration.scenario_file import stem
+from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
 from trajectory_gen.motion_length import with_duration
@@ -90,6 +92,11 @@ class Plan:
     def count(self) -> int:
         """Number of rows."""
         return self.study.runs * len(self.cases)
+
+    @property
+    def units(self) -> JointUnits:
+        """Units of the joints of all its robots."""
+        return all_of(units_of(case.nominal) for case in self.cases)
 
     @property
     def durations(self) -> list[float]:

@@ -15,6 +15,7 @@ from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot.studies.sweep.table import arrow
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
 
 REASONS = 3  # most frequent reasons of failures to report
@@ -36,6 +37,10 @@ class Quantity:
     unit: str
     scale: float
 
+    def told(self, units: JointUnits) -> Quantity:
+        """The same of joints of some units."""
+        return replace(self, column=units.key(self.column), unit=units.of(self.unit))
+
 
 ERRORS = (  # the first that the scenario has is the one by which laws are compared
     Quantity('xy_rms_m', 'end-effector error, rms', 'µm', 1e6),
@@ -51,7 +56,7 @@ OTHERS = (
 
 
 RATIO = Quantity('', 'error / limit', '', 1.0)
-LIMITS = {'xy_rms_m': 'limit_um', 'joint_rms_rad': 'limit_urad'}  # error to its limit
+LIMITS = ('limit_um', 'limit_urad')  # of each of ERRORS
 DELAY = 'delay_um'
 NEGLIGIBLE = 1e-3  # um or urad: what rounding leaves of no limit at all
 
@@ -134,8 +139,11 @@ def _median(values: Array, scramble: NDArray[np.int64]) -> Estimate:
 def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     pa = arrow()
     parameters = [name for name, numeric in plan.columns().items() if numeric]
-    numbers = [quantity.column for quantity in (*ERRORS, *OTHERS)] + parameters
-    numbers += [*LIMITS.values(), DELAY]
+    units = plan.units
+    errors, others = ([each.told(units) for each in some] for some in (ERRORS, OTHERS))
+    of_error = dict(zip((each.column for each in errors), map(units.key, LIMITS), strict=True))
+    numbers = [quantity.column for quantity in (*errors, *others)] + parameters
+    numbers += [*dict.fromkeys(of_error.values()), DELAY]
     found = pa.parquet.read_table(
         runs,
         columns=['law', 'sample', 'status', 'reason', *numbers],
@@ -146,19 +154,19 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
         found[name].to_numpy() for name in ('law', 'sample', 'status', 'reason')
     )
     columns = {name: found[name].to_numpy() for name in numbers}  # NaN for null
-    planar = np.isfinite(columns[ERRORS[0].column]).any()
-    error = ERRORS[0] if planar else ERRORS[1]
+    planar = np.isfinite(columns[errors[0].column]).any()
+    error = errors[0] if planar else errors[1]
     scramble = sample % plan.study.scrambles
-    limits = columns[LIMITS[error.column]]
+    limits = columns[of_error[error.column]]
     limited = limits > NEGLIGIBLE  # not where it is NaN
-    quantities = (error, *([RATIO] if limited.any() else []), *OTHERS)
+    quantities = (error, *([RATIO] if limited.any() else []), *others)
     results = {}
     for variant in plan.study.laws:
         mine = law == variant.name
         good = status[mine] == 'ok'
         scaled = [
             np.where(good, quantity.scale * columns[quantity.column][mine], np.inf)
-            for quantity in (error, *OTHERS)
+            for quantity in (error, *others)
         ]
         medians = [_median(values, scramble[mine]) for values in scaled]
         if limited.any():
@@ -175,11 +183,11 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
             scaled[0],
         )
     ranking = sorted(results, key=lambda name: results[name].medians[0].value)
-    errors = {name: results[name].errors for name in ranking}
+    of_laws = {name: results[name].errors for name in ranking}
     first = law == plan.study.laws[0].name  # the same of all laws
     levels = {}
     for name, values in {'limit': limits, 'v d': columns[DELAY]}.items():
         some = first & np.isfinite(values)
         if (values[some] > NEGLIGIBLE).any():
             levels[name] = Level(values[some], _median(values[some], scramble[some]))
-    return ScenarioResult(quantities, results, tuple(statistics.duels(errors)), levels)
+    return ScenarioResult(quantities, results, tuple(statistics.duels(of_laws)), levels)

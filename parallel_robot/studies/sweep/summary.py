@@ -156,7 +156,7 @@ def _tables(
     """
     accuracy = len(result.quantities) - len(OTHERS)
     first = [['law', 'ok', *map(_heading, result.quantities[:accuracy])]]
-    efforts = [['law', *map(_heading, OTHERS)]]
+    efforts = [['law', *map(_heading, result.quantities[accuracy:])]]
     drivers = [['law', 'parameter', 'correlation']]
     for law, found in result.laws.items():
         runs = f'{found.runs.get("ok", 0)}/{sum(found.runs.values())}'

@@ -53,7 +53,7 @@ def _run(plan: Plan, store: Store, workers: Workers, count: int) -> None:
         with workers as started, progress(len(store.done), int(store.done.sum()), 'run') as bar:
             for task, outcomes in completed(started, tasks(plan, store.done, count)):
                 rows = zip(_rows(plan, task), outcomes, strict=True)
-                store.add(table(columns, rows))
+                store.add(table(columns, rows, plan.units))
                 bar.update(len(outcomes))
     except KeyboardInterrupt:
         kept = f'{int(store.done.sum())} of {len(store.done)} rows are kept'

@@ -14,6 +14,7 @@ from parallel_robot.studies.sweep.floor import Floor
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.run_chunk import Outcome
 from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
 
 # Which run it is, and what became of it.
@@ -72,8 +73,10 @@ def schema(plan: Plan) -> Any:
     pa = arrow()
     words = ('law', 'scenario', 'status', 'reason', 'limits', 'limit_reason')
     fields = [(name, pa.string() if name in words else pa.int64()) for name in IDENTITY]
-    fields += [(name, pa.float64()) for name in METRICS]
-    fields += [(name, pa.string() if name in words else pa.float64()) for name in FLOOR]
+    key = plan.units.key
+    fields += [(key(name), pa.float64()) for name in METRICS]
+    names = dict.fromkeys(map(key, FLOOR))  # limits of slides are in um as those of a place
+    fields += [(name, pa.string() if name in words else pa.float64()) for name in names]
     fields += [
         (name, pa.float64() if numeric else pa.string())
         for name, numeric in plan.columns().items()
@@ -81,14 +84,15 @@ def schema(plan: Plan) -> Any:
     return pa.schema(fields)
 
 
-def table(schema: Any, rows: Iterable[tuple[Row, Outcome]]) -> Arrow:
+def table(schema: Any, rows: Iterable[tuple[Row, Outcome]], units: JointUnits = HINGES) -> Arrow:
     """Rows with their outcomes as a table.
 
     Args:
         schema: See :func:`schema`.
         rows: The rows.
+        units: Those of the joints of all robots of the plan.
     """
-    entries = [_entry(row, outcome) for row, outcome in rows]
+    entries = [_entry(row, outcome, units) for row, outcome in rows]
     return arrow().Table.from_pylist(entries, schema=schema)
 
 
@@ -103,18 +107,20 @@ def with_floors(rows: Arrow, plan: Plan) -> Arrow:
     leaders = np.array([plan.leader(case) for case in range(len(plan.cases))])
     cases = numbers % len(leaders)
     first = np.searchsorted(numbers, numbers - cases + leaders[cases])
-    for name in FLOOR:
+    for name in dict.fromkeys(map(plan.units.key, FLOOR)):
         place = rows.column_names.index(name)
         rows = rows.set_column(place, rows.schema.field(name), rows[name].take(first))
     return rows
 
 
-def _entry(row: Row, outcome: Outcome) -> Mapping[str, Any]:
+def _entry(row: Row, outcome: Outcome, units: JointUnits) -> Mapping[str, Any]:
     """One row by column; columns that are left out are null."""
     found = outcome.metrics
     values = {} if found is None else {name: of(found) for name, of in METRICS.items()}
     floor = {} if outcome.floor is None else outcome.floor._asdict()
-    numbers = {name: value for name, value in {**values, **floor}.items() if value == value}
+    numbers = {
+        units.key(name): value for name, value in {**values, **floor}.items() if value == value
+    }
     return {
         'row': row.row,
         'law': row.law,

@@ -74,7 +74,7 @@ class Asked:
         for each in found.study.uncertainties:
             if each.key in map(space.key, space.default):
                 raise InputError(f'uncertainty: {each.key} is one of the gains that are tuned')
-        return Tuning(found, space, asked, seed, spent)
+        return Tuning(found, space, asked, seed, replace(spent, units=found.units))
 
     def rule(self, tuning: Tuning) -> convergence.Rule:
         """When the search has converged.

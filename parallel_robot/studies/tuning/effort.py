@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from parallel_robot.studies.sweep.results import OTHERS, Quantity
 from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.units import HINGES, JointUnits
 
 MEASURES = {quantity.column.rpartition('_')[0]: quantity for quantity in OTHERS}
 DEFAULT = 'chattering'
@@ -19,15 +20,17 @@ class Effort:
     Attributes:
         measure: Key of MEASURES.
         limit: Most effort of the gains that are taken, in the unit of the column; None: no limit.
+        units: Those of the joints.
     """
 
     measure: str = DEFAULT
     limit: float | None = None
+    units: JointUnits = HINGES
 
     @property
     def quantity(self) -> Quantity:
         """The column, its name and unit."""
-        return MEASURES[self.measure]
+        return MEASURES[self.measure].told(self.units)
 
     def shown(self, value: float) -> str:
         """A value of the column with its name and unit."""

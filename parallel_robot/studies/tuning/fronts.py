@@ -18,6 +18,8 @@ from parallel_robot.studies.tuning.effort import MEASURES
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits
 
 FORMATS = tuple(f'.{suffix}' for suffix in picture.SUFFIXES)
 SIZE = (7.0, 4.8)  # inches; higher for more labels
@@ -34,6 +36,7 @@ class Front:
         error: Which metric its error is.
         points: Effort and error of its points, by rising error, in their columns' units.
         chosen: Index of the point that was taken.
+        units: Those of the joints.
     """
 
     directory: Path
@@ -41,6 +44,7 @@ class Front:
     error: Quantity
     points: tuple[tuple[float, float], ...]
     chosen: int
+    units: JointUnits
 
     @property
     def law(self) -> str:
@@ -50,7 +54,7 @@ class Front:
     @property
     def effort(self) -> Quantity:
         """Which metric its effort is."""
-        return MEASURES[self.manifest['measure of effort']]
+        return MEASURES[self.manifest['measure of effort']].told(self.units)
 
 
 def read(directory: Path) -> Front:
@@ -69,13 +73,18 @@ def read(directory: Path) -> Front:
     except ValueError:
         rows = []
     try:
-        effort = MEASURES[manifest['measure of effort']]
-        (error,) = (each for each in ERRORS if each.column in rows[0])
+        measure, head = MEASURES[manifest['measure of effort']], rows[0]
+        effort, units = next(
+            (told, each)
+            for each in (HINGES, SLIDES, BOTH)
+            if (told := measure.told(each)).column in head
+        )
+        (error,) = (told for each in ERRORS if (told := each.told(units)).column in head)
         points = tuple((float(row[effort.column]), float(row[error.column])) for row in rows)
         chosen = [row['chosen'] for row in rows].index('1')
-    except (KeyError, ValueError, IndexError, TypeError):
+    except (KeyError, ValueError, IndexError, TypeError, StopIteration):
         raise InputError(f'{directory / "front.csv"} is not the front of a tuning') from None
-    return Front(directory, manifest, error, points, chosen)
+    return Front(directory, manifest, error, points, chosen, units)
 
 
 def check(fronts: Sequence[Front]) -> None:
@@ -91,13 +100,16 @@ def check(fronts: Sequence[Front]) -> None:
                 raise InputError(f'{first.directory} and {other.directory} differ in the {key}')
 
 
-def save(directories: Sequence[Path], out: Path, option: str = 'out') -> None:
+def save(directories: Sequence[Path], out: Path, option: str = 'out') -> list[Front]:
     """Draw the fronts of some directories into a picture, which must not exist.
 
     Args:
         directories: Each the results of a tuning that has ended.
         out: The picture.
         option: What it is called in messages.
+
+    Returns:
+        The fronts.
 
     Raises:
         InputError: one has no front, they cannot be compared, or the picture cannot be written.
@@ -109,6 +121,42 @@ def save(directories: Sequence[Path], out: Path, option: str = 'out') -> None:
     fronts = [read(directory) for directory in directories]
     check(fronts)
     new_files.save(out, draw(fronts)[out.suffix.removeprefix('.')])
+    return fronts
+
+
+def table(fronts: Sequence[Front]) -> Table:
+    """The points that were taken."""
+    quantities = fronts[0].effort, fronts[0].error
+    head = ['front', 'law', *(f'{each.name} [{each.unit}]' for each in quantities)]
+    rows = [
+        [
+            front.directory.name,
+            front.law,
+            *(
+                f'{each.scale * value:.4g}'
+                for each, value in zip(quantities, front.points[front.chosen], strict=True)
+            ),
+        ]
+        for front in fronts
+    ]
+    return Table(head, rows, 'llr')
+
+
+def as_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
+    """The fronts as plain data."""
+    return [
+        {
+            'front': front.directory.name,
+            'law': front.law,
+            'scenario': front.manifest['scenario'],
+            'points': [
+                {front.effort.column: effort, front.error.column: error}
+                for effort, error in front.points
+            ],
+            'chosen': front.chosen,
+        }
+        for front in fronts
+    ]
 
 
 def draw(fronts: Sequence[Front]) -> dict[str, bytes]:

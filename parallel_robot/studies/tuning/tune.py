@@ -19,7 +19,7 @@ from parallel_robot.studies.sweep.tasks import Task, version
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot.studies.tuning import convergence
 from parallel_robot.studies.tuning.convergence import Rule, Verdict
-from parallel_robot.studies.tuning.effort import Effort
+from parallel_robot.studies.tuning.effort import MEASURES, Effort
 from parallel_robot.studies.tuning.ranges import Value
 from parallel_robot.studies.tuning.sampler import BATCH, FRONT, Goal, propose, within
 from parallel_robot.studies.tuning.space import Space, objection
@@ -29,8 +29,7 @@ from parallel_robot.studies.tuning.weights import Weights
 from parallel_robot_control.configuration import available
 from parallel_robot_control.contract import Law
 from parallel_robot_model.common.errors import InputError, RunError
-from parallel_robot_model.configuration.loop import loop_of
-from parallel_robot_model.robots.registry import module_of
+from parallel_robot_model.robots.configuration import robot_of
 
 Choice = dict[str, Value] | None
 AT_ONCE = 8  # runs of a trial in one task
@@ -67,8 +66,17 @@ class Tuning:
 
     @property
     def error(self) -> Quantity:
-        """Which metric is the tracking error: that of the end effector in a plane, or joints."""
-        return ERRORS[0] if module_of(loop_of(self.nominal)).PLANAR else ERRORS[1]
+        """Which metric is the tracking error: that of the end effector, or of the joints."""
+        return self._error.told(self.plan.units)
+
+    @property
+    def _error(self) -> Quantity:
+        return ERRORS[0] if robot_of(self.nominal).place else ERRORS[1]
+
+    @property
+    def measured(self) -> tuple[str, str]:
+        """Keys of sweep.table.METRICS of tracking error and effort."""
+        return self._error.column, MEASURES[self.effort.measure].column
 
     @property
     def goal(self) -> str:
@@ -214,7 +222,7 @@ def _run_batch(
             trials[number] = choice, gains
     outcomes: dict[int, dict[int, Outcome]] = {number: {} for number in trials}
     runs = tuning.plan.study.runs
-    columns = tuning.error.column, tuning.effort.quantity.column
+    columns = tuning.measured
     for task, found in completed(workers, _tasks(tuning, trials)):
         number = task.numbers[0] // runs
         outcomes[number] |= zip(task.numbers, found, strict=True)

@@ -80,18 +80,28 @@ class Animation {
     this.find = (name) => figure.querySelector(`.${name}`);
     this.runs = animation.runs.map((run) => ({ ...run, frames: unpack(run.frames) }));
     this.width = this.runs[0].frames.length / this.count;
-    this.whole = new WholeRobot(this.find('whole'), animation.parts);
+    this.eye = new Eye(animation.place);
+    this.whole = new WholeRobot(this.find('whole'), animation.parts, this.eye);
     this.magnified = new PathDetail(this.find('detail'), this.runs.map((run) => run.style));
-    look(this.whole.svg, this.view);
-    look(this.magnified.svg, this.detail);
-    this.whole.reference.setAttribute('points', this.path(this.runs[0], 0));
-    this.runs.forEach((run, i) => this.magnified.references[i].setAttribute('points', this.path(run, 0)));
+    for (const { svg } of [this.whole, this.magnified]) this.eye.turnedBy(svg, () => this.turn());
     this.frame = 0;
     this.slider = this.find('time');
     this.slider.addEventListener('input', () => this.show(Number(this.slider.value)));
     this.find('play').addEventListener('click', () => (this.playing ? this.pause() : this.play()));
     this.find('robot')?.addEventListener('change', () => this.show(this.frame));
     this.find('magnify').addEventListener('change', () => this.magnify());
+    this.turn();
+  }
+
+  // Draw what depends on from where it is seen.
+  turn() {
+    const square = (around) => (this.eye.size === 2 ? around : this.eye.around(around));
+    this.square = square(this.detail);
+    look(this.whole.svg, square(this.view));
+    look(this.magnified.svg, this.square);
+    this.whole.reference.setAttribute('points', this.path(this.runs[0], 0));
+    this.runs.forEach((run, i) => this.magnified.references[i].setAttribute('points', this.path(run, 0)));
+    this.chosen = undefined;
     this.magnify();
   }
 
@@ -101,8 +111,8 @@ class Animation {
 
   path(run, factor) {
     const all = [];
-    for (let frame = 0; frame < this.count; frame += 1) all.push(...place(this.values(run, frame), factor));
-    return points(all);
+    for (let frame = 0; frame < this.count; frame += 1) all.push(...place(this.values(run, frame), factor, this.eye.size));
+    return this.eye.points(all);
   }
 
   magnify() {
@@ -123,9 +133,11 @@ class Animation {
       this.whole.colour(chosen.style);
       this.whole.trace.setAttribute('points', this.path(chosen, 1));
     }
-    this.magnified.aim(v[0], v[1], this.detail[2]);
-    this.runs.forEach((run, i) =>
-      this.magnified.dots[i].setAttribute('d', dot(place(this.values(run, frame), this.factor))));
+    this.magnified.aim(this.eye.flat(v), this.square[2]);
+    this.runs.forEach((run, i) => {
+      const at = place(this.values(run, frame), this.factor, this.eye.size);
+      this.magnified.dots[i].setAttribute('d', dot(this.eye.flat(at)));
+    });
   }
 
   play() {

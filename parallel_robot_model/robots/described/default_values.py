@@ -1,0 +1,157 @@
+"""What a description says of all that a configuration asks, and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.configuration.config_files import flat
+from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.mechanisms import closing, dynamics, tool
+from parallel_robot_model.mechanisms.description.machine import Machine, machine
+from parallel_robot_model.mechanisms.description.parts import Description
+from parallel_robot_model.mechanisms.workspace import boxed
+
+CHOICES: dict[str, Any] = {'actuated': (), 'tool': '', 'home': '', 'held': ()}
+FAR = 1e6  # rad or m, an end of travel that is none
+BANDWIDTH = 10.0  # rad/s, of the spring and the damper that hold the machine after a fault
+PUSH = 20.0  # rad/s^2 or m/s^2, for which motors without a limit are strong enough
+SPEED = 10.0  # rad/s or m/s, a fault where the file has no limit
+WIDE = 0.1  # of the length of the machine, a motion that is proposed
+HARMONICS = 5
+
+
+def of(description: Description, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults by key.
+
+    Args:
+        description: The machine's.
+        values: What is asked for; of it, the choices ``robot.*`` count.
+    """
+    chosen = {
+        key: _chosen(key, values.get(f'robot.{key}', default)) for key, default in CHOICES.items()
+    }
+    made = machine(description, **chosen)
+    inertia, gravity, pose = at_home(made)
+    n = len(made.actuated)
+    limits = torque_limits(made, inertia, gravity)
+    lengths = [unit == 'm' for _, unit in coordinates_of(made)]
+    steps = WIDE * np.where(lengths, made.mechanism.length, 1.0)
+    end = pose.copy()
+    end[0] += steps[0]
+    sine, cosine = np.zeros((2, n, HARMONICS))
+    for k, step in enumerate(0.3 * steps):  # each coordinate at two frequencies of its own
+        sine[k, k % HARMONICS] = step
+        cosine[k, (k + 2) % HARMONICS] = 0.5 * step
+    return flat(
+        {
+            'joints': list(made.actuated),
+            **figures(made, pose),
+            'robot': {
+                **{
+                    key: list(value) if isinstance(value, tuple) else value
+                    for key, value in chosen.items()
+                },
+                'mass_factor': [1.0] * len(made.names),
+                'spread_factor': [1.0] * 3 * len(made.names),
+                'centre_shift': [0.0] * 3 * len(made.names),
+                'armature': made.mechanism.armature[made.mechanism.actuated].tolist(),
+                'payload': 0.0,
+                'shift': [0.0] * 3 * len(made.names),
+                'gravity': made.mechanism.gravity.tolist(),
+                'lower': [max(low, -FAR) for low in made.lower],
+                'upper': [min(high, FAR) for high in made.upper],
+            },
+            'trajectory': {
+                'shape': 'circle' if figures(made, pose) else 'move',
+                'min_closure': 0.1,
+                'min_tool': 0.1,
+                'min_travel': 0.0,
+            },
+            'move': {'start': pose.tolist(), 'end': end.tolist()},
+            'trapezoid': {
+                'start': pose.tolist(),
+                'end': end.tolist(),
+                'speed': (5.0 * steps).tolist(),
+                'acceleration': (20.0 * steps).tolist(),
+            },
+            'excitation': {
+                'center': pose.tolist(),
+                'sine': sine.ravel().tolist(),
+                'cosine': cosine.ravel().tolist(),
+            },
+            'plant': {'initial_pose': pose.tolist(), 'torque_limit': limits.tolist()},
+            'friction': {'viscous': list(made.viscous), 'coulomb': list(made.coulomb)},
+            'disturbance': {'amplitude': 0.0, 'phase': 0.0},
+            'safety': {
+                'min_closure': 0.05,
+                'min_tool': 0.05,
+                'min_travel': 0.0,
+                'residual_limit': 0.0,
+                'damping': (2.0 * BANDWIDTH * inertia).tolist(),
+                'stiffness': (BANDWIDTH**2 * inertia).tolist(),
+                'torque_limit': limits.tolist(),
+                'torque_rate': (1000.0 * limits).tolist(),
+                'ramp_rate': (5.0 * limits).tolist(),
+                'speed_limit': [min(speed, SPEED) for speed in made.velocity],
+            },
+        }
+    )
+
+
+def figures(made: Machine, pose: Array) -> dict[str, dict[str, Any]]:
+    """Figures near home of a machine whose tool moves in a plane or in space."""
+    names = [name for name, _ in made.coordinates]
+    if names[:2] != ['x', 'y'] or names[2:3] not in ([], ['phi'], ['z']):
+        return {}
+    size = round(0.5 * WIDE * made.mechanism.length, 3)
+    planar = names[2:3] != ['z']
+    shown = pose[:2] if planar else pose
+    phi = {'phi': float(pose[2]) if len(pose) > len('xy') and planar else 0.0}
+    center, end = shown.copy(), shown.copy()
+    center[0] -= size
+    end[:2] += size
+    at = {'center': center.tolist(), **phi}
+    return {
+        'circle': {**at, 'radius': size},
+        'ellipse': {**at, 'semi_axes': [size, 0.5 * size]},
+        'figure_eight': {**at, 'length': 2.0 * size, 'width': size},
+        'line': {'start': shown.tolist(), 'end': end.tolist(), **phi},
+        'pick_and_place': {
+            'pick': shown.tolist(),
+            'place': (2.0 * shown - center).tolist(),
+            'height': 0.5 * size,
+            **phi,
+        },
+    }
+
+
+def coordinates_of(made: Machine) -> tuple[tuple[str, str], ...]:
+    """Names and units of its pose."""
+    joints = tuple((f'q{k + 1}', unit) for k, unit in enumerate(made.units))
+    return made.coordinates or joints
+
+
+def at_home(made: Machine) -> tuple[Array, Array, Array]:
+    """Diagonal of M, gravity and pose at home, each shape (n,)."""
+    n = len(made.actuated)
+    mechanism, work = boxed(made.mechanism)
+    M, Q, gravity, pose = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
+    closing.close(mechanism, work, work.q.copy())
+    dynamics.model(mechanism, work, np.zeros(n), M, Q, gravity)
+    tool.tool_pose(mechanism, work, pose)
+    return np.diag(M).copy(), gravity, pose
+
+
+def torque_limits(made: Machine, inertia: Array, gravity: Array) -> Array:
+    """Limits of the motors [N m or N]; those that the file does not have are assumed."""
+    assumed = 3.0 * np.abs(gravity) + PUSH * inertia
+    return np.where(np.isfinite(made.effort), made.effort, assumed)
+
+
+def _chosen(key: str, value: Any) -> Any:
+    kind = str if isinstance(CHOICES[key], str) else tuple[str, ...]
+    return check(f'robot.{key}', kind, Field('', ''), value)

@@ -1,0 +1,147 @@
+"""The kernels of a robot for any described machine; all vectors are of shape (n,).
+
+Its pose has as many coordinates as it has actuated joints, which are also what the plant
+integrates. The passive joints are in the memory of the constants.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
+from parallel_robot_model.mechanisms import closing, dynamics, free_motion, tool
+from parallel_robot_model.mechanisms.margins import margins as margins_of
+from parallel_robot_model.mechanisms.pose_motion import pose_motion
+from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.robots.contract import (
+    FOUND,
+    REACHED,
+    Estimate,
+    JointMotion,
+    Location,
+    Measurement,
+    Model,
+    PoseMotion,
+    no_model,
+)
+from parallel_robot_model.robots.described.constants import Constants
+from parallel_robot_model.robots.described.parameters import (
+    CLOSURE,
+    TOOL,
+    TRAVEL,
+    SafetyMargins,
+)
+from parallel_robot_model.robots.joint_load import JointLoad, net_torque
+
+
+@inner
+def _closed(robot: Constants, position: Array) -> int:
+    """Close the loops at actuated joints; FOUND or a fault."""
+    write_row(robot.rows, 0, position)
+    return closing.close(robot.mechanism, robot.workspace, robot.rows[0])
+
+
+@inner
+def _pose(robot: Constants, like: Array) -> Array:
+    """The pose of the posture that is closed."""
+    tool.tool_pose(robot.mechanism, robot.workspace, robot.rows[1])
+    return read_row(robot.rows, 1, like)
+
+
+@inner
+def _left(robot: Constants, position: Array) -> float:
+    """Smallest distance to an end of travel [rad or m]."""
+    left = np.inf
+    for i in range(len(position)):
+        left = min(left, position[i] - robot.travel[0, i], robot.travel[1, i] - position[i])
+    return left
+
+
+@inner
+def _near(robot: Constants, margins: SafetyMargins, position: Array) -> int:
+    """FOUND, or the margin that is violated in the posture that is closed; NaN is a fault, too."""
+    closure, of_tool = margins_of(robot.mechanism, robot.workspace)
+    if not closure >= margins.min_closure * robot.home[0]:
+        return CLOSURE
+    if not of_tool >= margins.min_tool * robot.home[1]:
+        return TOOL
+    return FOUND if _left(robot, position) >= margins.min_travel else TRAVEL
+
+
+@kernel
+def locate(robot: Constants, position: Array, guess: Array) -> Location:
+    """Pose at joint positions in the assembly mode of home; the guess where there is none."""
+    fault = _closed(robot, position)
+    return Location(_pose(robot, guess) if fault == FOUND else guess, fault)
+
+
+@kernel
+def estimate(
+    robot: Constants, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
+) -> Estimate:
+    """Pose, margins and model at a joint state."""
+    matrix = np.diag(position)
+    nothing = no_model(Model(matrix, matrix, position))
+    fault = _closed(robot, position)
+    if fault != FOUND:
+        return Estimate(fault, guess, nothing)
+    pose = _pose(robot, guess)
+    fault = _near(robot, margins, position)
+    if fault != FOUND:
+        return Estimate(fault, pose, nothing)
+    write_row(robot.rows, 1, velocity)
+    rows, matrices = robot.rows, robot.matrices
+    dynamics.model(robot.mechanism, robot.workspace, rows[1], matrices[0], matrices[1], rows[2])
+    model = Model(
+        read_row(matrices, 0, matrix), read_row(matrices, 1, matrix), read_row(rows, 2, position)
+    )
+    return Estimate(FOUND, pose, model)
+
+
+@kernel
+def acceleration(
+    robot: Constants, load: JointLoad, position: Array, rate: Array, torque: Array, time: float
+) -> Array:
+    """Accelerations of the actuated joints under motor torques; NaN where no loop closes."""
+    if _closed(robot, position) != FOUND:
+        return position + np.nan
+    rows = robot.rows
+    write_row(rows, 1, rate)
+    write_row(rows, 2, net_torque(load, torque, rate, time))
+    free_motion.acceleration(robot.mechanism, robot.workspace, rows[1], rows[2], rows[3])
+    return read_row(rows, 3, position)
+
+
+@kernel
+def measure(robot: Constants, position: Array, rate: Array) -> Measurement:
+    """Joints, which are the plant's coordinates, and pose; NaN where no loop closes."""
+    none = vector(())
+    if _closed(robot, position) != FOUND:
+        lost = position + np.nan
+        return Measurement(position, lost, none, none, lost)
+    return Measurement(position, rate, none, none, _pose(robot, position))
+
+
+@kernel
+def joint_motion(robot: Constants, motion: PoseMotion) -> JointMotion:
+    """Joints with two derivatives at a pose with two derivatives, in the modes of home.
+
+    As `passive` it has the shares of the margins at home, closure and tool.
+    """
+    rows, pose = robot.rows, motion.pose
+    write_row(rows, 0, pose)
+    if solve_pose(robot.mechanism, robot.workspace, rows[0]) != FOUND:
+        lost = pose + np.nan
+        return JointMotion(lost, lost, lost, vector((np.nan, np.nan)), 0)
+    write_row(rows, 1, motion.rate)
+    write_row(rows, 2, motion.acceleration)
+    pose_motion(robot.mechanism, robot.workspace, rows[1], rows[2], rows[3], rows[4], rows[5])
+    closure, of_tool = margins_of(robot.mechanism, robot.workspace)
+    return JointMotion(
+        read_row(rows, 3, pose),
+        read_row(rows, 4, pose),
+        read_row(rows, 5, pose),
+        vector((closure / robot.home[0], of_tool / robot.home[1])),
+        REACHED,
+    )

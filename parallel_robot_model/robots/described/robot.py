@@ -1,0 +1,240 @@
+"""The attributes of a robot, for a machine that a description tells."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.mechanisms.description.machine import Machine, machine
+from parallel_robot_model.mechanisms.description.parts import Description
+from parallel_robot_model.mechanisms.description.reading import read
+from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
+from parallel_robot_model.mechanisms.workspace import boxed
+from parallel_robot_model.robots.contract import FOUND, Coordinate
+from parallel_robot_model.robots.described import kernels, parameters
+from parallel_robot_model.robots.described.constants import Constants, constants
+from parallel_robot_model.robots.described.default_values import coordinates_of
+from parallel_robot_model.robots.described.default_values import of as default_values_of
+from parallel_robot_model.robots.described.linear_machine import LinearMachine
+from parallel_robot_model.robots.described.masses import weighing
+from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
+from parallel_robot_model.robots.described.shifting import shifted
+from parallel_robot_model.robots.described.tree import DescribedTree
+from parallel_robot_model.robots.feasibility import Infeasible, first_sample
+
+LINES = 'link'  # name of the only part of its picture
+SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3, 'shift': 3}  # of a link
+
+
+class DescribedRobot:
+    """A machine as a robot; see :class:`parallel_robot_model.robots.contract.Robot`."""
+
+    FAULTS = parameters.FAULTS
+    NO_POSE = parameters.NO_POSE
+    PARTS = ('joint', 'machine')
+    PLANAR = False  # it depends on the tool, see `planar`
+    OWN_MEMORY = True  # whoever has its constants has a memory of his own
+
+    def __init__(self, text: str) -> None:
+        """Take the text of a description."""
+        self.text = text
+        self.Parameters: Any = Parameters
+        self.SafetyMargins: Any = parameters.SafetyMargins
+        self.MotionLimits: Any = MotionLimits
+        self.joint_motion = kernels.joint_motion
+        self.locate = kernels.locate
+        self.estimate = kernels.estimate
+        self.acceleration = kernels.acceleration
+        self.measure = kernels.measure
+        self.tree = DescribedTree(self)
+
+    @property
+    def description(self) -> Description:
+        """What its text says."""
+        return description_of(self.text)
+
+    @property
+    def linear_model(self) -> LinearMachine:
+        """Its equations of motion, linear in the masses of the links."""
+        return LinearMachine(self.machine, self.mechanism)
+
+    def machine(self, robot: Parameters) -> Machine:
+        """The machine with what is chosen of it, its numbers those of the file."""
+        return _machine(self.text, *robot[: robot._fields.index('held') + 1])
+
+    def mechanism(self, robot: Parameters) -> Mechanism:
+        """The machine with its numbers as the parameters have them.
+
+        Raises:
+            RobotError: its loops do not close.
+        """
+        of_file = self.machine(robot).mechanism
+        return shifted(weighing(of_file, robot), robot.shift)
+
+    def validate(self, robot: Parameters, name: str = 'robot') -> Parameters:
+        """Return `robot` if such a machine can be built.
+
+        Raises:
+            RobotError: it cannot.
+        """
+        made = self.machine(robot)
+        for low, high, joint in zip(robot.lower, robot.upper, made.actuated, strict=True):
+            if not low < high:
+                what = f'{name}.lower must be below {name}.upper, not {low:g} and {high:g}'
+                raise InputError(f'{what} ({joint})', f'{name}.lower')
+        for key, each in SIZES.items():
+            given, count = len(getattr(robot, key)), each * len(made.names)
+            if given != count:
+                what = f'{name}.{key} must be {count} numbers, {each} for each of its links'
+                raise InputError(f'{what}, not {given}', f'{name}.{key}')
+        self.mechanism(robot)
+        return robot
+
+    def joints(self, robot: Parameters) -> int:
+        """Number of the actuated joints, n."""
+        return len(self.machine(robot).actuated)
+
+    def units(self, robot: Parameters) -> tuple[str, ...]:
+        """Units of the actuated joints, rad or m."""
+        return self.machine(robot).units
+
+    def coordinates(self, robot: Parameters) -> tuple[Coordinate, ...]:
+        """Coordinates of the tool, or the actuated joints."""
+        return tuple(Coordinate(*each) for each in coordinates_of(self.machine(robot)))
+
+    def planar(self, robot: Parameters) -> bool:
+        """Whether the tool moves in the plane of x and y."""
+        names = [axis.name for axis in self.coordinates(robot)]
+        return names in (['x', 'y'], ['x', 'y', 'phi'])
+
+    def orientations(self, robot: Parameters, poses: Array) -> Array:
+        """Quaternions x, y, z, w of the tool at poses, shapes (N, 4) and (N, m)."""
+        mechanism = self.machine(robot).mechanism
+        vectors = np.zeros((len(poses), 3))
+        for k, coordinate in enumerate(mechanism.coordinate):
+            if coordinate >= 3:
+                vectors[:, coordinate - 3] = poses[:, k]
+        turned = Rotation.from_rotvec(vectors) * Rotation.from_matrix(mechanism.tool_home)
+        return np.asarray(turned.as_quat())
+
+    def constants(self, robot: Parameters) -> Constants:
+        """The arrays of the machine, with a new memory at home."""
+        return constants(self.mechanism(robot), robot.lower, robot.upper)
+
+    def start(self, robot: Parameters, pose: Array) -> Array:
+        """Actuated joints at a pose, each shape (n,).
+
+        Raises:
+            InputError: it is out of reach.
+        """
+        return self.posture(robot, pose)[self.mechanism(robot).actuated]
+
+    def posture(self, robot: Parameters, pose: Array) -> Array:
+        """All joints at a pose, shape (N,).
+
+        Raises:
+            InputError: it is out of reach.
+        """
+        mechanism, made = boxed(self.mechanism(robot))
+        wanted = np.ascontiguousarray(pose, np.float64)
+        if solve_pose(mechanism, made, wanted) != FOUND:
+            what = f'{pose.tolist()} is out of reach from home'
+            raise InputError(f'plant.initial_pose {what}', 'plant.initial_pose')
+        return np.array(made.all)
+
+    def infeasible(
+        self, robot: Parameters, limits: MotionLimits, reference: Any
+    ) -> list[Infeasible]:
+        """First samples of a motion out of reach, near a singularity or an end of travel."""
+        unreached = np.flatnonzero(reference.out_of_reach >= 0)
+        reached = slice(0, int(unreached[0]) if unreached.size else None)
+        closure, of_tool = reference.passive[reached].T
+        position = reference.position[reached]
+        left = np.minimum(position - np.array(robot.lower), np.array(robot.upper) - position)
+        failures = [
+            first_sample(
+                closure < limits.min_closure,
+                closure,
+                'type 2 singularity, {} of the closure margin at home is below '
+                'trajectory.min_closure, {}',
+                limits.min_closure,
+            ),
+            first_sample(
+                of_tool < limits.min_tool,
+                of_tool,
+                'type 1 singularity, {} of the tool margin at home is below '
+                'trajectory.min_tool, {}',
+                limits.min_tool,
+            ),
+            first_sample(
+                left < limits.min_travel,
+                left,
+                'end of travel, {} left is below trajectory.min_travel, {}',
+                limits.min_travel,
+            ),
+        ]
+        if unreached.size:
+            failures.append(Infeasible(int(unreached[0]), None, 'out of reach'))
+        return [failure for failure in failures if failure is not None]
+
+    def segments(self, robot: Parameters, pose: Array, position: Array) -> dict[str, Array]:
+        """Lines from joint to joint and to the tool, each posture found from the one before.
+
+        NaN where no loop closes; nothing of a machine whose tool has no place.
+        """
+        names = [axis.name for axis in self.coordinates(robot)]
+        place = 2 if self.planar(robot) else 3 if names[:3] == ['x', 'y', 'z'] else 0
+        if not place:
+            return {}
+        mechanism = self.machine(robot).mechanism
+        rows = np.reshape(position, (-1, position.shape[-1]))
+        ends = drawn(mechanism, positions_of(mechanism, rows)[0])[..., :place]
+        return {LINES: ends.reshape(*position.shape[:-1], *ends.shape[1:])}
+
+
+@functools.lru_cache(maxsize=8)
+def described(text: str) -> DescribedRobot:
+    """The robot of a description."""
+    return DescribedRobot(text)
+
+
+def default_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults that a description gives, by key.
+
+    Args:
+        values: What else is asked for: the text in ``robot_description``, and of ``robot.*``
+            what is chosen.
+    """
+    return default_values_of(description_of(values['robot_description']), values)
+
+
+@functools.lru_cache(maxsize=8)
+def description_of(text: str) -> Description:
+    """A description, read once."""
+    return read(text)
+
+
+@functools.lru_cache(maxsize=64)
+def _machine(
+    text: str,
+    actuated: tuple[str, ...],
+    tool: str,
+    home: str,
+    held: tuple[str, ...],
+) -> Machine:
+    """The machine of a description, with what is chosen of it."""
+    return machine(
+        description_of(text),
+        actuated=actuated,
+        tool=tool,
+        home=home,
+        held=held,
+    )

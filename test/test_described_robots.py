@@ -1,0 +1,182 @@
+"""Robots that come as descriptions: named by a path, run by all laws, kept in the bag."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from parallel_robot.cli.command_line import main
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import vector
+from parallel_robot_model.configuration import config, robot_names
+from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.contract import FOUND, PoseMotion
+from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.simulation import simulate
+
+MACHINES = config.directory() / robot_names.FOLDER
+OF_ARM = {'safety.min_sin_elbow', 'trajectory.min_sin_elbow'}
+
+
+def loop_of(values):
+    return simulate(configure(values)).run
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A five-bar of somebody else's, beside his scenario."""
+    file = tmp_path / 'my_bar.xml'
+    shutil.copy(MACHINES / 'five_bar.xml', file)
+    return file
+
+
+class TestNaming:
+    def test_a_path_is_a_robot_wherever_one_is_named(self, own, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        scenario = tmp_path / 'mine.yaml'
+        scenario.write_text('robot_model: my_bar.xml\n')
+        monkeypatch.chdir('/')
+        found = [
+            resolve(str(own)),
+            resolve(str(scenario)),
+            resolve('five_bar_circle', {'robot_model': str(own)}),
+        ]
+        for values in found:
+            assert values['robot_model'] == 'my_bar'
+            assert values['robot_description'].lstrip().startswith('<mujoco')
+            assert values['joints'] == ['left', 'right']
+        assert [values['scenario'] for values in found] == ['my_bar', 'mine', 'five_bar_circle']
+
+    def test_another_robot_drops_the_description(self):
+        values = resolve('five_bar_circle', {'robot_model': 'serial_2r'})
+        assert values['robot_description'] == '' and robot_of(values).name == 'serial_2r'
+
+    def test_the_name_of_a_shipped_robot_is_taken(self, tmp_path):
+        shutil.copy(MACHINES / 'five_bar.xml', tmp_path / 'delta.xml')
+        with pytest.raises(InputError, match='already a robot delta; rename the file'):
+            resolve(str(tmp_path / 'delta.xml'))
+
+    @pytest.mark.parametrize(
+        ('change', 'text'),
+        [
+            ({'robot.actuated': ['left']}, 'left'),
+            ({'robot.tool': 'tol'}, 'tool'),
+            ({'robot.home': 'nowhere'}, 'nowhere'),
+            ({'robot.held': ['left']}, 'left'),
+            ({'robot.mass_factor': [1.0]}, '4 numbers'),
+            ({'robot.lower': 3.0}, 'robot.lower must be below robot.upper'),
+        ],
+    )
+    def test_a_wrong_choice_is_one_line(self, change, text, own):
+        with pytest.raises(InputError, match=text) as caught:
+            configure(resolve(str(own), change))
+        assert '\n' not in str(caught.value)
+
+
+class TestClosedForms:
+    """The two robots whose equations stand in the suite, once more as descriptions."""
+
+    def test_the_paper_s_robot(self):
+        paper = resolve('paper_circle', {'duration': 0.3})
+        shared = ('circle', 'plant', 'friction', 'safety')
+        same = {
+            key: value
+            for key, value in paper.items()
+            if key.split('.')[0] in shared
+            and key not in ('safety.min_sin_psi', 'safety.min_determinant')
+        }
+        same |= {'robot_model': 'planar_3rrr_described', 'duration': 0.3}
+        closed, described = loop_of(paper), loop_of(resolve('paper_circle', same))
+        assert np.abs(described.joints - closed.joints).max() < 1e-9
+        assert np.abs(described.pose - closed.pose).max() < 1e-9
+
+    def test_the_arm(self):
+        arm = resolve('serial_2r_circle', {'duration': 0.3})
+        shared = ('circle', 'plant', 'friction', 'safety', 'tdc')
+        same = {
+            key: value
+            for key, value in arm.items()
+            if key.split('.')[0] in shared and key not in OF_ARM
+        }
+        same |= {'robot_model': 'serial_2r_described', 'duration': 0.3}
+        closed, described = loop_of(arm), loop_of(resolve('serial_2r_circle', same))
+        assert np.abs(described.joints - closed.joints).max() < 1e-9
+
+
+class TestRobot:
+    def test_joints_and_pose_belong_together(self):
+        robot = robot_of(resolve('five_bar_circle'))
+        pose = np.array([0.01, 0.13])
+        row = vector(pose)
+        moved = robot.kernel('joint_motion', PoseMotion(row, row, row))(
+            robot.constants, PoseMotion(row, vector(0.1 * pose), row)
+        )
+        found = robot.kernel('locate', row, row)(robot.constants, moved.position, row)
+        assert found.fault == FOUND
+        np.testing.assert_allclose(found.pose, pose, atol=1e-12)
+
+    def test_whoever_has_its_constants_has_his_own_memory(self):
+        robot = robot_of(resolve('five_bar_circle'))
+        first, second = robot.constants, robot.constants
+        row = vector(first.value.workspace.q + 0.1)
+        robot.module.locate(first, row, row)
+        assert (second.value.workspace.q != first.value.workspace.q).all()
+
+    def test_joints_that_no_posture_has_are_a_fault_and_leave_the_memory(self):
+        robot = robot_of(resolve('five_bar_circle'))
+        box = robot.constants
+        before = box.value.workspace.all.copy()
+        row = vector(box.value.workspace.q + np.array([2.5, -2.5]))
+        assert robot.module.locate(box, row, row).fault != FOUND
+        assert (box.value.workspace.all == before).all()
+
+
+class TestBag:
+    def test_it_runs_again_where_there_is_no_file(self, own, tmp_path, capsys):
+        bag = tmp_path / 'bag'
+        assert main(['simulate', str(own), '--duration', '0.1', '--out', str(bag)]) == 0
+        own.unlink()
+        assert main(['rerun', str(bag), '--out', str(tmp_path / 'again')]) == 0
+        assert 'identical' in capsys.readouterr().out
+        assert main(['analyze', str(bag)]) == 0
+        assert 'end-effector error' in capsys.readouterr().out
+
+
+class TestCommand:
+    def test_it_says_what_was_read(self, capsys):
+        assert main(['robot', 'five_bar']) == 0
+        told = capsys.readouterr().out
+        assert 'five_bar: 4 joints, 2 actuated, 2 passive; 2 freedoms' in told
+
+    def test_its_numbers_are_those_of_the_equations(self, capsys):
+        words = ['robot', 'five_bar', '--state', '1.8,1.3', '--rate', '0.3,-0.2', '--json']
+        assert main(words) == 0
+        found = json.loads(capsys.readouterr().out)
+        M, Q = np.array(found['M']), np.array(found['Q'])
+        assert np.abs(M - M.T).max() < 1e-15 and np.linalg.eigvalsh(M).min() > 0.0
+        robot = robot_of(resolve('five_bar_circle'))
+        row = vector(np.array([1.8, 1.3]))
+        margins = robot.module.SafetyMargins(0.0, 0.0, 0.0)
+        rate = vector(np.array([0.3, -0.2]))
+        model = robot.module.estimate(robot.constants, margins, row, rate, row).model
+        np.testing.assert_array_equal(M, model.M)
+        np.testing.assert_array_equal(Q, model.Q)
+        assert found['closure'] < 1e-12 and [*found['passive']]
+
+    @pytest.mark.parametrize(
+        ('words', 'text'),
+        [
+            (['dleta'], "unknown machine 'dleta'; did you mean 'delta'?"),
+            (['nowhere.xml'], 'nowhere.xml'),
+            (['five_bar', '--state', '1'], '--state must be 2 numbers'),
+            (['five_bar', '--state', '1,x'], '--state must be numbers with commas'),
+            (['five_bar', '--state', '0,9'], 'the loops cannot be closed'),
+            (['five_bar', '--plot', 'x.gif'], '--plot must end with'),
+        ],
+    )
+    def test_a_mistake_is_one_line(self, words, text, capsys):
+        assert main(['robot', *words]) == 2
+        told = capsys.readouterr().err
+        assert text in told and told.count('\n') == 1

@@ -1,0 +1,85 @@
+"""A described machine identified from a noisy run, and an exciting motion for it."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from parallel_robot.bags import recording
+from parallel_robot.cli.command_line import main
+from parallel_robot.studies.identification import bag_identification, base_parameters
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.configuration import robot_of
+
+MASSES = [1.2, 0.9, 1.1, 1.05]  # of the links of the five-bar, relative
+EXCITATION = {
+    'trajectory.shape': 'excitation',
+    'excitation.amplitude': 2,
+    'excitation.period': 2.0,
+}
+TRUE = {
+    'true_robot.mass_factor': MASSES,
+    'true_robot.centre_shift': [0.004, 0.003, *[0.0] * 10],
+    'friction.viscous': [0.0015, 0.0008],
+    'friction.coulomb': [0.0005, 0.0005],  # that of the file hides the links in so slow a motion
+    'sensor.position_noise': [1e-6] * 2,
+    'sensor.velocity_noise': [1e-3] * 2,
+}
+
+
+def run(*words):
+    return main([str(word) for word in words])
+
+
+def words_of(changes):
+    return [word for key, value in changes.items() for word in ('--set', f'{key}={value}')]
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """A run that excites the five-bar, and a circle."""
+    folder = tmp_path_factory.mktemp('machine')
+    excited, circle = folder / 'excited', folder / 'circle'
+    run_of = ['simulate', 'five_bar_circle', '--law', 'pid', '--out']
+    assert run(*run_of, excited, '--duration', 10, *words_of(TRUE | EXCITATION)) == 0
+    assert run(*run_of, circle, '--duration', 2, *words_of(TRUE)) == 0
+    return excited, circle
+
+
+def test_a_run_with_noise_gives_the_torques_and_their_parameters(bags, tmp_path, capsys):
+    excited, circle = bags
+    out = tmp_path / 'robot.yaml'
+    capsys.readouterr()
+    words = ['identify', excited, '--validate', circle, '--out', out, '--format', 'json']
+    assert run(*words) == 0
+    found = json.loads(capsys.readouterr().out)
+    for errors in found['torque_error_rms_nm'].values():
+        assert errors['identified'] < 0.01 * errors['torque']
+        assert errors['identified'] < 0.1 * errors['before']
+    overrides = config.flat(yaml.safe_load(out.read_text()))
+    robot = resolve('five_bar_circle', overrides)
+    assert robot['robot.mass_factor'] != [1.0] * 4 and robot['robot.payload'] == 0.0
+
+
+def test_intervals_cover_the_true_parameters(bags):
+    found = bag_identification.identify(bags[0]).found
+    truth = robot_of(recording.read(bags[0]).log.config, 'true_robot')
+    values = base_parameters.linear_model(truth).values(truth.parameters)
+    fit, n = found.fit, found.base.joints
+    wanted = found.base.of(
+        values, np.array(TRUE['friction.viscous']), np.array(TRUE['friction.coulomb'])
+    )
+    covered = np.abs(fit.values - wanted) <= fit.interval * fit.standard_errors
+    assert covered.mean() >= 0.8 and len(wanted) > 2 * n + 4
+
+
+def test_a_motion_is_designed_for_a_machine(tmp_path, capsys):
+    out = tmp_path / 'motion.yaml'
+    words = ['identify', '--design', 'five_bar_circle', '--trials', 3, '--out', out]
+    assert run(*words, *words_of({'trajectory.shape': 'excitation'})) == 0
+    before, now = capsys.readouterr().out.splitlines()[1:3]
+    assert float(now.split()[1]) >= float(before.split()[1]) > 0.0
+    changes = config.flat(yaml.safe_load(out.read_text()))
+    assert len(changes['excitation.sine']) == 10
