@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
+from trajectory_gen.plane import way_between
 from trajectory_gen.time_law import quintic
 
 
@@ -38,13 +36,7 @@ def prepare(parameters: Parameters) -> Line:
         InputError: the points are no poses of one robot.
     """
     start, end, duration, phi = parameters
-    if len(start) != len(end) or len(start) < len('xy'):
-        what = 'must be [x, y] both, or poses that begin with x, y, z'
-        raise InputError(f'line.start and line.end {what}', 'line')
-    first = np.array([*start, phi] if len(start) == len('xy') else start)
-    way = np.zeros_like(first)
-    way[: len(start)] = np.array(end) - np.array(start)
-    return Line(first, way, duration)
+    return Line(*way_between('line', ('start', 'end'), start, end, phi), duration)
 
 
 @kernel

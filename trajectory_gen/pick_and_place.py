@@ -11,9 +11,8 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
+from trajectory_gen.plane import SPACE, way_between
 from trajectory_gen.time_law import quintic
-
-SPACE = 3  # coordinates of a place in space
 
 
 class Parameters(NamedTuple):
@@ -54,11 +53,8 @@ def prepare(parameters: Parameters) -> Way:
             lowering take longer than the way.
     """
     pick, place, height, direction, duration, rise, dwell, phi = parameters
-    count = len(pick)
-    if len(place) != count or count < len('xy'):
-        what = 'must be [x, y] both, or poses that begin with x, y, z'
-        raise InputError(f'pick_and_place.pick and pick_and_place.place {what}', 'pick_and_place')
-    size = min(count, SPACE)
+    start, way = way_between('pick_and_place', ('pick', 'place'), pick, place, phi)
+    size = min(len(pick), SPACE)
     axis = np.array(direction or np.eye(size)[-1])
     if len(axis) != size or not np.linalg.norm(axis) > 0.0:
         what = f'must be [] or {size} numbers, not all zero, not {list(direction)}'
@@ -66,9 +62,7 @@ def prepare(parameters: Parameters) -> Way:
     if 2.0 * rise > duration:
         what = f'must be at most half of the duration, {0.5 * duration:g} s, not {rise:g}'
         raise InputError(f'pick_and_place.rise {what}', 'pick_and_place.rise')
-    start = np.array([*pick, phi] if count == len('xy') else pick)
-    way, lift = np.zeros_like(start), np.zeros_like(start)
-    way[:count] = np.array(place) - np.array(pick)
+    lift = np.zeros_like(start)
     lift[:size] = height * axis / np.linalg.norm(axis)
     return Way(start, way, lift, duration, rise, dwell)
 

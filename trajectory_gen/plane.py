@@ -1,4 +1,4 @@
-"""A motion in a plane of the robot's pose, drawn about a centre along two axes."""
+"""Planes and straight ways in the coordinates of the robot's pose, along which motions lie."""
 
 from __future__ import annotations
 
@@ -63,6 +63,35 @@ def plane_of(
     first, second = np.zeros((2, len(center)))
     first[:SPACE], second[:SPACE] = c * u + s * v, c * v - s * u
     return Plane(np.array(center), first, second)
+
+
+def way_between(
+    group: str,
+    names: tuple[str, str],
+    first: tuple[float, ...],
+    last: tuple[float, ...],
+    phi: float,
+) -> tuple[Array, Array]:
+    """First pose of a straight way, and the way to the last one, each shape (m,).
+
+    Args:
+        group: Group of the keys of both points, for messages.
+        names: Of both keys.
+        first: x and y [m], with `phi` the pose of a robot in a plane; or a pose in space.
+        last: The same.
+        phi: Platform angle [rad].
+
+    Raises:
+        InputError: the points are no poses of one robot.
+    """
+    count = len(first)
+    if len(last) != count or count < len('xy'):
+        what = 'must be [x, y] both, or poses that begin with x, y, z'
+        raise InputError(f'{group}.{names[0]} and {group}.{names[1]} {what}', group)
+    start = np.array([*first, phi] if count == len('xy') else first)
+    way = np.zeros_like(start)
+    way[:count] = np.array(last) - np.array(first)
+    return start, way
 
 
 @kernel

@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import KinematicsError
-from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.mechanism import BASE, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.postures import frames, postures
 from parallel_robot_model.mechanisms.workspace import boxed
@@ -83,16 +81,3 @@ def drawn(mechanism: Mechanism, positions: Array) -> Array:
         for line in lines(mechanism)
     ]
     return np.stack(found, axis=1) if found else np.zeros((count, 0, 2, 3))
-
-
-def closed(mechanism: Mechanism, q: Array) -> Array:
-    """All joints at actuated ones, as :func:`positions_of`.
-
-    Raises:
-        KinematicsError: a sample has no posture.
-    """
-    positions, fault = positions_of(mechanism, q)
-    if (fault != FOUND).any():
-        k = int(np.flatnonzero(fault != FOUND)[0])
-        raise KinematicsError(f'the loops cannot be closed at joints {q[k].tolist()} (sample {k})')
-    return positions

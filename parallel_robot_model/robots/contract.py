@@ -11,6 +11,7 @@ of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -127,6 +128,18 @@ class Coordinate(NamedTuple):
 
     name: str
     unit: str
+
+
+def place_of(axes: Sequence[Coordinate], planar: bool) -> int:
+    """Number of the first coordinates of a pose that are the place of the end effector.
+
+    Args:
+        axes: Coordinates of the pose.
+        planar: Whether it is a place in a plane, see PLANAR.
+    """
+    if planar:
+        return len('xy')
+    return len('xyz') if [axis.name for axis in axes[:3]] == ['x', 'y', 'z'] else 0
 
 
 class Robot(Protocol):

@@ -34,6 +34,7 @@ from parallel_robot_model.robots.contract import (
     Location,
     Measurement,
     Robot,
+    place_of,
 )
 from parallel_robot_model.robots.turning import turns_of
 
@@ -80,10 +81,7 @@ class RobotModel(NamedTuple):
     @property
     def place(self) -> int:
         """Number of the first coordinates of its pose that are the place of its end effector."""
-        axes = [axis.name for axis in self.module.coordinates(self.parameters)]
-        if self.planar:
-            return len('xy')
-        return len('xyz') if axes[:3] == ['x', 'y', 'z'] else 0
+        return place_of(self.module.coordinates(self.parameters), self.planar)
 
     @property
     def joint_units(self) -> JointUnits:

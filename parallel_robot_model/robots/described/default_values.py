@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.mechanisms import closing, dynamics, tool
-from parallel_robot_model.mechanisms.description.machine import Machine, machine
-from parallel_robot_model.mechanisms.description.parts import Description
+from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.workspace import boxed
 
 CHOICES: dict[str, Any] = {'actuated': (), 'tool': '', 'home': '', 'held': ()}
@@ -24,18 +22,26 @@ WIDE = 0.1  # of the length of the machine, a motion that is proposed
 HARMONICS = 5
 
 
-def of(description: Description, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults by key.
+def choices(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a machine is chosen, the ``robot.*`` of CHOICES, in their order.
 
     Args:
-        description: The machine's.
-        values: What is asked for; of it, the choices ``robot.*`` count.
+        values: What is asked for.
     """
-    chosen = {
+    return {
         key: _chosen(key, values.get(f'robot.{key}', default)) for key, default in CHOICES.items()
     }
-    made = machine(description, **chosen)
+
+
+def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults in groups.
+
+    Args:
+        made: The machine.
+        chosen: What of it is chosen, see :func:`choices`.
+    """
     inertia, gravity, pose = at_home(made)
+    shapes = figures(made, pose)
     n = len(made.actuated)
     limits = torque_limits(made, inertia, gravity)
     lengths = [unit == 'm' for _, unit in coordinates_of(made)]
@@ -46,60 +52,58 @@ def of(description: Description, values: Mapping[str, Any]) -> dict[str, Any]:
     for k, step in enumerate(0.3 * steps):  # each coordinate at two frequencies of its own
         sine[k, k % HARMONICS] = step
         cosine[k, (k + 2) % HARMONICS] = 0.5 * step
-    return flat(
-        {
-            'joints': list(made.actuated),
-            **figures(made, pose),
-            'robot': {
-                **{
-                    key: list(value) if isinstance(value, tuple) else value
-                    for key, value in chosen.items()
-                },
-                'mass_factor': [1.0] * len(made.names),
-                'spread_factor': [1.0] * 3 * len(made.names),
-                'centre_shift': [0.0] * 3 * len(made.names),
-                'armature': made.mechanism.armature[made.mechanism.actuated].tolist(),
-                'payload': 0.0,
-                'shift': [0.0] * 3 * len(made.names),
-                'gravity': made.mechanism.gravity.tolist(),
-                'lower': [max(low, -FAR) for low in made.lower],
-                'upper': [min(high, FAR) for high in made.upper],
+    return {
+        'joints': list(made.actuated),
+        **shapes,
+        'robot': {
+            **{
+                key: list(value) if isinstance(value, tuple) else value
+                for key, value in chosen.items()
             },
-            'trajectory': {
-                'shape': 'circle' if figures(made, pose) else 'move',
-                'min_closure': 0.1,
-                'min_tool': 0.1,
-                'min_travel': 0.0,
-            },
-            'move': {'start': pose.tolist(), 'end': end.tolist()},
-            'trapezoid': {
-                'start': pose.tolist(),
-                'end': end.tolist(),
-                'speed': (5.0 * steps).tolist(),
-                'acceleration': (20.0 * steps).tolist(),
-            },
-            'excitation': {
-                'center': pose.tolist(),
-                'sine': sine.ravel().tolist(),
-                'cosine': cosine.ravel().tolist(),
-            },
-            'plant': {'initial_pose': pose.tolist(), 'torque_limit': limits.tolist()},
-            'friction': {'viscous': list(made.viscous), 'coulomb': list(made.coulomb)},
-            'disturbance': {'amplitude': 0.0, 'phase': 0.0},
-            'safety': {
-                'min_closure': 0.05,
-                'min_tool': 0.05,
-                'min_travel': 0.0,
-                'residual_limit': 0.0,
-                'damping': (2.0 * BANDWIDTH * inertia).tolist(),
-                'stiffness': (BANDWIDTH**2 * inertia).tolist(),
-                'torque_limit': limits.tolist(),
-                'torque_rate': (1000.0 * limits).tolist(),
-                'ramp_rate': (5.0 * limits).tolist(),
-                'speed_limit': [min(speed, SPEED) for speed in made.velocity],
-            },
-        }
-    )
+            'mass_factor': [1.0] * len(made.names),
+            'spread_factor': [1.0] * 3 * len(made.names),
+            'centre_shift': [0.0] * 3 * len(made.names),
+            'armature': made.mechanism.armature[made.mechanism.actuated].tolist(),
+            'payload': 0.0,
+            'shift': [0.0] * 3 * len(made.names),
+            'gravity': made.mechanism.gravity.tolist(),
+            'lower': [max(low, -FAR) for low in made.lower],
+            'upper': [min(high, FAR) for high in made.upper],
+        },
+        'trajectory': {
+            'shape': 'circle' if shapes else 'move',
+            'min_closure': 0.1,
+            'min_tool': 0.1,
+            'min_travel': 0.0,
+        },
+        'move': {'start': pose.tolist(), 'end': end.tolist()},
+        'trapezoid': {
+            'start': pose.tolist(),
+            'end': end.tolist(),
+            'speed': (5.0 * steps).tolist(),
+            'acceleration': (20.0 * steps).tolist(),
+        },
+        'excitation': {
+            'center': pose.tolist(),
+            'sine': sine.ravel().tolist(),
+            'cosine': cosine.ravel().tolist(),
+        },
+        'plant': {'initial_pose': pose.tolist(), 'torque_limit': limits.tolist()},
+        'friction': {'viscous': list(made.viscous), 'coulomb': list(made.coulomb)},
+        'disturbance': {'amplitude': 0.0, 'phase': 0.0},
+        'safety': {
+            'min_closure': 0.05,
+            'min_tool': 0.05,
+            'min_travel': 0.0,
+            'residual_limit': 0.0,
+            'damping': (2.0 * BANDWIDTH * inertia).tolist(),
+            'stiffness': (BANDWIDTH**2 * inertia).tolist(),
+            'torque_limit': limits.tolist(),
+            'torque_rate': (1000.0 * limits).tolist(),
+            'ramp_rate': (5.0 * limits).tolist(),
+            'speed_limit': [min(speed, SPEED) for speed in made.velocity],
+        },
+    }
 
 
 def figures(made: Machine, pose: Array) -> dict[str, dict[str, Any]]:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
 from parallel_robot_model.mechanisms.description.reading import read
@@ -18,11 +19,14 @@ from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
 from parallel_robot_model.mechanisms.workspace import boxed
-from parallel_robot_model.robots.contract import FOUND, Coordinate
+from parallel_robot_model.robots.contract import FOUND, Coordinate, place_of
 from parallel_robot_model.robots.described import kernels, parameters
 from parallel_robot_model.robots.described.constants import Constants, constants
-from parallel_robot_model.robots.described.default_values import coordinates_of
-from parallel_robot_model.robots.described.default_values import of as default_values_of
+from parallel_robot_model.robots.described.default_values import (
+    choices,
+    coordinates_of,
+    defaults_of,
+)
 from parallel_robot_model.robots.described.linear_machine import LinearMachine
 from parallel_robot_model.robots.described.masses import weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
@@ -135,7 +139,7 @@ class DescribedRobot:
         Raises:
             InputError: it is out of reach.
         """
-        return self.posture(robot, pose)[self.mechanism(robot).actuated]
+        return self.posture(robot, pose)[self.machine(robot).mechanism.actuated]
 
     def posture(self, robot: Parameters, pose: Array) -> Array:
         """All joints at a pose, shape (N,).
@@ -190,8 +194,7 @@ class DescribedRobot:
 
         NaN where no loop closes; nothing of a machine whose tool has no place.
         """
-        names = [axis.name for axis in self.coordinates(robot)]
-        place = 2 if self.planar(robot) else 3 if names[:3] == ['x', 'y', 'z'] else 0
+        place = place_of(self.coordinates(robot), self.planar(robot))
         if not place:
             return {}
         mechanism = self.machine(robot).mechanism
@@ -213,13 +216,19 @@ def default_values(values: Mapping[str, Any]) -> dict[str, Any]:
         values: What else is asked for: the text in ``robot_description``, and of ``robot.*``
             what is chosen.
     """
-    return default_values_of(description_of(values['robot_description']), values)
+    return flat(_defaults(values['robot_description'], *choices(values).items()))
 
 
 @functools.lru_cache(maxsize=8)
 def description_of(text: str) -> Description:
     """A description, read once."""
     return read(text)
+
+
+@functools.lru_cache(maxsize=64)  # a sweep resolves thousands of configurations
+def _defaults(text: str, *chosen: tuple[str, Any]) -> dict[str, Any]:
+    """Defaults in groups, of a machine of which something is chosen."""
+    return defaults_of(_machine(text, *(value for _, value in chosen)), dict(chosen))
 
 
 @functools.lru_cache(maxsize=64)
