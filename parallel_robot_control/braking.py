@@ -64,8 +64,9 @@ def too_fast(
 ) -> bool:
     """Whether the robot could not be brought to rest without a fault of its own.
 
-    M vd + Q v = -D v in steps of the midpoint rule, implicit in D. They are short where the
-    inertia changes fast; a way with too many of them is one that goes to a singularity.
+    M vd + Q v = -D v in steps of the midpoint rule, implicit in D; the model at the middle of one
+    begins the next. They are short where the inertia changes fast; a way with too many of them is
+    one that goes to a singularity.
 
     Args:
         estimate: Estimate of the robot module, as FirstClass.
@@ -92,20 +93,18 @@ def too_fast(
             BRAKED * size / largest(damping * velocity),
             TURNED * size / largest(drift),
         )
-        ahead = position + (0.5 * step) * velocity
         M = found.model.M + np.diag((0.5 * step) * damping)
         halfway = solve(M, momentum - (0.5 * step) * drift)
-        middle = estimate(robot, limits.margins, ahead, halfway, found.pose)
-        if middle.fault != FOUND:
-            return True
-        damping = damping_of(limits, halfway)
-        M = middle.model.M + np.diag((0.5 * step) * damping)
-        lost = multiply(middle.model.Q, halfway) + damping * velocity
-        position = position + step * halfway
-        velocity = velocity - step * solve(M, lost)
-        found = estimate(robot, limits.margins, position, velocity, middle.pose)
+        found = estimate(
+            robot, limits.margins, position + (0.5 * step) * velocity, halfway, found.pose
+        )
         if found.fault != FOUND:
             return True
+        damping = damping_of(limits, halfway)
+        M = found.model.M + np.diag((0.5 * step) * damping)
+        lost = multiply(found.model.Q, halfway) + damping * velocity
+        position = position + step * halfway
+        velocity = velocity - step * solve(M, lost)
         momentum = multiply(found.model.M, velocity)
         if not way_to_rest(limits, momentum) > SHORT:
             return False

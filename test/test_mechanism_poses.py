@@ -11,7 +11,7 @@ from test_serial_2r import ARM
 
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
-from parallel_robot_model.mechanisms.margins import margins
+from parallel_robot_model.mechanisms.margins import keeps, margins
 from parallel_robot_model.mechanisms.mechanism import SLIDE
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
@@ -224,6 +224,8 @@ def test_margins_are_singular_values(name):
         closed, free = margins(m, w)
         r = len(w.error)
         assert closed == pytest.approx(evenness(w.jacobian[:, :r]) if r else 1.0, abs=1e-7)
+        assert keeps(m, w, closed - 1e-6, free - 1e-6) == (True, True)
+        assert keeps(m, w, closed + 1e-6, free + 1e-6) == (False, False)
         if not len(m.coordinate):
             assert free == 1.0
             continue

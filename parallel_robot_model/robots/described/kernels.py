@@ -11,6 +11,7 @@ import numpy as np
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
 from parallel_robot_model.mechanisms import closing, dynamics, free_motion, tool
+from parallel_robot_model.mechanisms.margins import keeps
 from parallel_robot_model.mechanisms.margins import margins as margins_of
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
@@ -61,10 +62,13 @@ def _left(robot: Constants, position: Array) -> float:
 @inner
 def _near(robot: Constants, margins: SafetyMargins, position: Array) -> int:
     """FOUND, or the margin that is violated in the posture that is closed; NaN is a fault, too."""
-    closure, of_tool = margins_of(robot.mechanism, robot.workspace)
-    if not closure >= margins.min_closure * robot.home[0]:
+    closure, of_tool = robot.home
+    closes, moves = keeps(
+        robot.mechanism, robot.workspace, margins.min_closure * closure, margins.min_tool * of_tool
+    )
+    if not closes:
         return CLOSURE
-    if not of_tool >= margins.min_tool * robot.home[1]:
+    if not moves:
         return TOOL
     return FOUND if _left(robot, position) >= margins.min_travel else TRAVEL
 
