@@ -18,11 +18,13 @@ unless_any_saturated = on_vectors(antiwindup.unless_any_saturated)
 WITH_INTEGRAL = [
     'pid', 'super_twisting', 's_smc',
     's_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft',
-    'adrc', 'tdc',
+    'adrc', 'tdc', 'syn_tde_nftsmc', 'continuous_twisting',
+    'implicit_s_fotsmc', 'implicit_super_twisting',
 ]  # fmt: skip
 INTEGRALS = {
     'pid': 'integral.value', 'super_twisting': 'integral.value', 's_smc': 'coupling.value',
-    'adrc': 'observer.disturbance', 'tdc': 'torque',
+    'adrc': 'observer.disturbance', 'tdc': 'torque', 'syn_tde_nftsmc': 'torque',
+    'continuous_twisting': 'integral.value', 'implicit_super_twisting': 'integral',
 }  # fmt: skip
 WEAK = 600  # samples for which the motors are too weak
 

@@ -1,5 +1,7 @@
 """Every law against formulas written anew with matrices, and in the loop against its figures."""
 
+import math
+
 import numpy as np
 import pytest
 from assembly import prepare, simulate
@@ -159,6 +161,102 @@ def fixed_time_smc(k, M, Q, r, f, past):
     return M @ (r.acceleration + u) + Q @ f.velocity
 
 
+def implicit(S, size):
+    """The value of size * sgn(s) for which s + size * sgn(s) = S, by the two cases."""
+    return np.where(np.abs(S) <= size, S, size * np.sign(S))
+
+
+def implicit_full_order(k, M, Q, r, f, past):
+    """The history of tau_sw summed anew; the torque has its last step, too."""
+    samples, tau_sw = [*past, (r, f)], np.zeros(3)
+    for n in range(1, len(samples)):
+        tau_sw = tau_sw + implicit(surface_change(k, samples[: n + 1]), DT * (k['G'] + k['g']))
+    return full_order(k, M, Q, r, f, past, lambda S: 0.0, linear, linear_rate) + M @ tau_sw
+
+
+def surface_change(k, samples):
+    """S at the last of some samples, from the sum of w over all before it."""
+
+    def errors(n):
+        r, f = samples[n]
+        e, de = r.position - f.position, r.velocity - f.velocity
+        return e + k['lambda'] * RING @ sums(samples[:n]), de + k['lambda'] * RING @ e
+
+    (e_c, de_c), now = errors(len(samples) - 2), errors(len(samples) - 1)
+    w = k['Gamma2'] * sig(de_c, k['gamma2']) + k['Gamma1'] * sig(e_c, k['gamma1'])
+    return (now[1] - de_c) / DT + w
+
+
+def implicit_smc(k, M, Q, r, f, past):
+    S = r.velocity - f.velocity + k['z'] * (r.position - f.position)
+    drive = k['z'] * (r.velocity - f.velocity) + implicit(S, DT * k['G']) / DT
+    return M @ (r.acceleration + drive) + Q @ f.velocity
+
+
+def implicit_super_twisting(k, M, Q, r, f, past):
+    """s of the equation of backward Euler by bisection."""
+
+    def foreseen(S):
+        low, high = 0.0, abs(S)
+        for _ in range(200):
+            s = 0.5 * (low + high)
+            over = s + DT * k['k1'] * math.sqrt(s) + DT**2 * k['k2'] > abs(S)
+            low, high = (low, s) if over else (s, high)
+        return math.copysign(0.5 * (low + high), S)
+
+    w = np.zeros(3)
+    for r_k, f_k in [*past, (r, f)]:
+        S = r_k.velocity - f_k.velocity + k['z'] * (r_k.position - f_k.position)
+        s = np.array([foreseen(x) for x in S])
+        w = w + implicit(S, DT**2 * k['k2']) / DT
+    drive = k['z'] * (r.velocity - f.velocity) + k['k1'] * sig(s, 0.5) + w
+    return M @ (r.acceleration + drive) + Q @ f.velocity
+
+
+def continuous_twisting(k, M, Q, r, f, past):
+    def errors(r, f):
+        return r.position - f.position, r.velocity - f.velocity
+
+    signs = [np.sign(errors(*pair)) for pair in past]
+    w = DT * sum((k['k3'] * e + k['k4'] * de for e, de in signs), np.zeros(3))
+    e, de = errors(r, f)
+    drive = k['k1'] * np.cbrt(e) + k['k2'] * sig(de, 0.5) + w
+    return M @ (r.acceleration + drive) + Q @ f.velocity
+
+
+def predefined_time_smc(k, M, Q, r, f, past):
+    """The slope of the surface by differences that are complex steps."""
+
+    def settling(x, T):
+        return np.exp(x ** k['p']) * x ** (1 - k['p']) / (k['p'] * T)
+
+    def surface(e):
+        end = k['clip']
+        return np.where(e.real < end, e / end * settling(end, k['T1']), settling(e, k['T1']))
+
+    e, de = r.position - f.position, r.velocity - f.velocity
+    value = surface(np.abs(e) + 1e-30j)
+    S = de + np.sign(e) * value.real
+    reaching = np.sign(S) * settling(np.abs(S), k['T2']) + k['G'] * sat(S / k['u'])
+    return M @ (r.acceleration + value.imag / 1e-30 * de + reaching) + Q @ f.velocity
+
+
+def syn_tde_nftsmc(k, M, Q, r, f, past):
+    """The torque as a sum, as of tdc, on the coupled errors."""
+    torque, total, last = np.zeros(3), np.zeros(3), None
+    for r_k, f_k in [*past, (r, f)]:
+        e, de = r_k.position - f_k.position, r_k.velocity - f_k.velocity
+        x, dx = e + k['lambda'] * RING @ total, de + k['lambda'] * RING @ e
+        S = x + k['Gamma1'] * sig(x, k['gamma1']) + k['Gamma2'] * sig(dx, k['gamma2'])
+        slope = 1 + k['Gamma1'] * k['gamma1'] * np.abs(x) ** (k['gamma1'] - 1)
+        w = slope / k['Gamma2'] / k['gamma2'] * sig(dx, 2 - k['gamma2']) + k['G'] * sat(S / k['u'])
+        wanted = r_k.acceleration + k['lambda'] * RING @ de + w
+        found = 0.0 if last is None else (f_k.velocity - last) / DT
+        torque, last = torque + k['inertia'] * (wanted - found), f_k.velocity
+        total = total + DT * e
+    return torque
+
+
 FORMULAS = {
     'smc': smc,
     's_smc': lambda k, *a: smc(k, *a, coupling=k['lambda'], K=k['K']),
@@ -192,10 +290,16 @@ FORMULAS = {
     'adrc': adrc,
     'tdc': tdc,
     'fixed_time_smc': fixed_time_smc,
+    'syn_tde_nftsmc': syn_tde_nftsmc,
+    'continuous_twisting': continuous_twisting,
+    'predefined_time_smc': predefined_time_smc,
+    'implicit_smc': implicit_smc,
+    'implicit_s_fotsmc': implicit_full_order,
+    'implicit_super_twisting': implicit_super_twisting,
     'observer_s_fotsmc': lambda *given: FORMULAS['s_fotsmc'](*given) + given[4].disturbance,
     'lqg_tracking': lqg_tracking,
 }
-WITHOUT_MODEL = ('pid', 'tdc')
+WITHOUT_MODEL = ('pid', 'tdc', 'syn_tde_nftsmc')
 CASES = [(name, {}) for name in LAWS] + [('nftsmc', {'nftsmc.form': 'classical'})]
 
 
@@ -253,6 +357,44 @@ def test_the_adaptive_gain_needs_no_bound():
     assert variation < run({'law': 's_fotsmc', 's_fotsmc.G': 50.0})[1]
 
 
+@pytest.mark.parametrize(
+    ('law', 'implicit', 'gains', 'error', 'variation'),
+    [
+        ('s_fotsmc', 'implicit_s_fotsmc', {'G': 100.0}, 0.1, 0.02),
+        ('super_twisting', 'implicit_super_twisting', {'k1': 15.0, 'k2': 100.0}, 0.1, 0.4),
+    ],
+)
+def test_backward_euler_takes_the_chattering_from_the_integral(
+    law, implicit, gains, error, variation
+):
+    """With large gains: error and torque variation fall to these shares of those before."""
+
+    def run(law):
+        done = simulate(
+            'paper_circle', overrides={f'{law}.{k}': v for k, v in gains.items()} | {'law': law}
+        )
+        return done.steady_rms(), np.abs(np.diff(done.out.effort, axis=0)).sum()
+
+    before, after = run(law), run(implicit)
+    assert after[0] < error * before[0] and after[1] < variation * before[1]
+
+
+@pytest.mark.parametrize('start', [1e-3, 0.05, 0.3])
+def test_the_predefined_time_is_kept_from_any_start(start):
+    """A double integrator under the law with sgn: S vanishes until T2, e until T1 + T2."""
+    gains = prepare('predefined_time_smc', VALUES).gains._replace(u=1e-6, G=0.0)
+    update, dt, zero = on_vectors(LAWS['predefined_time_smc'].update), 1e-4, np.zeros(3)
+    e, de = np.full(3, start), np.array([-1.0, 0.0, 1.0])
+    model, r = Model(np.eye(3), np.zeros((3, 3)), zero), JointReference(zero, zero, zero)
+    for k in range(10_000):
+        output = update(gains, model, r, Feedback(-e, -de, zero, zero), zero[:0], dt)
+        if k * dt > gains.T2:
+            assert np.abs(output.sliding_variable).max() < 1e-2
+        de = de - dt * output.torque
+        e = e + dt * de
+    assert np.abs(e).max() < gains.clip
+
+
 def test_without_coupling_the_laws_are_their_ablations():
     for law, ablation in (('s_fotsmc', 'fotsmc'), ('s_smc', 'smc_k')):
         zero = steady_rms('paper_circle', {'law': law, f'{law}.lambda': 0.0})
@@ -264,7 +406,7 @@ def test_an_unknown_law_is_refused_with_the_nearest_name():
         configure(VALUES | {'law': 'super_twister'})
 
 
-FULL_ORDER = ('s_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft')
+FULL_ORDER = ('s_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft', 'implicit_s_fotsmc')
 
 
 @pytest.mark.parametrize('law', FULL_ORDER)

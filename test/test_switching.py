@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from rig import Rig
+from rig import SAMPLES, Rig
 
 from parallel_robot_control import assembly as control
 from parallel_robot_control import configuration, cycle_memory
@@ -31,8 +31,14 @@ DWELL = {
     'nftsmc': 0.1, 'computed_torque': 0.4, 'super_twisting': 0.5, 'fotsmc': 0.6, 'smc_k': 0.6,
     'smc': 0.7, 'pid': 0.8, 's_fotsmc_ft': 1.1, 's_smc': 1.3, 's_fotsmc': 2.3,
     'adaptive_s_fotsmc': 2.9, 'adrc': 0.6, 'tdc': 0.6, 'fixed_time_smc': 0.6,
-    'observer_s_fotsmc': 4.0, 'lqg_tracking': 3.5,
+    'observer_s_fotsmc': 4.0, 'lqg_tracking': 3.5, 'syn_tde_nftsmc': 2.3,
+    'continuous_twisting': 0.5, 'predefined_time_smc': 0.5, 'implicit_smc': 0.7,
+    'implicit_s_fotsmc': 2.9, 'implicit_super_twisting': 0.5,
 }  # fmt: skip
+
+# By how much errors of a law differ from one run to another, rms and largest: by a limit cycle, or
+# by chance at each reversal of friction. Those of all other laws do by less than 5 and 10 %.
+SPREAD = {'continuous_twisting': (1.3, 1.8), 'implicit_super_twisting': (1.1, 1.2)}
 
 
 def follow(parts, control, first, last, plant, cycle):
@@ -75,6 +81,7 @@ def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, 
     end = MOVING + round(DWELL[name] * 1e3) + WINDOW
     alone = follow(parts, one, 0, end, parts.plant.state, parts.control.state)
     own = error(alone.pose, 0)[-WINDOW:]
+    rms, largest = SPREAD.get(name, (1.05, 1.1))
     for other, at in before.items():
         cycle = taking_over(at.cycle, at.command[-1])
         out = follow(parts, one, MOVING, end, at.plant, cycle)
@@ -83,8 +90,8 @@ def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, 
         assert set(out.acted) <= {0, RAMP}
         assert np.abs(out.command[0] - at.command[-1]).max() <= BOUND
         back = error(out.pose, MOVING)[-WINDOW:]
-        assert np.sqrt((back**2).mean()) < 1.05 * np.sqrt((own**2).mean()), other
-        assert back.max() < 1.1 * own.max(), other
+        assert np.sqrt((back**2).mean()) < rms * np.sqrt((own**2).mean()), other
+        assert back.max() < largest * own.max(), other
 
 
 def tour(names):
@@ -106,7 +113,7 @@ def test_all_pairs_one_after_the_other_as_parameters_change(parts):
     controls = {name: control.assemble(CONFIGURATION.control, name, memory) for name in laws}
     names = tour(laws)
     assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)
-    rig, dwell = Rig('lockstep', law=names[0]), 7
+    rig, dwell = Rig('lockstep', law=names[0]), SAMPLES // len(names)
     plant, cycle = parts.plant.state, parts.control.state
     for number, name in enumerate(names):
         one = controls[name]

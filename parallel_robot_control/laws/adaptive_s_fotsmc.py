@@ -1,4 +1,4 @@
-"""S-FOTSMC whose switching gain is estimated online: no bound of the uncertainty is needed."""
+"""S-FOTSMC whose switching gain is estimated online: of the uncertainty only a cap is given."""
 
 from __future__ import annotations
 
