@@ -6,14 +6,13 @@ from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.integral import Integral
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.laws.s_fotsmc import (  # noqa: F401 the same gains and memory
-    Gains,
-    Memory,
-    initial_memory,
-    judge,
-)
+from parallel_robot_control.laws.s_fotsmc import Gains as Gains
+from parallel_robot_control.laws.s_fotsmc import Memory
 from parallel_robot_model.compiler import clip, kernel, multiply
 from parallel_robot_model.robots.contract import Model
+
+initial_memory = s_fotsmc.initial_memory
+judge = s_fotsmc.judge
 
 
 @kernel
