@@ -422,9 +422,10 @@ def run_cycle(
     feedback = Feedback(position, velocity, excess, np.zeros_like(position))
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
+        ahead = filter_.command_delay + filter_.lag
         reference = JointReference(
-            joined.position + filter_.command_delay * joined.velocity,
-            joined.velocity + filter_.command_delay * joined.acceleration,
+            joined.position + ahead * joined.velocity,
+            joined.velocity + ahead * joined.acceleration,
             joined.acceleration,
         )
         motion = kalman.predicted(
@@ -468,7 +469,9 @@ def run_cycle(
     if done.fault == faults.NONE:
         keep(setup.memory)
     # Also without a filter: a law that comes next may have one.
-    cycle_memory.remember(filter_.memory, when.sample, done.torque, tracks)
+    cycle_memory.remember(
+        filter_.memory, when.sample, done.torque, tracks, filter_.lag, filter_.period
+    )
     if identified.on:
         lock_in.observe(
             identified,
@@ -478,6 +481,7 @@ def run_cycle(
             done.torque,
             when.age,
             filter_.command_delay,
+            filter_.lag,
             estimator.delay,
             done.fault != faults.NONE,
         )

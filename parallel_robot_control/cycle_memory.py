@@ -5,6 +5,8 @@ What the compiled cycle keeps besides its state lies here, so that little is han
 
 from __future__ import annotations
 
+import math
+
 from parallel_robot_control import lock_in
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import Space, inner, read_at, select, write_at
@@ -14,7 +16,9 @@ SIZE = 128  # torques that are remembered
 # missing [s]; whether it is, see torque_arrival.py; age of the last state [s].
 SAMPLE, RUNNING, SPELL, LOST, AGE = range(5)
 MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the torques, begin
-WAYS = TORQUE + SIZE  # row where those of state_consistency.py begin
+ACTING = TORQUE + SIZE  # row where the torques of motors with a lag begin
+LAGGED = ACTING + SIZE  # row of that torque after the newest of them
+WAYS = LAGGED + 1  # row where those of state_consistency.py begin
 OF_WAYS = 6
 MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
 APPROACH = MOMENTUM + 5  # of approach.py
@@ -45,14 +49,36 @@ def torque_at(memory: int, sample: int, like: Array) -> Array:
 
 
 @inner
+def acting_at(memory: int, sample: int, lag: float, like: Array) -> Array:
+    """What the motors made of the torque of a sample over its period [N m], shape (n,)."""
+    return read_at(memory, select(lag > 0.0, ACTING, TORQUE) + sample % SIZE, like)
+
+
+@inner
+def acting_after(memory: int, lag: float, like: Array) -> Array:
+    """Mean torque of the motors over the time `lag` after the newest period [N m], shape (n,).
+
+    The newest command is held.
+    """
+    asked = torque_at(memory, newest(memory), like)
+    if not lag > 0.0:
+        return asked
+    return asked + (read_at(memory, LAGGED, like) - asked) * (1.0 - math.exp(-1.0))
+
+
+@inner
 def fill(memory: int, torque: Array) -> None:
     """Take a torque for the one that has acted for long [N m], shape (n,)."""
     for k in range(SIZE):
         write_at(memory, TORQUE + k, torque)
+        write_at(memory, ACTING + k, torque)
+    write_at(memory, LAGGED, torque)
 
 
 @inner
-def remember(memory: int, sample: int, torque: Array, tracking: bool) -> None:
+def remember(
+    memory: int, sample: int, torque: Array, tracking: bool, lag: float, period: float
+) -> None:
     """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
 
     Args:
@@ -60,15 +86,29 @@ def remember(memory: int, sample: int, torque: Array, tracking: bool) -> None:
         sample: Index of the sample.
         torque: [N m], shape (n,).
         tracking: Whether the filter ran at this sample.
+        lag: Time constant of the motors [s].
+        period: Of the samples [s].
     """
     last = newest(memory)
     if sample > last + 1:
         held = read_at(memory, TORQUE + last % SIZE, torque)
         for missed in range(max(last + 1, sample - SIZE), sample):
             write_at(memory, TORQUE + missed % SIZE, held)
+            _lag(memory, missed, held, lag, period)
     write_at(memory, TORQUE + sample % SIZE, torque)
+    _lag(memory, sample, torque, lag, period)
     write_at(memory, SAMPLE, float(sample))
     write_at(memory, RUNNING, 1.0 if tracking else 0.0)
+
+
+@inner
+def _lag(memory: int, sample: int, torque: Array, lag: float, period: float) -> None:
+    """Keep what motors with a lag of first order make of a torque: its mean, and the last."""
+    if lag > 0.0:
+        before, left = read_at(memory, LAGGED, torque), math.exp(-period / lag)
+        mean = torque + (before - torque) * ((1.0 - left) * lag / period)
+        write_at(memory, ACTING + sample % SIZE, mean)
+        write_at(memory, LAGGED, torque + (before - torque) * left)
 
 
 @inner

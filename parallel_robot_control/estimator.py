@@ -52,6 +52,7 @@ class EstimatorParameters(NamedTuple):
         ),
     ]
     command_delay: Annotated[float, Field('s', 'from a command until it acts (kalman)', 0.0)]
+    lag: Annotated[float, Field('s', 'time constant of the motors after that (kalman)', 0.0)]
     velocities: Annotated[bool, Field('', 'measured velocities are used (kalman)')]
     position_noise: Annotated[
         PerJoint, Field('rad', 'noise of the positions, rms (kalman)', 1e-12)
@@ -135,10 +136,11 @@ def estimator_of(
         delay = parameters.delay
     elif parameters.delay == IDENTIFY:
         key, delay = 'lock_in.delay', identification.delay
-    late = delay + parameters.command_delay
+    late = delay + parameters.command_delay + parameters.lag
     if late > MOST * period:
+        others = 'estimator.command_delay' + (' and .lag' if parameters.lag else '')
         raise InputError(
-            f'{key} and estimator.command_delay must together be at most '
+            f'{key} and {others} must together be at most '
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
             key,
         )
@@ -157,6 +159,7 @@ def estimator_of(
         Kalman(
             period,
             parameters.command_delay,
+            parameters.lag,
             parameters.velocities,
             variance(parameters.position_noise),
             variance(parameters.velocity_noise),

@@ -76,7 +76,8 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(kalman, reference, high)
-            torque = cycle_memory.torque_at(kalman.memory, sample - j, position) - missing
+            torque = cycle_memory.acting_at(kalman.memory, sample - j, kalman.lag, position)
+            torque = torque - missing
             x = moved(kalman, model, x, s, torque, h)
             p = spread(kalman, mobility, p, s, h)
             j -= 1
@@ -94,10 +95,15 @@ def predicted(
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = cycle_memory.torque_at(kalman.memory, sample - j, position) - missing
+        torque = cycle_memory.acting_at(kalman.memory, sample - j, kalman.lag, position) - missing
         x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
-    unknown = x.disturbance + x.offset + x.coulomb * sign(kalman, reference, 0.0)
+    # 3. And over the lag of the motors, which delays what is asked for now by as much.
+    s = sign(kalman, reference, -kalman.lag)
+    if kalman.lag > 0.0:
+        torque = cycle_memory.acting_after(kalman.memory, kalman.lag, position) - missing
+        x = moved(kalman, model, x, s, torque, kalman.lag)
+    unknown = x.disturbance + x.offset + x.coulomb * s
     return Predicted(x.position, x.velocity, unknown)
 
 

@@ -34,6 +34,7 @@ class Kalman(NamedTuple):
     Attributes:
         period: Of the samples [s].
         command_delay: From a command until it acts [s].
+        lag: Time constant of the motors after that [s].
         velocities: Whether measured velocities are used.
         position: Variance of the measured positions [rad^2].
         velocity: Of the measured velocities [(rad/s)^2].
@@ -46,6 +47,7 @@ class Kalman(NamedTuple):
 
     period: float
     command_delay: float
+    lag: float
     velocities: bool
     position: Array
     velocity: Array

@@ -126,6 +126,7 @@ def observe(
     torque: Array,
     age: float,
     command_delay: float,
+    lag: float,
     assumed: float,
     failed: bool,
 ) -> None:
@@ -139,6 +140,7 @@ def observe(
         torque: The torque, within its limits [N m], shape (n,).
         age: Of the state at the sample, as its stamp tells [s].
         command_delay: From a command until it acts [s].
+        lag: Time constant of the motors after that [s].
         assumed: Delay without the lock-in [s].
         failed: Whether the controller is in a fault.
     """
@@ -160,6 +162,7 @@ def observe(
     write_at(at, WEIGHT, read_at(at, WEIGHT, 0.0) + weight)
     if k == lock_in.length - 1:
         told = read_at(at, AGE, zero)[0] / read_at(at, WEIGHT, 0.0) + command_delay
+        told += math.atan(lock_in.frequency * lag) / lock_in.frequency
         _end(lock_in, told, assumed, zero)
         write_at(at, END, float(sample + 1))
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from assembly import simulate
+from scipy.linalg import expm
 
 from parallel_robot_control import cycle_memory, kalman
 from parallel_robot_control.assembly import assemble
@@ -38,7 +39,7 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
         found = kalman.predicted(
             filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
-        cycle_memory.remember(filter_.memory, k, read_row(torques, k, like), True)
+        cycle_memory.remember(filter_.memory, k, read_row(torques, k, like), True, filter_.lag, T)
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
         write_row(answers, 3 * k + 2, found.disturbance)
@@ -91,10 +92,11 @@ def motion_of(k):
     return both * np.sin(w * t), both * w * np.cos(w * t), -both * w * w * np.sin(w * t)
 
 
-def filter_of(velocities=True, command_delay=0.0):
+def filter_of(velocities=True, command_delay=0.0, lag=0.0):
     return Kalman(
         T,
         command_delay,
+        lag,
         velocities,
         *(vector(values**2) for values in (*NOISE, DISTURBANCE)),
         BANDWIDTH,
@@ -113,23 +115,41 @@ def found(filter_, measured, torques, lates, dts):
     return answers.reshape(-1, 3, N)
 
 
+def driven(torque, before, h, lag):
+    """Mean torque over h of motors with a lag, and that at its end, by the exponential."""
+    if lag == 0.0:
+        return torque, torque
+    step = expm(h * np.array([[-1.0 / lag, 0.0, 1.0 / lag], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    end, total, _ = step @ np.array([before, np.zeros(N), torque])
+    return total / h, end
+
+
 @pytest.mark.parametrize(
-    ('late', 'velocities', 'command_delay'), [(0, True, 0), (3, True, 0), (5, False, 2)]
+    ('late', 'velocities', 'command_delay', 'lag'),
+    [(0, True, 0, 0.0), (3, True, 0, 0.0), (5, False, 2, 0.0), (4, True, 1, 3.3 * T)],
 )
-def test_filter_and_prediction_are_those_of_the_matrices(late, velocities, command_delay):
+def test_filter_and_prediction_are_those_of_the_matrices(late, velocities, command_delay, lag):
     rng = np.random.default_rng(3)
     torques, measured = rng.standard_normal((COUNT, N)), rng.standard_normal((2 * COUNT, N)) * 0.1
     delay = command_delay * T
     lates = np.full(COUNT, late * T + delay)
     dts = np.full(COUNT, T)
-    answers = found(filter_of(velocities, delay), measured, torques, lates, dts)
+    answers = found(filter_of(velocities, delay, lag), measured, torques, lates, dts)
+    acting, ends = [], [np.zeros(N)]  # of the motors
+    for torque in torques:
+        for part, new in zip((acting, ends), driven(torque, ends[-1], T, lag), strict=True):
+            part.append(new)
 
     def steps(k, first, last):
-        """From `first` to `last` samples before the torque of sample k acts."""
+        """From `first` to `last` samples before the torque of sample k begins to act; the lag."""
         _, rate, acceleration = motion_of(k)
         for back in range(first, last, -1):
             sign = np.clip((rate + (delay - back * T) * acceleration) / SMOOTH, -1.0, 1.0)
-            yield T, sign, torques[k - back] if k >= back else np.zeros(N)
+            yield T, sign, acting[k - back] if k >= back else np.zeros(N)
+        if last == 0 and lag > 0.0:
+            sign = np.clip((rate + (delay + lag) * acceleration) / SMOOTH, -1.0, 1.0)
+            newest = torques[k - 1] if k else np.zeros(N)
+            yield lag, sign, driven(newest, ends[k], lag, lag)[0]
 
     whole = late + command_delay
     for k in range(COUNT):
@@ -142,7 +162,7 @@ def test_filter_and_prediction_are_those_of_the_matrices(late, velocities, comma
             dense.measure(position, velocity)
         x = dense.predicted(steps(k, whole, 0)).reshape(5, N)
         _, rate, acceleration = motion_of(k)
-        sign = np.clip((rate + delay * acceleration) / SMOOTH, -1.0, 1.0)
+        sign = np.clip((rate + (delay + lag) * acceleration) / SMOOTH, -1.0, 1.0)
         wanted = x[0], x[1], x[2] + x[3] + sign * x[4]
         assert np.allclose(answers[k], wanted, rtol=1e-7, atol=1e-9), k
 
@@ -197,6 +217,14 @@ def test_commands_that_act_late_are_predicted_too():
     assert error(0.006) < 25e-6 < 1e-3 < error(0.0)
 
 
+def test_motors_that_lag_are_predicted_too():
+    def error(known, law='lqg_tracking'):
+        slow = {'actuator.lag': 0.005, 'estimator.lag': known, 'lqg_tracking.bandwidth': 106.7}
+        return simulate(overrides={'law': law, **LABORATORY, **slow}).steady_rms()
+
+    assert error(0.005) < 25e-6 < 300e-6 < error(0.0)
+
+
 def test_velocities_need_not_be_measured():
     blind = {'sensor.velocity_noise': 100.0, 'estimator.velocities': False}
     keys = {'law': 'observer_s_fotsmc', **LABORATORY, **blind, 'safety.speed_limit': 10.0}
@@ -227,3 +255,6 @@ def test_more_than_can_be_predicted_is_refused():
     late = values | {'estimator.command_delay': 0.02}
     with pytest.raises(InputError, match=r'at most 50 periods, 0.05 s, not 0.06'):
         assemble(configure(late))
+    slow = values | {'estimator.lag': 0.03}
+    with pytest.raises(InputError, match=r'command_delay and .lag must .* 0.05 s, not 0.07'):
+        assemble(configure(slow))

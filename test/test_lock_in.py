@@ -64,6 +64,9 @@ def test_stamps_and_a_known_delay_of_commands_are_taken_off():
     late['estimator.command_delay'] = 3 * T
     told = found_by(simulated(resolve('paper_circle', {**keys, **late})))
     assert told.phase == FOUND and told.delay < 0.25 * T
+    slow = {'actuator.lag': 5 * T, 'estimator.lag': 5 * T}
+    told = found_by(simulated(resolve('paper_circle', {**keys, **late, **slow})))
+    assert told.phase == FOUND and told.delay < 0.25 * T
 
 
 def test_joints_that_disagree_leave_the_default():
@@ -100,7 +103,7 @@ def _observe(locked, model, torques, measured, samples, like):
         k = samples[i]
         lock_in.begin(locked, k, i > 0, False, like)
         torque, error = read_row(torques, k, like), read_row(measured, k, like)
-        lock_in.observe(locked, k, model, error, torque, 0.0, 0.0, 0.0, False)
+        lock_in.observe(locked, k, model, error, torque, 0.0, 0.0, 0.0, 0.0, False)
 
 
 @kernel
