@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import clip, kernel, select, vector
+from parallel_robot_model.compiler import clip, kernel, select, some, vector
 from parallel_robot_sim.delay_line import (
     COMMAND,
     DISTURBANCE,
@@ -70,14 +70,16 @@ def driven(setup: Any, command: Array, limit: Array, time: float, period: float)
 
 
 @kernel
-def held_disturbance(setup: Any, like: Array, time: float, period: float) -> Array:
-    """Torque that opposes the motors over a period [N m], shape (n,): constant, pulse, noise.
+def held_disturbance(setup: Any, position: Array, time: float, period: float) -> Array:
+    """Torque that opposes the motors over a period [N m], shape (n,): all but the sine.
 
-    The noise is white noise behind a low-pass filter of first order, in its steady state.
+    The noise is white noise behind a low-pass filter of first order, in its steady state. The
+    cogging of a motor is a sine of its angle, that of the start of the period; drives do not tell
+    it as an effort.
 
     Args:
         setup: PlantSetup with imperfections.
-        like: Any vector, shape (n,).
+        position: Actuated joints at the start of the period [rad], shape (n,).
         time: Start of the period, since the start of the run [s].
         period: Length of the period [s].
     """
@@ -86,12 +88,15 @@ def held_disturbance(setup: Any, like: Array, time: float, period: float) -> Arr
     end = (load.pulse_start + load.pulse_duration) / period - EARLY
     torque = vector(load.constant)
     torque = torque + select((sample >= begin) & (sample < end), 1.0, 0.0) * vector(load.pulse)
-    drawn = normals(setup.imperfections.seed, sample, OF_LOAD, setup.imperfections.draws, like)
+    ripple = vector(load.ripple)
+    if some(ripple != 0.0):
+        torque = torque + ripple * np.sin(load.ripple_periods * position)
+    drawn = normals(setup.imperfections.seed, sample, OF_LOAD, setup.imperfections.draws, position)
     left = math.exp(-2.0 * math.pi * load.bandwidth * period)
     left = select(load.bandwidth > 0.0, left, 0.0)
     noise = drawn
     if sample > 0:
-        before = recall(setup, DISTURBANCE, sample - 1, like)
+        before = recall(setup, DISTURBANCE, sample - 1, position)
         noise = left * before + np.sqrt(1.0 - left * left) * drawn
     remember(setup, DISTURBANCE, sample, noise)
     return torque + vector(load.noise) * noise

@@ -115,7 +115,9 @@ def torques(configuration: Configuration, reference: Reference) -> tuple[Array, 
     estimate = robot.kernel('estimate', margins, joints, joints, pose)
     rows = reference.position, reference.velocity, reference.acceleration
     held, moved = _along(estimate, robot.constants, margins, pose, joints, reference.pose, *rows)
-    dry = np.array(friction.coulomb) * np.sign(reference.velocity)
+    share = reference.velocity / friction.stribeck_velocity
+    dry = np.array(friction.coulomb) + np.array(friction.stribeck) * np.exp(-share * share)
+    dry = dry * np.sign(reference.velocity)
     return moved - held, np.array(friction.viscous) * reference.velocity, dry + held
 
 

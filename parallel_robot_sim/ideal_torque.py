@@ -76,7 +76,7 @@ class IdealTorque:
 
         period = self._plant.loop.period
         # 1. What moves the robot against viscous friction is smooth: few points of it will do.
-        middles, velocity = _middles(self._trajectory, period, first, stop)
+        middles, position, velocity = _middles(self._trajectory, period, first, stop)
         begin, end = np.searchsorted(self._points, middles[[0, -1]])
         times = self._points[max(begin - BESIDE, 0) : end + BESIDE]
         motion = performed(self._trajectory, self._smooth, times, self._assembled)
@@ -89,16 +89,19 @@ class IdealTorque:
         rest = JointLoad(friction._replace(viscous=still), disturbance)
         setup = motion.plant.setup._replace(imperfections=self._imperfections)
         ideal: Array = _with_loads(
-            setup, rest, motion.plant.state.torque, torque, velocity, period, first
+            setup, rest, motion.plant.state.torque, torque, position, velocity, period, first
         )
         return ideal
 
 
 @functools.lru_cache(maxsize=2)
-def _middles(trajectory: Trajectory, period: float, first: int, stop: int) -> tuple[Array, Array]:
-    """The middle of the step before samples [s], and the rates of the joints [rad/s]."""
+def _middles(
+    trajectory: Trajectory, period: float, first: int, stop: int
+) -> tuple[Array, Array, Array]:
+    """The middle of the step before samples [s], joints [rad] and their rates [rad/s] there."""
     middles = np.maximum(np.arange(first, stop) - 0.5, 0.0) * period
-    return middles, trajectory.sample(middles).velocity
+    motion = trajectory.sample(middles)
+    return middles, motion.position, motion.velocity
 
 
 @kernel
@@ -107,6 +110,7 @@ def _with_loads(
     load: JointLoad,
     like: Array,
     torque: Array,
+    position: Array,
     velocity: Array,
     period: float,
     first: int,
@@ -118,6 +122,7 @@ def _with_loads(
         load: Friction and disturbance that are not in the torques yet.
         like: Any torque.
         torque: Torques of the step before each sample [N m], shape (N, n).
+        position: Joints in the middle of it [rad], shape (N, n).
         velocity: Rates of the joints in the middle of it [rad/s], shape (N, n).
         period: Of the samples [s].
         first: Sample of the first row; no step ends at sample 0.
@@ -129,6 +134,7 @@ def _with_loads(
         # net_torque(t) = t - loads, so -net_torque(-t) = t + loads.
         needed = -net_torque(load, -read_row(torque, k, like), rate, begin + 0.5 * period)
         if setup.imperfections.on:
-            needed = needed + held_disturbance(setup, like, begin, period)
+            start = read_row(position, k, like) - 0.5 * period * rate
+            needed = needed + held_disturbance(setup, start, begin, period)
         write_row(ideal, k, needed)
     return ideal

@@ -81,6 +81,8 @@ class LoadParameters(NamedTuple):
     pulse_duration: Annotated[float, Field('s', 'length of the pulse', 0.0)]
     noise: Annotated[PerJoint, Field('N m', 'noise per joint, rms', 0.0)]
     bandwidth: Annotated[float, Field('Hz', 'bandwidth of the noise; 0: white', 0.0)]
+    ripple: Annotated[PerJoint, Field('N m', 'amplitude of the cogging of the motors', 0.0)]
+    ripple_periods: Annotated[float, Field('', 'of it in a turn, or in 2 pi m of a slide', 0.0)]
 
 
 class Imperfections(NamedTuple):
@@ -136,7 +138,7 @@ def imperfections(
     sensing = Sensor(*sensor[:-1])
     whole = np.not_equal(actuator.effectiveness, 1.0).any()
     acting = actuator._replace(effectiveness=PerJoint((0.0,)), fault_time=0.0)
-    loading = (load.constant, load.pulse, load.noise)
+    loading = (load.constant, load.pulse, load.noise, load.ripple)
     on = whole or any(np.any(each) for each in (*sensing, *acting, *loading))
     late = [
         _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensing, acting)

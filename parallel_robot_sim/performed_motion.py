@@ -83,7 +83,7 @@ def smooth(plant: PlantConfiguration) -> PlantConfiguration:
     return plant._replace(
         parameters=plant.parameters._replace(torque_limit=PerJoint((np.inf,) * len(zero))),
         load=plant.load._replace(
-            friction=friction._replace(coulomb=zero),
+            friction=friction._replace(coulomb=zero, stribeck=zero),
             disturbance=disturbance._replace(amplitude=zero),
         ),
         imperfections=plant.imperfections._replace(on=False),

@@ -125,7 +125,7 @@ def torques(
         joints = setup.measure(setup.robot, state.coordinates, state.rate)
         keep_sensed(setup, joints, state.torque, state.time, period)
         torque = driven(setup, command, limit, state.time, period)
-        acting = torque - held_disturbance(setup, command, state.time, period)
+        acting = torque - held_disturbance(setup, joints.position, state.time, period)
     return torque, acting
 
 

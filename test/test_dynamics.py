@@ -24,7 +24,7 @@ STILL = np.zeros(3)
 MODEL = OnVectors(planar_3rrr)
 CONSTANTS = constants(ROBOT)
 FREE = JointLoad(
-    FrictionParameters((0.0,) * 3, (0.0,) * 3, 0.0),
+    FrictionParameters((0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.01, 0.0),
     DisturbanceParameters((0.0,) * 3, 0.0, (0.0,) * 3),
 )
 

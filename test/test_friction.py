@@ -11,8 +11,8 @@ from parallel_robot_model.robots import friction
 from parallel_robot_model.robots.friction import FrictionParameters
 
 friction_torque = on_vectors(friction.friction_torque)
-PAPER = FrictionParameters((2.5, 2.5, 2.5), (0.5, 0.5, 0.5), 0.0)
-UNEVEN = FrictionParameters((1.0, 2.0, 3.0), (0.1, 0.2, 0.4), 0.0)
+PAPER = FrictionParameters((2.5, 2.5, 2.5), (0.5, 0.5, 0.5), (0.0,) * 3, 0.01, 0.0)
+UNEVEN = FrictionParameters((1.0, 2.0, 3.0), (0.1, 0.2, 0.4), (0.0,) * 3, 0.01, 0.0)
 
 
 @given(rows(5.0))
@@ -30,6 +30,16 @@ def test_no_friction_at_rest():
     assert not friction_torque(PAPER, np.zeros(3)).any()
 
 
+@given(rows(0.1))
+def test_dry_friction_falls_from_rest_to_motion(velocity):
+    """The curve of Stribeck: 0.9 N m at once, 0.5 + 0.4 / e at its velocity, then 0.5."""
+    curve = FrictionParameters((0.0,) * 3, (0.5,) * 3, (0.4,) * 3, 0.02, 0.0)
+    expected = np.sign(velocity) * (0.5 + 0.4 * np.exp(-((velocity / 0.02) ** 2)))
+    assert np.allclose(friction_torque(curve, velocity), expected, rtol=1e-14)
+    torque = friction_torque(curve, np.array([1e-9, -0.02, 1.0]))
+    assert np.allclose(torque, [0.9, -0.5 - 0.4 / np.e, 0.5], rtol=1e-12)
+
+
 @given(rows(5.0), st.sampled_from([0.0, 0.01, 1.0]))
 def test_friction_only_takes_energy(velocity, smoothing):
     torque = friction_torque(UNEVEN._replace(smoothing=smoothing), velocity)
@@ -40,5 +50,5 @@ def test_friction_only_takes_energy(velocity, smoothing):
     ('velocity', 'sign'), [(0.1, 1), (0.05, 0.5), (-0.025, -0.25), (0.0, 0), (-7.0, -1)]
 )
 def test_a_smoothed_sign_is_a_ramp(velocity, sign):
-    dry = FrictionParameters((0.0,) * 3, (0.5,) * 3, 0.1)
+    dry = FrictionParameters((0.0,) * 3, (0.5,) * 3, (0.0,) * 3, 0.01, 0.1)
     assert np.allclose(friction_torque(dry, np.full(3, velocity)), 0.5 * sign, rtol=1e-15)

@@ -46,8 +46,8 @@ def motion(scenario='excitation', **overrides):
     run, robot = made.run, robot_of(values)
     friction = FrictionParameters(
         *(tuple(np.broadcast_to(values[f'friction.{key}'], run.position.shape[1]).tolist())
-          for key in ('viscous', 'coulomb')),
-        0.0,
+          for key in ('viscous', 'coulomb', 'stribeck')),
+        0.01, 0.0,
     )  # fmt: skip
     return SimpleNamespace(
         values=values,

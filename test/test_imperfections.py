@@ -21,6 +21,7 @@ from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.random_numbers import mixed, uniform
 from parallel_robot_sim.sensors import keep_sensed, sensed
@@ -38,6 +39,7 @@ ALL = {
     'actuator.effectiveness': [1.0, 0.9, 1.0], 'actuator.bias': 0.1, 'actuator.fault_time': 0.05,
     'disturbance.constant': 0.1, 'disturbance.pulse': 0.2, 'disturbance.pulse_start': 0.02,
     'disturbance.pulse_duration': 0.03, 'disturbance.noise': 0.1, 'disturbance.bandwidth': 10.0,
+    'disturbance.ripple': 0.05,
 }  # fmt: skip
 DIFFERENTIATED = {'sensor.differentiate': True, 'estimator.kind': 'levant'}
 
@@ -82,14 +84,16 @@ def torques(setup, commands, limit=1e3):
 
 
 @kernel
-def _disturbances(setup, like, found):
+def _disturbances(setup, positions, like, found):
     for k in range(len(found)):
-        write_row(found, k, held_disturbance(setup, like, k * H, H))
+        position = read_row(positions, k, like)
+        write_row(found, k, held_disturbance(setup, position, k * H, H))
 
 
-def disturbances(setup, count):
+def disturbances(setup, count, positions=None):
     found = np.empty((count, 3))
-    _disturbances(setup, ZERO, found)
+    positions = np.zeros((count, 3)) if positions is None else positions
+    _disturbances(setup, positions, ZERO, found)
     return found
 
 
@@ -216,6 +220,26 @@ def test_noise_has_the_autocorrelation_of_its_bandwidth():
         found = (noise[lag:] * noise[:-lag]).mean()
         assert found == pytest.approx(np.exp(-2 * np.pi * 20.0 * lag * H), abs=0.04)
     assert_white(disturbances(setup_of(disturbance__noise=1.0), N))
+
+
+def test_cogging_is_a_sine_of_the_angle_of_each_motor():
+    setup = setup_of(disturbance__ripple=[0.1, 0.0, 0.3], disturbance__ripple_periods=7.0)
+    positions = np.random.default_rng(1).uniform(-4.0, 4.0, (50, 3))
+    found = disturbances(setup, 50, positions)
+    assert np.allclose(found, [0.1, 0.0, 0.3] * np.sin(7.0 * positions), rtol=1e-13, atol=1e-15)
+    turn = disturbances(setup, 50, positions + 2 * np.pi)
+    assert np.allclose(found, turn, atol=1e-13)
+
+
+def test_the_ideal_torque_has_the_cogging_of_the_desired_motion():
+    def ideal(ripple):
+        keys = {'duration': 3.0, 'disturbance.ripple': ripple}
+        made = configure(config.resolve('paper_circle', keys))
+        return torque_of(made), made.trajectory.sample(np.arange(3001) * H)
+
+    (calm, _), (rough, reference) = ideal(0.0), ideal([0.3, 0.0, 0.1])
+    expected = [0.3, 0.0, 0.1] * np.sin(24.0 * reference.position[:-1])
+    assert np.allclose((rough - calm)[1:], expected, atol=1e-6)
 
 
 def test_a_motor_that_opposes_the_constant_keeps_the_robot_still():

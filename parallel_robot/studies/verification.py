@@ -35,6 +35,7 @@ PLANT = {  # as exact as MuJoCo's integration
     'plant.integrator': 'rk4',
     'plant.substeps': 10,
     'friction.coulomb': 0.0,
+    'friction.stribeck': 0.0,
     'disturbance.amplitude': 0.0,
 }
 
