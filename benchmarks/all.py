@@ -30,6 +30,8 @@ TIMEOUT = 3600.0  # s for one of them
 PACKAGES = ('numpy', 'numba', 'llvmlite', 'mujoco', 'mcap', 'rosbags', 'ros-jazzy-rclpy')
 BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those of --quick
     'kernels': (['31', '3600'], ['3', '36']),
+    'machines': (['31'], ['1']),
+    'calibration': ([], ['2', '8']),
     'reading': (['7'], ['1']),
     'length': (['3600'], ['60']),
     'sweep': (['1000', '3'], ['8', '1']),

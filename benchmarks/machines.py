@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 from rows import Row, ratios, row, show
 
+import parallel_robot as pr
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
@@ -33,6 +34,10 @@ from mjcf_machines import made
 SAMPLES = 500  # of a motion at 1 kHz
 SPEED = 0.5  # rad/s or lengths/s
 TARGETS = {'planar_3rrr': '<= 5', 'hexapod': '<= 15', 'arm': ''}  # us, of posture and model
+
+SIMULATED = {  # scenarios, times real time
+    'hexapod_circle': '>= 15', 'delta_circle': '', 'five_bar_circle': '', 'arm6_circle': '',
+}  # fmt: skip
 
 
 @kernel
@@ -70,10 +75,20 @@ def main() -> None:
     for (machine, name), values in times.items():
         target = TARGETS[machine] if name == 'posture and model' else ''
         rows.append(row(f'{machine}, {name}', 'us', values[1:], target))  # the first compiles
+    for name, target in SIMULATED.items():
+        values = [simulated(name) for _ in range(max(3, rounds // 6) + 1)][1:]
+        rows.append(row(f'{name}, simulate, real time', 'x', values, target))
     for machine in TARGETS:
         peer, ours = times[machine, 'mj_step'][1:], times[machine, 'posture and model'][1:]
         rows.append(row(f'{machine}, mj_step, times that', 'x', ratios(peer, ours)))
     show(rows)
+
+
+def simulated(scenario: str) -> float:
+    """Simulated time of a run of a scenario over its processor time."""
+    begun = time.process_time()
+    run = pr.simulate(scenario)
+    return float(run.time[-1]) / (time.process_time() - begun)
 
 
 def cost(run_it: Callable[[], Any]) -> float:
