@@ -310,6 +310,22 @@ def test_every_row_has_the_limit_of_its_sample_which_is_computed_once(tmp_path, 
     assert 'limit & ' in (tmp_path / 'summary.tex').read_text()
 
 
+@pytest.mark.parametrize(
+    'encoder',
+    [
+        ('set: {', 'set: {sensor.resolution: 1.0e-4, '),
+        (
+            '  disturbance.noise',
+            '  sensor.resolution: {distribution: uniform, low: 0.0, high: 1.0e-4}\n'
+            '  disturbance.noise',
+        ),
+    ],
+)
+def test_with_an_encoder_the_limit_is_called_an_estimate(tmp_path, encoder):
+    text = swept(tmp_path, NOISY.replace(*encoder), summarised=True)
+    assert 'error / estimated limit' in text and '\n  estimated limit ' in text
+
+
 def test_a_sweep_that_goes_on_gives_the_limit_to_every_row(tmp_path):
     swept(tmp_path / 'once', NOISY)
     swept(tmp_path / 'more', NOISY, runs=1)

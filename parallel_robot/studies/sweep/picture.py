@@ -14,7 +14,7 @@ from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.palette import RUNS
 from parallel_robot.bags.printable_output import without_mathematics
 from parallel_robot.studies.sweep import statistics
-from parallel_robot.studies.sweep.results import NEGLIGIBLE, ScenarioResult
+from parallel_robot.studies.sweep.results import ESTIMATED, LIMIT, NEGLIGIBLE, ScenarioResult
 from parallel_robot_control.laws import PAPER
 
 NamedLine = tuple[str, bool, Any, tuple[float, float]]
@@ -22,8 +22,10 @@ SIZE = (7.0, 4.2)  # in, of one panel; higher for more labels
 LINE = 0.17  # in, height of a label
 MARGIN = 0.9  # in, of a panel that is not for curves
 LABELS = 1.05  # where they begin, in widths of the panel
+LIMITED = {'color': 'black', 'linewidth': 1.6, 'linestyle': (0, (1, 1))}
 LEVELS: dict[str, dict[str, Any]] = {
-    'limit': {'color': 'black', 'linewidth': 1.6, 'linestyle': (0, (1, 1))},
+    LIMIT: LIMITED,
+    ESTIMATED: LIMITED,
     'v d': {'color': 'dimgray', 'linewidth': 1.6, 'linestyle': (0, (6, 2, 1, 2))},
 }
 LEADER = {'arrowstyle': '-', 'linewidth': 0.5, 'relpos': (0.0, 0.5), 'shrinkA': 2, 'shrinkB': 0}

@@ -55,7 +55,8 @@ OTHERS = (
 )
 
 
-RATIO = Quantity('', 'error / limit', '', 1.0)
+LIMIT = 'limit'
+ESTIMATED = 'estimated limit'  # with an encoder, see docs/limit.md
 LIMITS = ('limit_um', 'limit_urad')  # of each of ERRORS
 DELAY = 'delay_um'
 NEGLIGIBLE = 1e-3  # um or urad: what rounding leaves of no limit at all
@@ -102,7 +103,8 @@ class ScenarioResult:
         laws: Law to its results, in the order of the study.
         duels: The laws in pairs, by the error; those with the smaller medians first. Their p is
             corrected over all pairs of the study.
-        levels: What the errors are held against, by name: 'limit', the least error of any law;
+        levels: What the errors are held against, by name: 'limit' or 'estimated limit', the least
+            error of any law;
             'v d', the distance that the reference travels while a state is late.
     """
 
@@ -136,6 +138,15 @@ def _median(values: Array, scramble: NDArray[np.int64]) -> Estimate:
     return statistics.sectioned(values, scramble)
 
 
+def _has_encoder(plan: Plan, scenario: str) -> bool:
+    """Whether positions come in steps, which the limit takes for white noise."""
+    key = 'sensor.resolution'
+    if any(each.key == key for each in plan.study.uncertainties):
+        return True
+    cases = (case for case in plan.cases if stem(case.scenario) == scenario)
+    return any(bool(np.any(case.nominal[key])) for case in cases)
+
+
 def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     pa = arrow()
     parameters = [name for name, numeric in plan.columns().items() if numeric]
@@ -159,7 +170,9 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     scramble = sample % plan.study.scrambles
     limits = columns[of_error[error.column]]
     limited = limits > NEGLIGIBLE  # not where it is NaN
-    quantities = (error, *([RATIO] if limited.any() else []), *others)
+    limit = ESTIMATED if _has_encoder(plan, scenario) else LIMIT
+    ratio = Quantity('', f'error / {limit}', '', 1.0)
+    quantities = (error, *([ratio] if limited.any() else []), *others)
     results = {}
     for variant in plan.study.laws:
         mine = law == variant.name
@@ -186,7 +199,7 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     of_laws = {name: results[name].errors for name in ranking}
     first = law == plan.study.laws[0].name  # the same of all laws
     levels = {}
-    for name, values in {'limit': limits, 'v d': columns[DELAY]}.items():
+    for name, values in {limit: limits, 'v d': columns[DELAY]}.items():
         some = first & np.isfinite(values)
         if (values[some] > NEGLIGIBLE).any():
             levels[name] = Level(values[some], _median(values[some], scramble[some]))
