@@ -425,6 +425,20 @@ def test_gains_that_the_theory_forbids_are_refused(law, gain, value, reason):
         prepare(law, VALUES | {f'{law}.{gain}': value})
 
 
+@pytest.mark.parametrize(
+    ('law', 'changed', 'reason'),
+    [
+        ('continuous_twisting', {'k1': 0.0}, 'k1 must be positive, not 0'),
+        ('continuous_twisting', {'k3': 11.0}, 'k3 must be above k4 = 11, not 11'),
+        ('syn_tde_nftsmc', {'gamma2': 2.0}, 'gamma2 must lie between 1 and 2, not be 2'),
+        ('syn_tde_nftsmc', {'gamma1': 1.1}, 'gamma1 must be above gamma2 = 1.28, not 1.1'),
+    ],
+)
+def test_gains_without_a_finite_time_are_refused(law, changed, reason):
+    with pytest.raises(InputError, match=f'{law}: .*{reason}'):
+        prepare(law, VALUES | {f'{law}.{gain}': value for gain, value in changed.items()})
+
+
 @pytest.mark.parametrize('form', ['printed', 'classical'])
 def test_table_2_of_nftsmc_is_outside_the_printed_condition_and_warns(form):
     warnings = prepare('nftsmc', VALUES | {'nftsmc.form': form}).warnings

@@ -26,11 +26,14 @@ class Gains(NamedTuple):
 
 
 def judge(gains: Gains) -> list[str]:
-    """Refuse gains whose integral would grow while the error goes away.
+    """Refuse gains without which the error would not reach zero in finite time.
 
     Raises:
-        InputError: k3 is not above k4.
+        InputError: k1 or k2 is zero, or k3 is not above k4.
     """
+    for name in ('k1', 'k2'):
+        if getattr(gains, name) == 0.0:
+            raise InputError(f'{name} must be positive, not 0')
     if gains.k3 > gains.k4:
         return []
     raise InputError(f'k3 must be above k4 = {gains.k4:g}, not {gains.k3:g}')
