@@ -182,6 +182,14 @@ class Trajectory:
         return poses if self.entry is None else transition.blend(self.entry, grid, poses)
 
 
+def joints_at(robot: RobotModel, poses: Array) -> Reference:
+    """The joints of a robot at rest at poses, shape (N, m)."""
+    like = vector(np.zeros(robot.pose_size))
+    joints = robot.kernel('joint_motion', PoseMotion(like, like, like))
+    still = np.zeros_like(poses)
+    return _reference(joints, robot.constants, like, poses, still, still)
+
+
 @kernel
 def _poses(
     motion: Any, shape: Any, like: Array, times: Array, speed: float

@@ -116,6 +116,33 @@ class Measurement(NamedTuple):
     pose: Array
 
 
+class Margin(NamedTuple):
+    """A distance from singularities at many poses.
+
+    Attributes:
+        key: Name of the limit that it has in SafetyMargins.
+        label: What it is, for pictures.
+        values: Zero at a singularity, and where the sign is another, another mode; NaN where the
+            robot does not get. Any shape.
+    """
+
+    key: str
+    label: str
+    values: Array
+
+
+class Reach(NamedTuple):
+    """What of a grid of poses a robot reaches from one of them.
+
+    Attributes:
+        margins: Of all poses to which a posture is known, shape (rows, columns) each.
+        left: Travel left of the joint that has least, negative beyond its end, the same shape.
+    """
+
+    margins: tuple[Margin, ...]
+    left: Array
+
+
 class Fault(NamedTuple):
     """A fault of a robot: a code for bags, which never changes, and a text for people."""
 
@@ -152,6 +179,10 @@ class Robot(Protocol):
     where they contradict each other; ``planar(parameters)`` in place of PLANAR;
     ``units(parameters)``: the unit of each actuated joint, 'rad' or 'm', without it rad;
     ``orientations(parameters, poses)``: quaternions of the end effector of a robot in space;
+    ``margins(parameters, reference)``: distances from singularities along a motion, see
+    :class:`Margin`; ``trace(parameters, poses, first)``: what of a grid of poses, shape
+    (rows, columns, m), it reaches from one of them, see :class:`Reach`, where joints of a pose
+    depend on the way; ``home(parameters)``: the pose from which motions are traced then;
     ``OWN_MEMORY``: whether its kernels keep something in the constants, which everybody then has
     for himself.
 

@@ -36,6 +36,7 @@ from parallel_robot_model.robots.contract import (
     Fault,
     JointMotion,
     Location,
+    Margin,
     Measurement,
     Model,
     PoseMotion,
@@ -276,6 +277,12 @@ def infeasible(robot: Parameters, limits: MotionLimits, reference: Any) -> list[
     if unreached.size:
         failures.append(Infeasible(int(unreached[0]), None, f'out of reach ({_reach(robot)})'))
     return [failure for failure in failures if failure is not None]
+
+
+def margins(robot: Parameters, reference: Any) -> tuple[Margin]:
+    """Distance from the singularity along a motion, shape (N,)."""
+    sines = np.abs(np.sin(reference.position[:, 1]))
+    return (Margin('min_sin_elbow', '|sin q2|', sines),)
 
 
 def segments(robot: Parameters, pose: Array, position: Array) -> dict[str, Array]:

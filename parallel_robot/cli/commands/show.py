@@ -26,6 +26,7 @@ from parallel_robot_model.configuration import config, scenario_file
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.parameter_file import MARK
 from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_model.configuration.yaml_file import text_of
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
@@ -52,6 +53,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '.png, .pdf or .svg',
     )
     parser.add_argument(
+        '--workspace',
+        type=Path,
+        metavar='FILE',
+        help='draw where the tool can reach in a plane, with the margins to singularities, home '
+        'and the motion: a new .png, .pdf or .svg; or .json: the numbers',
+    )
+    parser.add_argument(
+        '--plane',
+        metavar='WHICH',
+        help='plane of --workspace: two coordinates of the pose, perhaps with values of others, '
+        "e.g. x,z or x,z,y=0.1, or in space a normal, e.g. 0,1,1; default: the motion's",
+    )
+    parser.add_argument(
         '--format',
         choices=FORMATS,
         default='table',
@@ -62,11 +76,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.plane and not arguments.workspace:
+        raise InputError('--plane is one of --workspace FILE')
+    if arguments.workspace:
+        from parallel_robot.analysis.reach import files  # slow to import
+
+        files.check(arguments.workspace)
     layers = given_layers(arguments)
     if arguments.law is not None:
         layers.append(('--law', {'law': arguments.law}))
     changed = merged(values for _, values in layers)
-    values, sources = config.resolve_with_sources(arguments.scenario, changed, load(changed))
+    scenario = scenario_of(arguments.scenario)
+    values, sources = config.resolve_with_sources(scenario, changed, load(changed))
     made = configure(values)  # a wrong value is refused here as in a run
     if arguments.fit_speed:
         found = fastest(made)
@@ -77,11 +98,14 @@ def execute(arguments: argparse.Namespace) -> int:
         )
     if arguments.plot is not None:
         _plot(made, arguments.plot)
+    if arguments.workspace:
+        text = files.write(made, arguments.plane or '', arguments.workspace)
+        print(f'workspace: {text}; {arguments.workspace}', file=sys.stderr)
     values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
     for name, layer in layers:
         sources |= {key: name for key in layer if key in overridden}
-    place = scenario_file.absolute(arguments.scenario)
+    place = scenario_file.absolute(scenario)
     text = FORMATS[arguments.format](values, sources, place)
     if arguments.format in WHOLE:
         as_it_is(sys.stdout).write(''.join(f'{clean(line)}\n' for line in text.split('\n')))

@@ -12,14 +12,17 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import flat
+from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
 from parallel_robot_model.mechanisms.description.reading import read
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.mechanisms.reach import spread
 from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
+from parallel_robot_model.mechanisms.tool import tool_pose
 from parallel_robot_model.mechanisms.workspace import boxed
-from parallel_robot_model.robots.contract import FOUND, Coordinate, place_of
+from parallel_robot_model.robots.contract import FOUND, Coordinate, Margin, Reach, place_of
 from parallel_robot_model.robots.described import kernels, parameters
 from parallel_robot_model.robots.described.constants import Constants, constants
 from parallel_robot_model.robots.described.default_values import (
@@ -153,6 +156,39 @@ class DescribedRobot:
             what = f'{pose.tolist()} is out of reach from home'
             raise InputError(f'plant.initial_pose {what}', 'plant.initial_pose')
         return np.array(made.all)
+
+    def home(self, robot: Parameters) -> Array:
+        """The pose at home, shape (m,)."""
+        mechanism, made = boxed(self.mechanism(robot))
+        pose = np.zeros(len(made.q))
+        close(mechanism, made, made.q.copy())
+        tool_pose(mechanism, made, pose)
+        return pose
+
+    def trace(self, robot: Parameters, poses: Array, first: tuple[int, int]) -> Reach:
+        """What of a grid of poses it reaches within its travel, in the modes of home.
+
+        Args:
+            robot: The machine.
+            poses: Poses [m, rad], shape (rows, columns, m).
+            first: Row and column of the one to which it comes straight from home.
+        """
+        constants = self.constants(robot)
+        shape = poses.shape[:2]
+        joints = len(constants.mechanism.parent)
+        found = np.full((*shape, 3), np.nan)
+        postures, queue = np.empty((*shape, joints + 1)), np.empty(shape[0] * shape[1], np.int64)
+        grid = np.ascontiguousarray(poses, np.float64)
+        machine, made = constants.mechanism, constants.workspace
+        spread(machine, made, grid, constants.travel, first, postures, found, queue)
+        closure, of_tool = np.moveaxis(found[..., :2] / constants.home, -1, 0)
+        margins = [
+            Margin('min_closure', 'closure margin, share of that at home (type 2)', closure),
+            Margin('min_tool', 'tool margin, share of that at home (type 1)', of_tool),
+        ]
+        if not len(machine.passive):
+            margins.pop(0)
+        return Reach(tuple(margins), found[..., 2])
 
     def infeasible(
         self, robot: Parameters, limits: MotionLimits, reference: Any

@@ -15,6 +15,7 @@ from parallel_robot_model.robots.planar_3rrr.margins import (
     MotionLimits,
     SafetyMargins,
     infeasible,
+    margins,
 )
 from parallel_robot_model.robots.planar_3rrr.motion import joint_motion, measure, start
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters as Parameters
@@ -53,6 +54,7 @@ __all__ = [
     'joints',
     'linear_model',
     'locate',
+    'margins',
     'measure',
     'pose_with',
     'segments',

@@ -6,8 +6,9 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Fault
+from parallel_robot_model.robots.contract import Fault, Margin
 from parallel_robot_model.robots.feasibility import Infeasible, first_sample
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
@@ -16,7 +17,7 @@ from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     WRONG_WORKING_MODE,
 )
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
-from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers
+from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers, determinants
 
 TYPE_1 = 4
 TYPE_2 = 5
@@ -62,7 +63,7 @@ def infeasible(robot: RobotParameters, limits: MotionLimits, reference: Any) -> 
     unreached = np.flatnonzero(reference.out_of_reach >= 0)
     reached = slice(0, int(unreached[0]) if unreached.size else None)
     beta = reference.passive[reached]
-    sines = np.abs(np.sin(beta - reference.position[reached]))
+    sines = _sines(reference.position[reached], beta)
     conditions = condition_numbers(robot, reference.pose[reached, 2], beta)
     failures = [
         first_sample(
@@ -84,3 +85,19 @@ def infeasible(robot: RobotParameters, limits: MotionLimits, reference: Any) -> 
         leg = int(reference.out_of_reach[k]) + 1
         failures.append(Infeasible(k, leg, f'out of reach (a leg spans {reach})'))
     return [failure for failure in failures if failure is not None]
+
+
+def margins(robot: RobotParameters, reference: Any) -> tuple[Margin, Margin]:
+    """Distances from singularities of type 1 and 2 along a motion, each shape (N,)."""
+    beta = reference.passive
+    sines = _sines(reference.position, beta).min(axis=1)
+    of_platform = determinants(robot, reference.pose[:, 2], beta)
+    return (
+        Margin('min_sin_psi', 'smallest |sin ψ| of the legs (type 1)', sines),
+        Margin('min_determinant', '|det Jx| / l3 (type 2)', of_platform),
+    )
+
+
+def _sines(theta: Array, beta: Array) -> Array:
+    """|sin psi| of the legs."""
+    return np.abs(np.sin(beta - theta))

@@ -58,5 +58,15 @@ def condition_numbers(robot: RobotParameters, phi: Array, beta: Array) -> Array:
     Returns:
         Shape (N,); infinite at a type 2 singularity.
     """
+    return np.linalg.cond(_scaled_jacobian(robot, phi, beta))
+
+
+def determinants(robot: RobotParameters, phi: Array, beta: Array) -> Array:
+    """det Jx / l3, signed, shape (N,); arguments as of :func:`condition_numbers`."""
+    return np.linalg.det(_scaled_jacobian(robot, phi, beta))
+
+
+def _scaled_jacobian(robot: RobotParameters, phi: Array, beta: Array) -> Array:
+    """Jx with its angle column divided by l3, shape (N, 3, 3)."""
     turning = np.sin(beta - np.asarray(phi)[:, np.newaxis] - np.array(robot.platform_angle))
-    return np.linalg.cond(np.stack([np.cos(beta), np.sin(beta), turning], axis=-1))
+    return np.stack([np.cos(beta), np.sin(beta), turning], axis=-1)

@@ -1,0 +1,197 @@
+"""What of a plane the tool of a robot reaches, found from one pose by its neighbours."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot.analysis.reach.plane import Axis, Plane
+from parallel_robot.analysis.report.space_views import posture
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.robots.contract import REACHED, Reach
+from parallel_robot_model.robots.registry import RobotModel
+from trajectory_gen.trajectory import joints_at
+
+COARSE, FINE = 80, 320  # steps of a grid on its longer side, to look for the region, to show it
+FEW = 20  # steps of a region that is too small for its grid
+TRIES = 6  # grids at most, each wider than the one before
+MORE = 0.2  # of a width, by which a window that is too narrow becomes wider
+TURN = 1.0  # rad, of the first grid
+
+
+class Region(NamedTuple):
+    """What a robot reaches in a plane; rows go with the second axis, columns with the first.
+
+    Attributes:
+        plane: The plane.
+        first: Coordinates along the first axis, shape (columns,).
+        second: Coordinates along the second axis, shape (rows,).
+        reach: What is reached of them.
+        complete: Whether the region ends within the grid, angles within half a turn.
+    """
+
+    plane: Plane
+    first: Array
+    second: Array
+    reach: Reach
+    complete: bool
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Which poses are reached with all joints in their travel, shape (rows, columns)."""
+        return self.reach.left >= 0.0
+
+    @property
+    def area(self) -> float:
+        """Area of the region, in the units of both axes."""
+        steps = (float(np.diff(axes).mean()) for axes in (self.first, self.second))
+        return math.prod(steps) * int(self.inside.sum())
+
+    @property
+    def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Least and largest coordinate of the region along both axes."""
+        inside = self.inside
+        along = (self.first[inside.any(axis=0)], self.second[inside.any(axis=1)])
+        return tuple((float(each[0]), float(each[-1])) for each in along)  # type: ignore[return-value]
+
+
+def region_of(robot: RobotModel, plane: Plane, steps: int = FINE) -> Region:
+    """What a robot reaches in a plane.
+
+    Found from the pose of the plane by neighbours of a grid, in whose every pose margins have the
+    signs that they have there, and joints are within their travel.
+
+    Args:
+        robot: A robot with a place.
+        plane: The plane.
+        steps: Of the grid, on the longer side of the region.
+
+    Raises:
+        InputError: the robot does not reach the pose of the plane.
+    """
+    here = plane.coordinates(plane.pose)
+    sizes = np.array([_first_size(robot, plane.pose, axis) for axis in plane.axes])
+    window = np.stack([here - sizes, here + sizes])
+    for _ in range(TRIES):
+        region = _on_grid(robot, plane, window, COARSE)
+        wider = _wider(region, window, 1.0)
+        if (wider != window).any():
+            window = wider
+        elif _counts(region).max() < FEW:
+            window = _cropped(region)
+        else:
+            break
+    window = _cropped(region)
+    for _ in range(TRIES):  # what is narrower than a step of the coarse grid
+        region = _on_grid(robot, plane, window, steps)
+        wider = _wider(region, window, MORE)
+        if (wider == window).all():
+            break
+        window = wider
+    return region
+
+
+def _first_size(robot: RobotModel, pose: Array, axis: Axis) -> float:
+    """Half the width of the first grid along an axis: the size of the robot."""
+    if axis.unit != 'm':
+        return TURN
+    joints = joints_at(robot, pose[np.newaxis])
+    if joints.out_of_reach[0] != REACHED:
+        values = ', '.join(f'{value:.6g}' for value in pose)
+        raise InputError(f'{robot.name} does not reach [{values}] from home')
+    ends = [ends for ends in posture(robot, pose, joints.position[0]).values() if ends.size]
+    if not ends:
+        return 1.0
+    points = np.concatenate([each.reshape(-1, each.shape[-1]) for each in ends])
+    return float(np.ptp(points, axis=0).max()) or 1.0
+
+
+def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Region:
+    """What is reached in a window, shape (2, 2), of which the pose of the plane is a node."""
+    here = plane.coordinates(plane.pose)
+    widths = np.ptp(window, axis=0)
+    same = plane.axes[0].unit == plane.axes[1].unit
+    step = (np.full(2, widths.max()) if same else widths) / steps
+    low = np.ceil((here - window[0]) / step).astype(int)
+    high = np.ceil((window[1] - here) / step).astype(int)
+    first, second = (here[k] + step[k] * np.arange(-low[k], high[k] + 1) for k in range(2))
+    poses = plane.poses(np.stack(np.meshgrid(first, second), axis=-1))
+    reach = _traced(robot, poses, (int(low[1]), int(low[0])))
+    inside = reach.left >= 0.0
+    if not inside[low[1], low[0]]:
+        values = ', '.join(f'{value:.6g}' for value in plane.pose)
+        raise InputError(f'{robot.name} does not reach [{values}] from home')
+    sides = (inside[:, [0, -1]], inside[[0, -1]])
+    cut = (side.any() for side, axis in zip(sides, plane.axes, strict=True) if axis.unit == 'm')
+    return Region(plane, first, second, reach, not any(cut))
+
+
+def _traced(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach:
+    module: Any = robot.module
+    if hasattr(module, 'trace'):
+        found: Reach = module.trace(robot.parameters, poses, first)
+        return found
+    return _connected(robot, poses, first)
+
+
+def _connected(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach:
+    """What is reached by a robot whose joints follow from the pose alone.
+
+    It is a connected set of poses whose margins all have the signs that they have at the first.
+    """
+    from scipy.ndimage import label  # it takes long to load
+
+    shape, module = poses.shape[:2], robot.module
+    reference = joints_at(robot, poses.reshape(-1, poses.shape[-1]))
+    own: Any = getattr(module, 'margins', lambda parameters, reference: ())
+    with np.errstate(invalid='ignore'):  # where it does not reach
+        margins = own(robot.parameters, reference)
+    known = (reference.out_of_reach == REACHED).reshape(shape)
+    margins = [each._replace(values=each.values.reshape(shape)) for each in margins]
+    for each in margins:
+        known &= np.sign(each.values) == np.sign(each.values[first])
+    parts, _ = label(known)
+    inside = (parts == parts[first]) & known
+    return Reach(
+        tuple(
+            each._replace(values=np.where(inside, np.abs(each.values), np.nan)) for each in margins
+        ),
+        np.where(inside, np.inf, np.nan),
+    )
+
+
+def _wider(region: Region, window: Array, share: float) -> Array:
+    """The window, wider by a share of itself where the region touches a side.
+
+    Angles stay within half a turn.
+    """
+    inside, wider = region.inside, window.copy()
+    width, here = np.ptp(window, axis=0), region.plane.coordinates(region.plane.pose)
+    touched = ((inside[:, 0], inside[0]), (inside[:, -1], inside[-1]))
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        for k, axis in enumerate(region.plane.axes):
+            if touched[side][k].any():
+                wider[side, k] += sign * share * width[k]
+            if axis.unit != 'm':
+                wider[side, k] = here[k] + sign * min(abs(wider[side, k] - here[k]), math.pi)
+    return wider
+
+
+def _cropped(region: Region) -> Array:
+    """A window around the region, wider by two steps of its grid."""
+    (low, high), steps = np.transpose(region.extent), _steps(region)
+    return np.stack([low - 2.0 * steps, high + 2.0 * steps])
+
+
+def _counts(region: Region) -> Array:
+    """Number of steps of the region along both axes, shape (2,)."""
+    low, high = np.transpose(region.extent)
+    return np.asarray((high - low) / _steps(region))
+
+
+def _steps(region: Region) -> Array:
+    return np.array([region.first[1] - region.first[0], region.second[1] - region.second[0]])
