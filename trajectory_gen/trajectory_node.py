@@ -80,7 +80,7 @@ class TrajectoryNode(SuiteNode):
         self._course = Course(trajectory, self.loop.period)
         self._asked_motion: bytes | None = None  # a message that waits to be looked at
         self._turn = threading.Lock()  # held while samples are published, or change
-        self._batch: tuple[int, Course, np.ndarray, np.ndarray] | None = None
+        self._batch: tuple[int, Course, np.ndarray, np.ndarray | None] | None = None
         self._start_requested = False
         self._asked = 0  # ns, stamp of the last state (lockstep)
         self._late = 0  # ns, age of the states, as the first one tells it (lockstep)
@@ -296,12 +296,12 @@ class TrajectoryNode(SuiteNode):
             samples = self._course.sample(indices)
             references = reference_messages(self.loop.joints, stamps, samples)
             robot = self._motions.robot
-            poses = pose_messages(robot, stamps, samples.pose) if robot.place else references[:0]
+            poses = pose_messages(robot, stamps, samples.pose) if robot.place else None
             self._batch = (first, self._course, references, poses)
         _, _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
         self._published += 1
-        if k % topics.SLOW == 0 and self._motions.robot.place:
+        if poses is not None and k % topics.SLOW == 0:
             self._pose.publish(poses[k - first].tobytes())
         self._sent = k
 
