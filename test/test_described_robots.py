@@ -5,19 +5,32 @@ import shutil
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, robot_names
+from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
+from parallel_robot_model.robots.link import frames as link_frames
+from parallel_robot_model.robots.tree import angles_of, links_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 
 MACHINES = config.directory() / robot_names.FOLDER
 OF_ARM = {'safety.min_sin_elbow', 'trajectory.min_sin_elbow'}
+
+
+def space_origins(links, positions):
+    """Origins of links in the world, shape (L, 3)."""
+    frames = {FRAME: Rotation.identity()}, {FRAME: np.zeros(3)}
+    for link, origin, turn in zip(links, *link_frames(links, positions), strict=True):
+        frames[1][link.name] = frames[1][link.parent] + frames[0][link.parent].apply(origin)
+        frames[0][link.name] = frames[0][link.parent] * Rotation.from_quat(turn)
+    return np.array([frames[1][link.name] for link in links])
 
 
 def loop_of(values):
@@ -65,7 +78,9 @@ class TestNaming:
             ({'robot.tool': 'tol'}, 'tool'),
             ({'robot.home': 'nowhere'}, 'nowhere'),
             ({'robot.held': ['left']}, 'left'),
-            ({'robot.mass_factor': [1.0]}, '4 numbers'),
+            ({'robot.mass_factor': [1.0]}, 'a number or 4 numbers'),
+            ({'robot.mass_factor': 'two'}, 'robot.mass_factor must be a number'),
+            ({'robot.mass_factor': -1}, 'robot.mass_factor must be at least 0'),
             ({'robot.lower': 3.0}, 'robot.lower must be below robot.upper'),
         ],
     )
@@ -124,6 +139,25 @@ class TestRobot:
         robot.module.locate(first, row, row)
         assert (second.value.workspace.q != first.value.workspace.q).all()
 
+    def test_its_picture_is_of_the_machine_of_the_parameters(self):
+        shift = 0.002  # m, of the right motor
+        values = resolve('five_bar_circle', {'robot.shift': [0.0] * 6 + [shift] + [0.0] * 5})
+        robot, q = robot_of(values), np.array([1.8, 1.3])
+        directions = np.stack([np.cos(q), np.sin(q)], axis=1)
+        motors = np.array([[-0.059, 0.0], [0.059 + shift, 0.0]])
+        elbows = motors + 0.09 * directions
+        half = 0.5 * (elbows[1] - elbows[0])  # the tool is on both circles, above the elbows
+        up = np.array([-half[1], half[0]]) / np.linalg.norm(half)
+        tool = elbows[0] + half + np.sqrt(0.09**2 - half @ half) * up
+        expected = [(motors[0], elbows[0]), (motors[1], elbows[1]), (elbows[0], tool)]
+        (lines,) = robot.module.segments(robot.parameters, tool[None], q[None]).values()
+        links = links_of(robot, ('left', 'right'))
+        origins = space_origins(links, angles_of(robot, links, q, q))
+        for ends in (*expected, (elbows[1], tool)):
+            assert any(np.allclose(line, ends, atol=1e-12) for line in lines[0])
+        for point in (*motors, *elbows):
+            assert any(np.allclose(origin, [*point, 0.0], atol=1e-12) for origin in origins)
+
     def test_joints_that_no_posture_has_are_a_fault_and_leave_the_memory(self):
         robot = robot_of(resolve('five_bar_circle'))
         box = robot.constants
@@ -136,7 +170,8 @@ class TestRobot:
 class TestBag:
     def test_it_runs_again_where_there_is_no_file(self, own, tmp_path, capsys):
         bag = tmp_path / 'bag'
-        assert main(['simulate', str(own), '--duration', '0.1', '--out', str(bag)]) == 0
+        words = ['--duration', '0.1', '--set', 'true_robot.mass_factor=1.1']
+        assert main(['simulate', str(own), *words, '--out', str(bag)]) == 0
         own.unlink()
         assert main(['rerun', str(bag), '--out', str(tmp_path / 'again')]) == 0
         assert 'identical' in capsys.readouterr().out

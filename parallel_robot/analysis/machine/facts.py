@@ -11,7 +11,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.mechanisms import closing, dynamics, faults, margins, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
-from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE
+from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.described.parameters import FAULTS
@@ -51,12 +51,14 @@ class Facts(NamedTuple):
     Attributes:
         name: Of the machine.
         machine: What was read.
+        mechanism: The same, its numbers those of the parameters.
         axes: Coordinates of the pose.
         state: The state.
     """
 
     name: str
     machine: Machine
+    mechanism: Mechanism
     axes: tuple[Coordinate, ...]
     state: State
 
@@ -94,7 +96,7 @@ class Facts(NamedTuple):
 
     def tree(self) -> list[dict[str, Any]]:
         """All joints, each with the one before, what it is, and what it moves."""
-        machine, value = self.machine, self.machine.mechanism
+        machine, value = self.machine, self.mechanism
         role = {
             **dict.fromkeys(machine.actuated, 'actuated'),
             **dict.fromkeys(machine.passive, 'passive'),
@@ -132,7 +134,8 @@ def facts_of(
     if not isinstance(module, DescribedRobot):
         raise InputError(f'{robot.name} has no description; its equations are in docs/robots.md')
     machine = module.machine(robot.parameters)
-    mechanism, work = boxed(module.mechanism(robot.parameters))
+    value = module.mechanism(robot.parameters)
+    mechanism, work = boxed(value)
     n = len(machine.actuated)
     for key, numbers in (('state', position), ('rate', velocity)):
         if len(numbers) not in (0, n):
@@ -152,4 +155,4 @@ def facts_of(
     closure = float(np.abs(work.error).max(initial=0.0))
     shares = here[0] / home[0], here[1] / home[1]
     state = State(q, rate, M, Q, gravity, pose, work.all.copy(), closure, shares)
-    return Facts(robot.name, machine, module.coordinates(robot.parameters), state)
+    return Facts(robot.name, machine, value, module.coordinates(robot.parameters), state)

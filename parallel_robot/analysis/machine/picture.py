@@ -22,7 +22,7 @@ def draw(facts: Facts, file: Path) -> None:
     """
     from matplotlib.figure import Figure  # it takes long to load
 
-    ends = drawn(facts.machine.mechanism, facts.state.joints[np.newaxis])[0]
+    ends = drawn(facts.mechanism, facts.state.joints[np.newaxis])[0]
     figure = Figure(figsize=(9, 8), layout='constrained')
     figure.suptitle(facts.name)
     for k, (across, up, shown) in enumerate(VIEWS):

@@ -86,6 +86,14 @@ class DescribedRobot:
         of_file = self.machine(robot).mechanism
         return shifted(weighing(of_file, robot), robot.shift)
 
+    def geometry(self, robot: Parameters) -> Mechanism:
+        """The machine with the joints where the parameters have them, masses as in the file.
+
+        Raises:
+            RobotError: its loops do not close.
+        """
+        return shifted(self.machine(robot).mechanism, robot.shift)
+
     def validate(self, robot: Parameters, name: str = 'robot') -> Parameters:
         """Return `robot` if such a machine can be built.
 
@@ -233,7 +241,7 @@ class DescribedRobot:
         place = place_of(self.coordinates(robot), self.planar(robot))
         if not place:
             return {}
-        mechanism = self.machine(robot).mechanism
+        mechanism = self.geometry(robot)
         rows = np.reshape(position, (-1, position.shape[-1]))
         ends = drawn(mechanism, positions_of(mechanism, rows)[0])[..., :place]
         return {LINES: ends.reshape(*position.shape[:-1], *ends.shape[1:])}

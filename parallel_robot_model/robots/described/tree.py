@@ -33,7 +33,10 @@ class Owner(Protocol):
         """The machine with what is chosen of it."""
 
     def mechanism(self, robot: Parameters, /) -> Mechanism:
-        """The machine with its masses as the parameters have them."""
+        """The machine with its numbers as the parameters have them."""
+
+    def geometry(self, robot: Parameters, /) -> Mechanism:
+        """The same with the masses of the file."""
 
 
 class DescribedTree:
@@ -73,7 +76,7 @@ class DescribedTree:
 
     def angles(self, robot: Parameters, pose: Array, position: Array) -> Array:
         """Positions of the joints that move [rad or m], shape (..., N); NaN in a fault."""
-        mechanism = self._robot.machine(robot).mechanism
+        mechanism = self._robot.geometry(robot)
         rows = np.reshape(position, (-1, position.shape[-1]))
         found, _ = positions_of(mechanism, rows)
         return found.reshape(*position.shape[:-1], -1)
