@@ -132,6 +132,16 @@ class TestRobot:
         assert found.fault == FOUND
         np.testing.assert_allclose(found.pose, pose, atol=1e-12)
 
+    def test_a_single_factor_is_for_all_masses(self):
+        five = {
+            factor: robot_of(resolve('five_bar_circle', {'robot.mass_factor': factor}))
+            for factor in (1.0, 2.0)
+        }
+        assert five[2.0].parameters.mass_factor == (2.0,) * 4
+        light, heavy = (each.module.mechanism(each.parameters) for each in five.values())
+        np.testing.assert_array_equal(heavy.mass, 2.0 * light.mass)
+        np.testing.assert_allclose(heavy.inertia, 2.0 * light.inertia, rtol=1e-14)
+
     def test_whoever_has_its_constants_has_his_own_memory(self):
         robot = robot_of(resolve('five_bar_circle'))
         first, second = robot.constants, robot.constants

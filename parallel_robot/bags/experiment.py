@@ -19,9 +19,10 @@ from parallel_robot.bags.limits import is_name
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.config import PACKAGE
-from parallel_robot_model.configuration.fields import PerJoint, words
+from parallel_robot_model.configuration.fields import PerJoint, PerLink, parameters, words
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.scenario_file import stem
+from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.registry import ROBOTS
 from parallel_robot_sim.parameter_groups import members
 
@@ -154,8 +155,8 @@ def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
     example, kind = known.get(key, value), _kinds().get(key)
     if words(kind):
         return value in words(kind) or _is_like(1.0, value)
-    if kind is PerJoint:
-        example = [1.0] if isinstance(value, list) and value else 1.0  # one is for all joints
+    if kind in (PerJoint, PerLink):
+        example = [1.0] if isinstance(value, list) and value else 1.0  # one is for all
     elif example == [] and kind == tuple[float, ...]:
         example = [1.0]
     return _is_like(example, value)
@@ -164,7 +165,13 @@ def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
 @functools.cache
 def _kinds() -> dict[str, Any]:
     """Types of the parameters of the robots of the suite, by key."""
-    return {
+    described = {
+        f'{prefix}.{parameter.key}': parameter.type
+        for prefix in ('robot', 'true_robot')
+        for parameter in parameters(Parameters)
+        if parameter.type is PerLink
+    }
+    return described | {
         key: parameter.type for robot in ROBOTS.values() for key, parameter in members(robot, {})
     }
 

@@ -112,7 +112,7 @@ def _drawn(
     ]
     spread = POSE * np.where(lengths, machine.mechanism.length, 1.0)
     pose = np.asarray(base['plant.initial_pose'])
-    factor = np.asarray(base['robot.mass_factor'])
+    factor = np.broadcast_to(base['robot.mass_factor'], len(machine.names))
     changes = PLANT | {
         'robot.mass_factor': factor * (1.0 + SPREAD * random.uniform(-1.0, 1.0, factor.shape)),
         'robot.payload': SPREAD * machine.mechanism.mass.max() * random.uniform(),

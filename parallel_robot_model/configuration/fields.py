@@ -31,6 +31,9 @@ Group = TypeVar('Group')  # a NamedTuple
 
 # One number for each actuated joint; in files, a single number applies to all of them.
 PerJoint = NewType('PerJoint', tuple[float, ...])
+PerLink = NewType(
+    'PerLink', tuple[float, ...]
+)  # a number, for all links, until their robot is known
 
 
 class Field(NamedTuple):
@@ -143,6 +146,9 @@ def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = N
         if joints is not None:
             return _check_per_joint(name, field, value, joints)
         kind = tuple[float, ...]
+    if kind is PerLink:
+        listed = isinstance(value, Sequence) and not isinstance(value, str)
+        kind = tuple[float, ...] if listed else float
     if get_origin(kind) is tuple:
         items = get_args(kind)
         length = None if items[-1] is Ellipsis else len(items)

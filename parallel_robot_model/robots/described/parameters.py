@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_model.configuration.fields import Field, PerJoint
+from parallel_robot_model.configuration.fields import Field, PerJoint, PerLink
 from parallel_robot_model.mechanisms import faults
 from parallel_robot_model.robots.contract import Fault
 
@@ -39,7 +39,7 @@ class Parameters(NamedTuple):
     ]
     held: Annotated[tuple[str, ...], Field('', 'joints that are held at home')]
     mass_factor: Annotated[
-        tuple[float, ...], Field('', 'factor of mass and inertia of each link that moves', 0.0)
+        PerLink, Field('', 'factor of mass and inertia of each link that moves', 0.0)
     ]
     spread_factor: Annotated[
         tuple[float, ...],

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import flat
+from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
@@ -95,7 +96,7 @@ class DescribedRobot:
         return shifted(self.machine(robot).mechanism, robot.shift)
 
     def validate(self, robot: Parameters, name: str = 'robot') -> Parameters:
-        """Return `robot` if such a machine can be built.
+        """Return `robot`, one factor a link, if such a machine can be built.
 
         Raises:
             RobotError: it cannot.
@@ -105,10 +106,13 @@ class DescribedRobot:
             if not low < high:
                 what = f'{name}.lower must be below {name}.upper, not {low:g} and {high:g}'
                 raise InputError(f'{what} ({joint})', f'{name}.lower')
+        if isinstance(robot.mass_factor, float):  # one for all links
+            robot = robot._replace(mass_factor=PerLink((robot.mass_factor,) * len(made.names)))
         for key, each in SIZES.items():
             given, count = len(getattr(robot, key)), each * len(made.names)
             if given != count:
                 what = f'{name}.{key} must be {count} numbers, {each} for each of its links'
+                what = what.replace('must be', 'must be a number or', each == 1)
                 raise InputError(f'{what}, not {given}', f'{name}.{key}')
         self.mechanism(robot)
         return robot
