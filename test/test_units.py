@@ -35,7 +35,9 @@ def test_a_unit_of_hinges_is_told_of_slides(unit, slides, both):
 
 def test_labels_keys_and_single_joints():
     mixed = JointUnits((False, True))
-    assert mixed.label('torque, rms [N m]') == 'torque, rms [N m or N]'
+    assert mixed.label('torque, rms [N m]') == 'torque or force, rms [N m or N]'
+    assert SLIDES.label('|torque| [N m]') == '|force| [N]' and SLIDES.label('Torques') == 'Forces'
+    assert mixed.label('Torques') == 'Torques and forces' and HINGES.label('Torques') == 'Torques'
     assert mixed.one(0).label('[N m]') == '[N m]' and mixed.one(1).label('[N m]') == '[N]'
     assert SLIDES.key('torque_variation_nm_per_s') == 'torque_variation_n_per_s'
     assert mixed.key('joint_rms_rad') == 'joint_rms_rad_or_m'

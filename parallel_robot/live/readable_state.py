@@ -28,6 +28,7 @@ def layout(camera: Camera) -> dict[str, Any]:
         'curves': [
             {'group': curve.group, 'name': joint_label(curve.name)} for curve in camera.curves
         ],
+        'efforts': camera.units.label('Torques'),
         'units': {'joints': _unit(camera, 'rad'), 'torque': _unit(camera, 'N m')},
     }
 

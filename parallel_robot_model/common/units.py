@@ -17,6 +17,7 @@ LINEAR = (  # how units of a slide follow from those of a hinge
 KEYS = {'rad': 'm', 'urad': 'um', 'nm': 'n', 'rad2': 'm2', 'nm2': 'n2'}  # in names of columns
 WORD = re.compile(rf'(?<![^_])({"|".join(KEYS)})(?![^_])')
 
+EFFORT = re.compile(r'(?<![a-zA-Z])([tT])orque(s?)(?![a-zA-Z])')
 BRACKETS = re.compile(r'\[([^]]*)\]')
 
 
@@ -43,8 +44,22 @@ class JointUnits(NamedTuple):
         return linear if linear == unit or all(self.slides) else f'{unit} or {linear}'
 
     def label(self, text: str) -> str:
-        """A text with units in brackets, likewise: ``'torque [N m]'``."""
+        """A text with units in brackets, likewise, and with what motors do.
+
+        >>> JointUnits((True,)).label('torque [N m]'), JointUnits((True, False)).label('Torques')
+        ('force [N]', 'Torques and forces')
+        """
+        text = EFFORT.sub(self._effort, text)
         return BRACKETS.sub(lambda found: f'[{self.of(found[1])}]', text)
+
+    def _effort(self, found: re.Match[str]) -> str:
+        """The word for the torques of the joints."""
+        torque, many = found[0], found[2]
+        if not any(self.slides):
+            return torque
+        if all(self.slides):
+            return f'{"fF"[found[1] == "T"]}orce{many}'
+        return f'{torque} {"and" if many else "or"} force{many}'
 
     def key(self, name: str) -> str:
         """Name of a column or key that ends with a unit, likewise.

@@ -257,7 +257,7 @@ def _torques(runs: Sequence[Run]) -> Chart:
     split = min(run.motion.time[-1] for run in runs) > 2.0 * FIRST
     panels = []
     for run in runs:
-        unit = run.motion.poses.units.of('N m')
+        units = run.motion.poses.units
         first = run.motion.time <= (FIRST if split else np.inf)
         parts = [('', first), (' afterwards', ~first)] if split else [('', first)]
         for when, rows in parts:
@@ -268,9 +268,11 @@ def _torques(runs: Sequence[Run]) -> Chart:
                 curves.append(curve._replace(label=name, style=joint_style(joint)))
             times = run.motion.time[rows]
             marks = tuple(time for time in run.marks if times[0] <= time <= times[-1])
-            panels.append(Panel(run.label + when, 'torque', unit, curves, marks=marks))
+            name = units.label('torque')
+            panels.append(Panel(run.label + when, name, units.of('N m'), curves, marks=marks))
     widths = (1.0, 2.5) if split else (1.0,)
-    return Chart(8, 'torques', 'Torques of the motors', '', TIME, panels, widths, spans=True)
+    title = all_of(run.motion.poses.units for run in runs).label('Torques of the motors')
+    return Chart(8, 'torques', title, '', TIME, panels, widths, spans=True)
 
 
 def _unit(runs: Sequence[Run], joint: int) -> str:

@@ -128,7 +128,7 @@ def figure_of_run(
     _draw_errors(joints, curves, units.of('µrad'), scale, 'Joint errors')
     _draw_curves(torque, _curves(motion.time, motion.effort, looks, names))
     torque.set(xlabel='t [s]', ylabel=units.label('torque [N m]'))
-    torque.set_title('Torques', loc='left')
+    torque.set_title(units.label('Torques'), loc='left')
     for axes in over_time:
         for time in marks:
             axes.axvline(time, color='0.4', linestyle=':', lw=1.0)
@@ -185,7 +185,7 @@ def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) 
     _draw_errors(joints, curves(errors), small, scale, LARGEST + 'joint error', sign=False)
     _draw_curves(torque, curves(motion.effort for motion in motions))
     torque.set(xlabel='t [s]', ylabel=units.label('|torque| [N m]'))
-    torque.set_title(LARGEST + 'torque', loc='left')
+    torque.set_title(units.label(f'{LARGEST}torque'), loc='left')
     figure.legend(*torque.get_legend_handles_labels(), loc='outside lower center', ncols=COLUMNS)
     return figure
 
@@ -204,7 +204,7 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         OSError: the file exists or cannot be written; with its name.
     """
     count = len(log.joints)
-    title = f'{label(log.scenario)}: torques on the same motion'
+    title = f'{label(log.scenario)}: {log.units.label("torques")} on the same motion'
     figure = _figure(title, max(HEIGHT, ROW * count))
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
@@ -243,7 +243,8 @@ def draw_prediction(
         OSError: the file exists or cannot be written; with its name.
     """
     count = len(joints)
-    figure = _figure('Torques by the identified robot', max(HEIGHT, ROW * count))
+    title = f'{units.label("Torques")} by the identified robot'
+    figure = _figure(title, max(HEIGHT, ROW * count))
     rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     curves = zip(rows, joints, measured.T, predicted.T, strict=True)
     for k, (axes, joint, before, after) in enumerate(curves):

@@ -54,7 +54,13 @@ def figure_of_motion(configuration: Configuration) -> Any:
             units.label('speed [rad/s]'),
             'Joint speeds',
         ),
-        (third, torque, torque_limit(configuration), units.label('torque [N m]'), 'Torques'),
+        (
+            third,
+            torque,
+            torque_limit(configuration),
+            units.label('torque [N m]'),
+            units.label('Torques'),
+        ),
     )
     for axes, values, limits, quantity, title in rows_of:
         for k, (joint, column) in enumerate(zip(loop.joints, values.T, strict=True)):

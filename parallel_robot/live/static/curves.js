@@ -6,7 +6,7 @@ const colour = (name) => getComputedStyle(root).getPropertyValue(`--${name}`).tr
 const DIAGRAMS = [
   { group: 'error', title: 'End-effector error', unit: 'm', log: true },
   { group: 'joints', title: 'Joint errors' }, // the unit is that of the robot
-  { group: 'torque', title: 'Torques', ghost: 'ghost' },
+  { group: 'torque', ghost: 'ghost' }, // torques or forces
 ];
 const HEIGHTS = { error: 82, joints: 78, torque: 98 }; // px; the last one has the axis of time
 const DECADES = 8; // most of a logarithmic axis

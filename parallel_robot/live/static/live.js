@@ -32,7 +32,7 @@ function build() {
   root.dataset.like = like;
   for (const diagram of diagrams) diagram.remove();
   diagrams = DIAGRAMS.filter(({ group }) => seen.curves(group).length)
-    .map((diagram) => ({ ...diagram, unit: layout.units[diagram.group] ?? diagram.unit }))
+    .map((diagram) => ({ ...diagram, title: diagram.title ?? layout.efforts, unit: layout.units[diagram.group] ?? diagram.unit }))
     .map((diagram) => new Diagram(find('curves'), diagram, seen));
   document.querySelector('.stage').hidden = !layout.parts.length;
   eye = new Eye(layout.place);
