@@ -117,5 +117,5 @@ def _errors(
     columns = {f'{prefix}platform_error_m': distance}
     if turns := turns_of(coordinates):
         angle = angles_between(actual, reference, turns)
-        columns[f'{prefix}platform_turn_error_rad'] = angle
+        columns[f'{prefix}platform_rotation_error_rad'] = angle
     return columns

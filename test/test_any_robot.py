@@ -54,7 +54,7 @@ def case(request, bags):
 
 
 def test_analyze_shows_what_is_defined(case, tmp_path, capsys):
-    bag, _, _, parts = case
+    bag, _, pose, parts = case
     words = [str(bag), '--json', str(tmp_path / 'run.json'), '--figure', str(tmp_path / 'run.png')]
     assert main(['analyze', *words]) == 0
     out, err = capsys.readouterr()
@@ -65,6 +65,8 @@ def test_analyze_shows_what_is_defined(case, tmp_path, capsys):
     assert ('end-effector error' in out) == planar
     assert set(found['transient']) == ({'to_1_mm_s', 'to_0_1_mm_s'} if planar else set())
     distances = {'xy_rms_m', 'xy_max_m'} if planar else set()
+    if 'platform_phi_rad' in pose:
+        distances |= {'rotation_rms_rad', 'rotation_max_rad'}
     assert set(found['steady']) == {'joint_rms_rad', 'sync_rms_rad'} | distances
     assert all(0.0 < value < 0.02 for value in found['steady'].values())
     assert (tmp_path / 'run.png').read_bytes().startswith(b'\x89PNG')

@@ -161,8 +161,8 @@ def test_simulate_ends_with_the_metrics_of_analyze(words, tmp_path, capsys):
     assert main(shlex.split(following)[2:]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert head == first
-    told = len(STEADY + TORQUE + EFFORT) - 1  # in a plane, it is not turned in space
-    told += 2 if words else 0  # what is seen of the end effector
+    told = len(STEADY + TORQUE + EFFORT)
+    told += 3 if words else 0  # what is seen of the end effector
     metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[:told]]
     assert '; '.join(line.strip() for line in brief) == '; '.join(metrics_of_bag)
 
@@ -198,7 +198,8 @@ def test_simulate_and_analyze(tmp_path, capsys):
         's_fotsmc',
         4.0,
     )
-    assert set(found['steady']) == {'xy_rms_m', 'xy_max_m', 'joint_rms_rad', 'sync_rms_rad'}
+    of_tool = {'xy_rms_m', 'xy_max_m', 'rotation_rms_rad', 'rotation_max_rad'}
+    assert set(found['steady']) == {*of_tool, 'joint_rms_rad', 'sync_rms_rad'}
     assert set(found['torque']) == {'max_nm', 'total_variation_nm_per_s', 'chattering_nm'}
     assert set(found['effort']) == {'torque_rms_nm', 'energy_j', 'excess_chattering_nm'}
     assert 0.0 < found['steady']['xy_rms_m'] < 1e-4 and 1.0 < found['torque']['max_nm'] < 20.0

@@ -116,19 +116,29 @@ def test_the_angle_of_a_known_rotation():
 def test_metrics_and_columns_tell_distance_and_angle(moved):
     found = metrics.evaluate(moved)
     assert found.steady.xy_rms_m == pytest.approx(3e-6)
-    assert found.steady.turn_rms_rad == pytest.approx(2e-3)
+    assert found.steady.rotation_rms_rad == pytest.approx(2e-3)
     names = {one.name: one.value(found) for one in defined(METRICS, found)}
-    assert names['end-effector turn error, rms'] == pytest.approx(2.0)  # mrad
+    assert names['end-effector rotation error, rms'] == pytest.approx(2e3)  # µrad
     running = RunningMetrics(all_of_it(len(moved.time)))
     for k in range(0, len(moved.time), 25):
         running.add(moved.rows(slice(k, k + 25)), None)
     again, *_ = running.finish(True)
     assert again.steady == pytest.approx(found.steady, rel=1e-12)
-    plane = moved._replace(poses=Poses(moved.poses.actual[:, :3], moved.poses.reference[:, :3]))
-    assert metrics.evaluate(plane).steady.turn_rms_rad is math.nan
+    assert again.steady.rotation_max_rad == pytest.approx(2e-3)
     columns = of_poses(COORDINATES, 3, moved.poses.actual, moved.poses.reference)
-    np.testing.assert_allclose(columns['platform_turn_error_rad'], 2e-3)
+    np.testing.assert_allclose(columns['platform_rotation_error_rad'], 2e-3)
     np.testing.assert_allclose(columns['platform_error_m'], 3e-6)
+
+
+def test_in_a_plane_the_angle_is_that_of_phi(moved):
+    count, phi = len(moved.time), np.linspace(0.0, 1e-3, len(moved.time))
+    here = np.column_stack([np.zeros((count, 2)), math.pi - phi])
+    there = np.column_stack([np.zeros((count, 2)), -math.pi + 2.0 * phi])  # half a turn is no jump
+    found = metrics.evaluate(moved._replace(poses=Poses(here, there)), all_of_it=True).steady
+    assert found.rotation_max_rad == pytest.approx(3e-3)
+    assert found.rotation_rms_rad == pytest.approx(3e-3 / math.sqrt(3.0), rel=1e-2)
+    point = Poses(here[:, :2], there[:, :2])
+    assert math.isnan(metrics.evaluate(moved._replace(poses=point)).steady.rotation_rms_rad)
 
 
 @pytest.mark.parametrize('name', ['delta', 'hexapod', 'arm6', 'five_bar'])
@@ -184,14 +194,14 @@ def test_a_report_has_views_distance_and_angle(hexapod, moved):
     run = a_run(hexapod[1], moved)
     drawn = {chart.name: chart for chart in charts([run])}
     assert list(drawn) == [
-        *('path', 'place_error', 'turn_error', 'joint_errors', 'coupling_errors', 'torques')
+        *('path', 'place_error', 'rotation_error', 'joint_errors', 'coupling_errors', 'torques')
     ]
     assert [panel.x_label for panel in drawn['path'].panels] == ['x [mm]', 'x [mm]', 'y [mm]']
     side = next(c for c in drawn['path'].panels[2].curves if c.label == 'S-SMC')
     np.testing.assert_allclose(side.y, 2000.003)
     np.testing.assert_allclose(drawn['place_error'].panels[0].curves[0].y, 3e-3)
-    np.testing.assert_allclose(drawn['turn_error'].panels[0].curves[0].y, 2.0)
-    assert not drawn['turn_error'].of_paper and drawn['path'].of_paper
+    np.testing.assert_allclose(drawn['rotation_error'].panels[0].curves[0].y, 2.0)
+    assert not drawn['rotation_error'].of_paper and drawn['path'].of_paper
 
 
 def test_the_page_gets_lines_in_space(hexapod, moved):

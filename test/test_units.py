@@ -76,12 +76,12 @@ def test_metrics_have_the_units_of_the_joints():
     assert rows['joint error, rms'] == 'µrad or µm' and rows['torque, rms'] == 'N m or N'
 
 
-def test_a_turn_error_is_an_angle_with_slides_too():
+def test_a_rotation_error_is_an_angle_with_slides_too():
     found = metrics.figures(still(SLIDES))
-    turned = found._replace(steady=found.steady._replace(turn_rms_rad=2e-3))
-    assert as_data(turned)['steady']['turn_rms_rad'] == 2e-3
-    (row,) = [row for row in whole(turned).rows if 'turn error' in row[0]]
-    assert row[1:] == ('2.000', 'mrad')
+    turned = found._replace(steady=found.steady._replace(rotation_rms_rad=2e-3))
+    assert as_data(turned)['steady']['rotation_rms_rad'] == 2e-3
+    (row,) = [row for row in whole(turned).rows if 'rotation error' in row[0]]
+    assert row[1:] == ('2000.000', 'µrad')
 
 
 def test_every_figure_of_a_sweep_has_its_column_in_any_unit():

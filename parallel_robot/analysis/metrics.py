@@ -36,15 +36,17 @@ class Errors(NamedTuple):
         xy_max_m: Largest distance [m]; NaN for such a robot.
         joint_rms_rad: Root mean square joint error over all joints [rad].
         sync_rms_rad: Root mean square synchronisation error over all joints [rad].
-        turn_rms_rad: Root mean square angle by which the end effector is turned from its
-            reference [rad]; NaN unless it turns in space.
+        rotation_rms_rad: Root mean square angle by which the end effector is turned from its
+            reference [rad]; NaN where no rotation is a part of the pose.
+        rotation_max_rad: Largest such angle [rad].
     """
 
     xy_rms_m: float
     xy_max_m: float
     joint_rms_rad: float
     sync_rms_rad: float
-    turn_rms_rad: float = math.nan
+    rotation_rms_rad: float = math.nan
+    rotation_max_rad: float = math.nan
 
 
 class Torque(NamedTuple):
@@ -313,7 +315,7 @@ def evaluate(motion: Motion, ideal: np.ndarray | None = None, all_of_it: bool = 
         errors(
             distance[half],
             (motion.reference_position - motion.position)[half],
-            turn_errors(motion.poses)[half],
+            rotation_errors(motion.poses)[half],
         ),
         torque(motion.time, motion.effort, half),
         effort(motion, half, ideal),
@@ -335,26 +337,32 @@ def distances(pose: Poses) -> np.ndarray:
     return np.linalg.norm((pose.actual - pose.reference)[:, : pose.place], axis=1)
 
 
-def turn_errors(pose: Poses) -> np.ndarray:
-    """Angle of the end effector from its reference [rad], shape (N,); NaN unless in space."""
+def rotation_errors(pose: Poses) -> np.ndarray:
+    """Angle by which the end effector is turned from its reference, in [0, pi] [rad], shape (N,).
+
+    In a plane the difference of phi, in space the angle of the rotation from one to the other; NaN
+    where no rotation is a part of the pose.
+    """
+    if pose.place == len('xy') and pose.actual.shape[1] > pose.place:
+        apart = pose.actual[:, pose.place] - pose.reference[:, pose.place]
+        return np.abs(np.remainder(apart + math.pi, 2.0 * math.pi) - math.pi)
     return angles_between(pose.actual, pose.reference, pose.turns)
 
 
-def errors(distance: np.ndarray, error: np.ndarray, turn: np.ndarray | None = None) -> Errors:
+def errors(distance: np.ndarray, error: np.ndarray, rotation: np.ndarray | None = None) -> Errors:
     """Compute the tracking errors over all samples given.
 
     Args:
         distance: Distance of the end effector from its reference [m], shape (N,).
         error: Error of the joints [rad], shape (N, n).
-        turn: Angle of the end effector from its reference [rad], shape (N,); None or NaN: none.
+        rotation: See :func:`rotation_errors` [rad], shape (N,); None or NaN: none.
     """
-    return Errors(
-        _rms(distance),
-        float(distance.max()),
-        _rms(error),
-        _rms(synchronisation_error(error)),
-        math.nan if turn is None or np.isnan(turn).any() else _rms(turn),
+    found = Errors(
+        _rms(distance), float(distance.max()), _rms(error), _rms(synchronisation_error(error))
     )
+    if rotation is None or np.isnan(rotation).any():
+        return found
+    return found._replace(rotation_rms_rad=_rms(rotation), rotation_max_rad=float(rotation.max()))
 
 
 def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> Torque:

@@ -34,22 +34,22 @@ class Metric(NamedTuple):
     value: Callable[[Metrics], float | None]
 
     def unit_with(self, units: JointUnits) -> str:
-        """Its unit, with joints of some units; that of the turn error is an angle with all."""
-        return self.unit if TURN in self.name else units.of(self.unit)
+        """Its unit, with joints of some units; a rotation is an angle with all of them."""
+        return self.unit if ROTATION in self.name else units.of(self.unit)
 
 
-TURN, TURN_KEY = 'end-effector turn error', 'turn_rms_rad'
+ROTATION = 'end-effector rotation error'
 OF_MOTION: tuple[tuple[str, str, str, str, Value], ...] = (  # both names, the short one as seen
     ('time to 1 mm', 'to 1 mm', 'seen 1 mm', 's', lambda m: m.transient.to_1_mm_s),
     ('time to 0.1 mm', 'to 0.1 mm', 'seen 0.1', 's', lambda m: m.transient.to_0_1_mm_s),
     ('end-effector error, rms', 'rms', 'seen rms', 'µm', lambda m: 1e6 * m.steady.xy_rms_m),
     ('end-effector error, max', 'max', 'seen max', 'µm', lambda m: 1e6 * m.steady.xy_max_m),
     (
-        f'{TURN}, rms',
-        'turn rms',
-        'seen turn',
-        'mrad',
-        lambda m: 1e3 * m.steady.turn_rms_rad,
+        f'{ROTATION}, rms',
+        'rot rms',
+        'seen rot',
+        'µrad',
+        lambda m: 1e6 * m.steady.rotation_rms_rad,
     ),
     (
         'joint error, rms',
@@ -138,7 +138,7 @@ def as_data(found: Metrics) -> dict[str, dict[str, Any]]:
 def _groups(found: Metrics, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     return {
         name: {
-            key if key == TURN_KEY else found.units.key(key): value
+            found.units.key(key): value
             for key, value in getattr(found, name)._asdict().items()
             if value is None or not math.isnan(value)
         }

@@ -24,9 +24,9 @@ from parallel_robot.analysis.metrics import (
     Transient,
     Window,
     distances,
+    rotation_errors,
     rough,
     smooth_over,
-    turn_errors,
 )
 from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot_control.coupling import synchronisation_error
@@ -35,7 +35,7 @@ from parallel_robot_model.common.units import HINGES
 from parallel_robot_sim.motions import Motion, Motions, Poses
 
 BOUNDS = (1e-3, 1e-4)  # m, see Transient
-TURNED = 6  # of the sums: that of turn errors, which the end effector has, not each joint
+ROTATED = 6  # of the sums: that of rotation errors, which the end effector has, not each joint
 
 
 class Halves(NamedTuple):
@@ -91,7 +91,7 @@ class RunningMetrics:
         self._moves = ReferenceMoves()
         self._fastest = self._speed = 0.0
         self._sums: list[tuple[float, ...]] = []
-        self._farthest = -math.inf
+        self._farthest = self._most_rotated = -math.inf
         self._halved: tuple[list[float], list[float]] = ([], [])
         self._in_halves = [0, 0]
         self._in_window = 0
@@ -210,8 +210,10 @@ class RunningMetrics:
         found = rough(motion.effort, self._width)[chosen]
         work = float(np.abs(motion.effort * moved)[chosen].sum())
         squares = (distance, error, synchronisation_error(error), found, motion.effort[chosen])
-        turned = float(np.sum(turn_errors(motion.poses)[chosen] ** 2))
-        self._sums.append((*(float(np.sum(each**2)) for each in squares), work, turned))
+        rotation = rotation_errors(motion.poses)[chosen]
+        self._most_rotated = float(np.maximum(self._most_rotated, rotation.max()))  # NaN stays
+        rotated = float(np.sum(rotation**2))
+        self._sums.append((*(float(np.sum(each**2)) for each in squares), work, rotated))
         at = min(max(middle - self._number - chosen.start, 0), len(error))
         for k, part in enumerate((error[:at], error[at:])):
             self._halved[k].append(float(np.sum(part**2)))
@@ -230,18 +232,15 @@ class RunningMetrics:
             nothing = math.nan
             return Errors(nothing, nothing, nothing, nothing), Effort()
         work = math.fsum(sums[5] for sums in self._sums)
-        turn = self._rms(TURNED)
-        errors = Errors(
-            self._rms(0),
-            self._farthest,
-            self._rms(1),
-            self._rms(2),
-            math.nan if math.isnan(turn) else turn,
-        )
+        errors = Errors(self._rms(0), self._farthest, self._rms(1), self._rms(2))
+        if not math.isnan(self._most_rotated):
+            errors = errors._replace(
+                rotation_rms_rad=self._rms(ROTATED), rotation_max_rad=self._most_rotated
+            )
         return errors, Effort(self._rms(4), work, self._least())
 
     def _rms(self, column: int) -> float:
-        of_joints = column not in (0, TURNED)
+        of_joints = column not in (0, ROTATED)
         count = self._in_window * (self._joints if of_joints else 1) if self._in_window else 0
         sums = math.fsum(sums[column] for sums in self._sums)
         return math.sqrt(sums / count) if count else math.nan

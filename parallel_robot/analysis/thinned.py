@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from parallel_robot.analysis.decimation import INTERVALS, extremes
-from parallel_robot.analysis.metrics import distances, turn_errors
+from parallel_robot.analysis.metrics import distances, rotation_errors
 from parallel_robot_control.coupling import synchronisation_error
 from parallel_robot_sim.motions import Motion, Poses
 
@@ -145,7 +145,7 @@ def thinned(motion: Motion, intervals: int) -> Motion:
         reference, actual = motion.poses.reference[:, :place], motion.poses.actual[:, :place]
         curves += [reference, reference - actual, distances(motion.poses)[:, np.newaxis]]
     if motion.poses.turns:
-        curves.append(turn_errors(motion.poses)[:, np.newaxis])
+        curves.append(rotation_errors(motion.poses)[:, np.newaxis])
     always = [np.array([0, len(motion.time) - 1]), np.flatnonzero(motion.time <= FIRST)]
     return motion.rows(np.unique(np.concatenate([*always, *_rows(curves, intervals)])))
 

@@ -15,6 +15,7 @@ LINEAR = (  # how units of a slide follow from those of a hinge
     (re.compile(r'\b([mµ]?)rad(?![a-z])'), r'\1m'),
 )
 KEYS = {'rad': 'm', 'urad': 'um', 'nm': 'n', 'rad2': 'm2', 'nm2': 'n2'}  # in names of columns
+ROTATION = 'rotation'  # in names of angles that are none of joints
 WORD = re.compile(rf'(?<![^_])({"|".join(KEYS)})(?![^_])')
 
 EFFORT = re.compile(r'(?<![a-zA-Z])([tT])orque(s?)(?![a-zA-Z])')
@@ -67,7 +68,7 @@ class JointUnits(NamedTuple):
         >>> JointUnits((True,)).key('torque_max_nm'), JointUnits((True, False)).key('rms_rad')
         ('torque_max_n', 'rms_rad_or_m')
         """
-        if not any(self.slides):
+        if not any(self.slides) or ROTATION in name:
             return name
         both = '' if all(self.slides) else r'\1_or_'
         return WORD.sub(lambda found: found.expand(both) + KEYS[found[1]], name)

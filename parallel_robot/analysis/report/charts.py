@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.decimation import extremes
-from parallel_robot.analysis.metrics import distances, turn_errors
+from parallel_robot.analysis.metrics import distances, rotation_errors
 from parallel_robot.analysis.report.labels import joint_label
 from parallel_robot.analysis.report.palette import joint_style
 from parallel_robot.analysis.report.runs import Run
@@ -202,9 +202,9 @@ def _errors_in_space(runs: Sequence[Run]) -> list[Chart]:
          [1e3 * distances(pose) for pose in poses]),
     ]  # fmt: skip
     if all(pose.turns for pose in poses):
-        angles = [1e3 * turn_errors(pose) for pose in poses]
+        angles = [1e3 * rotation_errors(pose) for pose in poses]
         title = 'Angle of the end effector from its reference'
-        found.append(('turn_error', title, 'angle', 'mrad', angles))
+        found.append(('rotation_error', title, 'angle', 'mrad', angles))
     charts = []
     for number, (name, title, quantity, unit, columns) in enumerate(found, start=4):
         series = [

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot.analysis.metrics import distances, turn_errors
+from parallel_robot.analysis.metrics import distances, rotation_errors
 from parallel_robot.analysis.report.labels import joint_label, label, law_label
 from parallel_robot.analysis.report.palette import RUNS, slots
 from parallel_robot.analysis.report.scale import AUTO, logarithmic
@@ -113,9 +113,9 @@ def figure_of_run(
         curves = _curves(motion.time, 1e6 * distances(pose)[:, np.newaxis], looks, [DISTANCE])
         _draw_errors(first, curves, 'µm', scale, 'End-effector error', sign=False)
         for axes in turn:
-            angle = 1e3 * turn_errors(pose)[:, np.newaxis]
+            angle = 1e3 * rotation_errors(pose)[:, np.newaxis]
             curves = _curves(motion.time, angle, looks, ['angle'])
-            _draw_errors(axes, curves, 'mrad', scale, 'End-effector turn error', sign=False)
+            _draw_errors(axes, curves, 'mrad', scale, 'End-effector rotation error', sign=False)
     elif pose.place:
         _draw_paths(path, [track or pose], looks, 'end effector')
         offset = (pose.reference - pose.actual)[:, :2]
@@ -175,8 +175,8 @@ def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) 
         distance = curves(1e6 * distances(pose)[:, np.newaxis] for pose in poses)
         _draw_errors(first, distance, 'µm', scale, 'End-effector error', sign=False)
         for axes in turn:
-            angles = curves(1e3 * turn_errors(pose)[:, np.newaxis] for pose in poses)
-            _draw_errors(axes, angles, 'mrad', scale, 'End-effector turn error', sign=False)
+            angles = curves(1e3 * rotation_errors(pose)[:, np.newaxis] for pose in poses)
+            _draw_errors(axes, angles, 'mrad', scale, 'End-effector rotation error', sign=False)
     else:
         synchronisation = curves(map(synchronisation_error, errors))
         _draw_errors(

@@ -15,7 +15,7 @@ from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot.studies.sweep.table import arrow
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import JointUnits
+from parallel_robot_model.common.units import ROTATION, JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
 
 REASONS = 3  # most frequent reasons of failures to report
@@ -39,13 +39,16 @@ class Quantity:
 
     def told(self, units: JointUnits) -> Quantity:
         """The same of joints of some units."""
-        return replace(self, column=units.key(self.column), unit=units.of(self.unit))
+        column = units.key(self.column)
+        kept = ROTATION in self.column
+        return replace(self, column=column, unit=self.unit if kept else units.of(self.unit))
 
 
 ERRORS = (  # the first that the scenario has is the one by which laws are compared
     Quantity('xy_rms_m', 'end-effector error, rms', 'µm', 1e6),
     Quantity('joint_rms_rad', 'joint error, rms', 'µrad', 1e6),
 )
+ROTATED = Quantity('rotation_rms_rad', 'end-effector rotation error, rms', 'µrad', 1e6)
 OTHERS = (
     Quantity('torque_max_nm', 'torque, max', 'N m', 1.0),
     Quantity('chattering_nm', 'torque, chattering', 'N m', 1.0),
@@ -153,7 +156,7 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     units = plan.units
     errors, others = ([each.told(units) for each in some] for some in (ERRORS, OTHERS))
     of_error = dict(zip((each.column for each in errors), map(units.key, LIMITS), strict=True))
-    numbers = [quantity.column for quantity in (*errors, *others)] + parameters
+    numbers = [quantity.column for quantity in (*errors, ROTATED, *others)] + parameters
     numbers += [*dict.fromkeys(of_error.values()), DELAY]
     found = pa.parquet.read_table(
         runs,
@@ -172,14 +175,16 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     limited = limits > NEGLIGIBLE  # not where it is NaN
     limit = ESTIMATED if _has_encoder(plan, scenario) else LIMIT
     ratio = Quantity('', f'error / {limit}', '', 1.0)
-    quantities = (error, *([ratio] if limited.any() else []), *others)
+    rotated = [ROTATED] if np.isfinite(columns[ROTATED.column]).any() else []
+    measured = (error, *rotated, *others)
+    quantities = (error, *([ratio] if limited.any() else []), *measured[1:])
     results = {}
     for variant in plan.study.laws:
         mine = law == variant.name
         good = status[mine] == 'ok'
         scaled = [
             np.where(good, quantity.scale * columns[quantity.column][mine], np.inf)
-            for quantity in (error, *others)
+            for quantity in measured
         ]
         medians = [_median(values, scramble[mine]) for values in scaled]
         if limited.any():

@@ -37,6 +37,7 @@ OF_MOTION: dict[str, Value] = {
     'to_0_1_mm_s': lambda m: m.transient.to_0_1_mm_s,
     'xy_rms_m': lambda m: m.steady.xy_rms_m,
     'xy_max_m': lambda m: m.steady.xy_max_m,
+    'rotation_rms_rad': lambda m: m.steady.rotation_rms_rad,
     'joint_rms_rad': lambda m: m.steady.joint_rms_rad,
     'sync_rms_rad': lambda m: m.steady.sync_rms_rad,
     'energy_j': lambda m: m.effort.energy_j,
