@@ -65,7 +65,7 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
     chosen = design(scenario, {}, poses)
     trajectory = trajectory_of(values)
     places = reach.candidates(trajectory, centre, PLACES, seed=1)
-    everywhere = np.array([reach.along(trajectory, each, each).position[0] for each in places])
+    everywhere = np.array([reach.joints(trajectory, each) for each in places])
     locate, numbers = Locator(robot), geometry.find(robot, chosen.position, chosen.poses)
     size = np.array([OFF if each.unit == 'm' else TURNED for each in numbers])
     noise = [TRACKER[axis.unit] for axis in robot.module.coordinates(robot.parameters)]

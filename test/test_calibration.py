@@ -21,9 +21,7 @@ class Case:
         self.robot, centre = nominal_of(self.values)
         trajectory = trajectory_of(self.values)
         self.pose = reach.candidates(trajectory, centre, count, seed)
-        self.joints = np.array(
-            [reach.along(trajectory, each, each).position[0] for each in self.pose]
-        )
+        self.joints = np.array([reach.joints(trajectory, each) for each in self.pose])
         self.numbers = geometry.find(self.robot, self.joints, self.pose)
         axes = self.robot.module.coordinates(self.robot.parameters)
         self.noise = np.array([NOISE[axis.unit] for axis in axes])
@@ -261,3 +259,18 @@ def test_chosen_poses_are_better_than_each_with_one_exchanged():
             rows = [*chosen[:place], other, *chosen[place + 1 :]]
             assert determinant(rows) <= best + 1e-8
     assert len(set(chosen)) == 6
+
+
+@pytest.mark.parametrize('scenario', ['paper_circle', 'five_bar_circle'])
+def test_a_line_out_of_reach_is_looked_at_up_to_there(scenario):
+    """The joints at its samples before are those of single poses; the next one has none."""
+    values = resolve(scenario)
+    _, centre = nominal_of(values)
+    trajectory = trajectory_of(values)
+    line = reach.along(trajectory, centre, centre + 1.0)
+    last = len(line.pose) - 1
+    assert 0 < last < reach.SAMPLES - 1 and np.isnan(line.position[last]).any()
+    for k in (0, last // 2, last - 1):
+        joints = reach.joints(trajectory, line.pose[k])
+        np.testing.assert_allclose(line.position[k], joints, atol=1e-9)
+    assert np.isnan(reach.joints(trajectory, line.pose[last])).any()

@@ -12,7 +12,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import PoseMotion
+from parallel_robot_model.robots.contract import REACHED, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import joint_path, shape_trial, transition, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, prepared
@@ -56,6 +56,11 @@ class Reference(NamedTuple):
     acceleration: Array
     passive: Array
     out_of_reach: NDArray[np.int64]
+
+
+def head(reference: Reference, count: int) -> Reference:
+    """The first samples of a motion."""
+    return Reference._make(each[:count] for each in reference)
 
 
 class Trajectory:
@@ -161,17 +166,20 @@ class Trajectory:
         made.entry = entry
         return made
 
-    def sample(self, times: Any) -> Reference:
+    def sample(self, times: Any, beyond: bool = True) -> Reference:
         """Evaluate the motion.
 
         Args:
             times: Times since the start of the motion, or its entry [s], a number or shape (N,).
+            beyond: Whether samples after the first that is out of reach are looked at, too; else
+                it is the last one. To look for a pose that is not there takes long.
 
         Returns:
             Pose and joints with two analytic derivatives each; NaN where the robot does not reach.
         """
         robot, poses = self.robot.constants, self.poses(times)
-        return _reference(self._joints, robot, self._pose, *poses)
+        found, count = _reference(self._joints, robot, self._pose, *poses, beyond)
+        return found if beyond else head(found, count)
 
     def poses(self, times: Any) -> Poses:
         """Poses at times since the start [s], a number or shape (N,)."""
@@ -217,8 +225,9 @@ def _reference(
     pose: Array,
     pose_rate: Array,
     pose_acceleration: Array,
-) -> Reference:
-    """The joints at every pose; `like` is any pose."""
+    beyond: bool,
+) -> tuple[Reference, int]:
+    """The joints at every pose, and how many were looked at; `like` is any pose."""
     joints = joint_motion(robot, _row(like, pose, pose_rate, pose_acceleration, 0))
     count, n, p = len(pose), len(joints.position), len(joints.passive)
     position = np.empty((count, n))
@@ -233,7 +242,10 @@ def _reference(
         write_row(acceleration, k, joints.acceleration)
         write_row(passive, k, joints.passive)
         out_of_reach[k] = joints.out_of_reach
-    return Reference(
+        if not beyond and joints.out_of_reach != REACHED:
+            count = k + 1
+            break
+    reference = Reference(
         pose,
         pose_rate,
         pose_acceleration,
@@ -243,6 +255,7 @@ def _reference(
         passive,
         out_of_reach,
     )
+    return reference, count
 
 
 @inlined

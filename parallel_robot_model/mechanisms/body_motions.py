@@ -12,7 +12,7 @@ from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.mechanism import Index, Mechanism
 from parallel_robot_model.mechanisms.moving import accelerations, all_accelerations
-from parallel_robot_model.mechanisms.workspace import Workspace, workspace
+from parallel_robot_model.mechanisms.workspace import Workspace, boxed
 
 
 class BodyMotions(NamedTuple):
@@ -52,7 +52,7 @@ def body_motions(
     q, rate, change = (
         np.ascontiguousarray(x, np.float64) for x in (position, velocity, acceleration)
     )
-    _record(mechanism, workspace(mechanism), q, rate, change, out)
+    _record(*boxed(mechanism), q, rate, change, out)
     return out
 
 

@@ -155,7 +155,7 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     robot, centre = nominal_of(values)
     trajectory = trajectory_of(values)
     poses = np.vstack((centre, reach.candidates(trajectory, centre, CANDIDATES, seed)))
-    position = np.array([_joints(trajectory, pose) for pose in poses])
+    position = np.array([reach.joints(trajectory, pose) for pose in poses])
     time = np.arange(len(poses), dtype=np.float64)
     joints = tuple(values['joints'])
     measured = MeasuredPoses(time, tuple(range(poses.shape[1])), poses)
@@ -197,11 +197,6 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     )
 
 
-def _joints(trajectory: Trajectory, pose: Array) -> Array:
-    """Joints at a pose within reach [rad], shape (n,)."""
-    return np.asarray(reach.along(trajectory, pose, pose).position[0])
-
-
 def _slopes(model: PoseModel) -> Array:
     """Derivatives of the poses over their noise, without those by the clock, shape (N, k, P)."""
     clock = len(model.start) - 1
@@ -226,7 +221,7 @@ def _information(J: Array, rows: Any) -> Array:
 
 def _gains(J: Array, information: Array) -> Array:
     """By how much each pose increases the logarithm of its determinant, shape (N,)."""
-    of = np.einsum('nkp,pq,nlq->nkl', J, np.linalg.inv(information), J)
+    of = J @ np.linalg.inv(information) @ J.swapaxes(1, 2)
     return np.asarray(np.linalg.slogdet(np.eye(J.shape[1]) + of)[1])
 
 
@@ -297,7 +292,7 @@ def _motion(
     times, points, rests, now = [0.0], [stops[0]], [], 0.0
     shares = np.arange(1, INNER + 2) / (INNER + 1)
     for first, last in zip([stops[0], *stops], stops, strict=False):
-        turned = np.abs(_joints(trajectory, last) - _joints(trajectory, first)).max()
+        turned = np.abs(reach.joints(trajectory, last) - reach.joints(trajectory, first)).max()
         way = max(SHORTEST, 1.875 * turned / FASTEST)  # a quintic's peak over its mean rate
         if (last != first).any():
             smooth = shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2)

@@ -16,17 +16,25 @@ EDGE = 0.98  # the same of lines between poses, in parts of what is left of it
 
 
 def along(trajectory: Trajectory, first: Array, last: Array) -> Reference:
-    """A straight line of poses, at an even rate.
+    """A straight line of poses, at an even rate, up to the first that is out of reach.
 
     Args:
         trajectory: Any motion of the robot, within the limits that hold.
         first: Where it begins, shape (m,).
         last: Where it ends, shape (m,).
     """
+    return _line(trajectory, first, last).sample(np.linspace(0.0, 1.0, SAMPLES), beyond=False)
+
+
+def joints(trajectory: Trajectory, pose: Array) -> Array:
+    """Joints at a pose within reach [rad or m], shape (n,)."""
+    return np.asarray(_line(trajectory, pose, pose).sample(0.0).position[0])
+
+
+def _line(trajectory: Trajectory, first: Array, last: Array) -> Trajectory:
     coefficients = np.zeros((1, 6, len(first)))
     coefficients[0, 4:] = last - first, first
-    line = trajectory.along(Spline(np.array([0.0, 1.0]), coefficients, False))
-    return line.sample(np.linspace(0.0, 1.0, SAMPLES))
+    return trajectory.along(Spline(np.array([0.0, 1.0]), coefficients, False))
 
 
 def reached(trajectory: Trajectory, line: Reference) -> int:
@@ -48,8 +56,7 @@ def is_clear(trajectory: Trajectory, centre: Array, first: Array, last: Array) -
         last: Where it ends, shape (m,).
     """
     ends = (centre + (pose - centre) * EDGE / SHARE for pose in (first, last))
-    line = along(trajectory, *ends)
-    return reached(trajectory, line) == len(line.pose)
+    return reached(trajectory, along(trajectory, *ends)) == SAMPLES
 
 
 def candidates(trajectory: Trajectory, centre: Array, count: int, seed: int) -> Array:
